@@ -1,0 +1,22 @@
+"""What can go wrong outside the text of a model: in a call, in the numbers, in an installation."""
+
+from __future__ import annotations
+
+
+class UsageError(Exception):
+    """The call makes no sense: an unknown name, a value that cannot be; the message says what is possible."""
+
+
+class RunFailed(Exception):
+    """The text is fine, but the numbers failed; the message says at which time and with which quantity."""
+
+
+class MissingPackage(ImportError):
+    """An optional package is not installed; the message says how to get it."""
+
+
+class UnknownOutput(KeyError):
+    """A result was asked for a name that it does not have."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # KeyError itself would show the quoted representation of the message

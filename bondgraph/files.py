@@ -1,0 +1,58 @@
+"""Files that are either written whole or not touched at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+
+def check_writable(path: str | os.PathLike[str]) -> Path:
+    """The file that `path` names, links followed.
+
+    Raises OSError if a file cannot be put there: its folder is missing or closed, or what is there is no plain file or is
+    protected against writing.
+    """
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(Path(path).parent))
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "this is a folder", str(path))
+    if target.exists() and not target.is_file():
+        raise FileExistsError(errno.EEXIST, "this is no plain file", str(path))
+    if not os.access(target if target.exists() else target.parent, os.W_OK):
+        raise PermissionError(errno.EACCES, "writing is not permitted", str(path))
+    return target
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """A stream that becomes the file `path` when the block ends well; whatever else happens, nothing has changed.
+
+    The bytes go to a temporary file of the same folder, which then takes the name in one step. Raises OSError.
+    """
+    target = check_writable(path)
+    temporary = target.with_name(f".{target.name[:64]}.{os.urandom(6).hex()}.part")
+    # Opened plainly and not with `tempfile`, so that a new file gets the permissions that the user's umask gives.
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())  # a full disk shows here, before the old file is gone
+        if target.exists():
+            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write `text` as UTF-8 with its line ends as they are, whole or not at all. Raises OSError."""
+    with replacing(path) as stream:
+        stream.write(text.encode("utf-8"))

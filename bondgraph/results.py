@@ -1,0 +1,292 @@
+"""What a run found: time, outputs by the author's names, how they were computed, and where the energy went."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+from .errors import MissingPackage, UnknownOutput
+from .files import replacing
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas
+    from numpy.typing import NDArray
+
+SCHEMA = "bondgraph-result/1"
+ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A recorded quantity: the author's name and the SI unit of its values, as `N*m`; "1" for a bare number."""
+
+    name: str
+    unit: str
+
+
+class Reporting(Protocol):
+    """How a report shows a column: `shown = SI * scale + offset`, in `unit`. `compiler.scene.Reported` is one."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def scale(self) -> float: ...
+    @property
+    def offset(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A column in the unit of a report: `shown = SI * scale + offset`."""
+
+    name: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ElementEnergy:
+    """What one element did in a run, in J: change of its stored energy, supplied as a source, dissipated."""
+
+    name: str
+    kind: str
+    stored: float
+    supplied: float
+    dissipated: float
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyBalance:
+    """The energy of a run, in J: each element, the sums, and `residual = supplied - stored - dissipated`."""
+
+    elements: tuple[ElementEnergy, ...]
+    stored: float
+    supplied: float
+    dissipated: float
+    residual: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """One run. `result["x"]` is the output `x` over `result.time`, in SI.
+
+    `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report` says what the experiment shows, in
+    which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
+    `wall_time` in s. `energy` is there if it was asked for. Raises ValueError if the shapes do not fit.
+    """
+
+    model: str
+    experiment: str | None
+    time: NDArray[np.float64]
+    columns: tuple[Column, ...]
+    values: NDArray[np.float64]
+    report: Sequence[Reporting] = ()
+    solver: str = ""
+    steps: int = 0
+    evaluations: Mapping[str, int] = field(default_factory=dict)
+    rtol: float = math.nan
+    wall_time: float = math.nan
+    energy: EnergyBalance | None = None
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(self.time), len(self.columns)):
+            wanted = (len(self.time), len(self.columns))
+            raise ValueError(f"values have the shape {self.values.shape}, time and columns want {wanted}")
+
+    def __repr__(self) -> str:
+        return f"<Result of {self.title}: {len(self.time)} instants of {', '.join(self.names) or 'nothing'}>"
+
+    @property
+    def title(self) -> str:
+        """Model and experiment, as headings name them."""
+        return self.model if self.experiment is None else f"{self.model}: {self.experiment}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the outputs, in order; `time` is not among them."""
+        return tuple(column.name for column in self.columns)
+
+    @cached_property
+    def _places(self) -> Mapping[str, int]:
+        return {column.name: place for place, column in enumerate(self.columns)}
+
+    def _place(self, name: str) -> int:
+        if name in self._places:
+            return self._places[name]
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, self.names, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else f"it has: {', '.join(self.names) or 'no outputs'}"
+        raise UnknownOutput(f"there is no output `{name}` in the result of {self.title}; {hint}")
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """The output of that name over time (n,), in SI; "time" is time. Raises KeyError with the nearest name."""
+        if name == "time" and name not in self._places:
+            return self.time
+        column: NDArray[np.float64] = self.values[:, self._place(name)]
+        return column
+
+    def __contains__(self, name: object) -> bool:
+        return name == "time" or name in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def unit(self, name: str) -> str:
+        """The SI unit of an output, "1" for a bare number. Raises KeyError."""
+        if name == "time" and name not in self._places:
+            return "s"
+        return self.columns[self._place(name)].unit
+
+    def final(self, name: str) -> float:
+        """The last value of an output in SI, NaN if there is no instant. Raises KeyError."""
+        values = self[name]
+        return float(values[-1]) if len(values) else math.nan
+
+    def shown(self) -> tuple[tuple[Reporting, NDArray[np.float64]], ...]:
+        """What to show people: the report in its units and order, then what it leaves out, in SI."""
+        reported = [item for item in self.report if item.name in self._places]
+        told = {item.name for item in reported}
+        others = [Shown(column.name, column.unit) for column in self.columns if column.name not in told]
+        return tuple((item, self[item.name] * item.scale + item.offset) for item in (*reported, *others))
+
+    def to_numpy(self) -> dict[str, NDArray[np.float64]]:
+        """Arrays (n,) in SI by name, `time` first."""
+        return {"time": self.time, **{name: self[name] for name in self.names}}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table in SI with `time` (s) as its index; `table.attrs["units"]` maps names to units.
+
+        Raises MissingPackage without pandas.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise MissingPackage('a table needs pandas: pip install "bondgraph-lang[table]"') from error
+        table = pandas.DataFrame(self.values, index=pandas.Index(self.time, name="time"), columns=list(self.names))
+        table.attrs["units"] = {"time": "s"} | {column.name: column.unit for column in self.columns}
+        return table
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write `time [s],x [m],…` and the values in SI with 17 significant digits; whole or not at all.
+
+        UTF-8, line feeds, RFC 4180: a name with a comma, a quote or a line break stands in quotes. A value that is no
+        number is `nan`, `inf` or `-inf`. Raises OSError.
+        """
+        import numpy as np
+
+        heads = ["time [s]", *(f"{column.name} [{column.unit}]" for column in self.columns)]
+        row = ",".join(["%.17g"] * len(heads)) + "\n"
+        with replacing(path) as stream:
+            stream.write((",".join(map(_csv_field, heads)) + "\n").encode("utf-8"))
+            for first in range(0, len(self.time), ROWS_AT_ONCE):
+                part = slice(first, first + ROWS_AT_ONCE)
+                rows = np.column_stack([self.time[part], self.values[part]]).tolist()
+                stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
+
+    def to_npz(self, path: str | os.PathLike[str]) -> None:
+        """Write the arrays of `to_numpy` for `numpy.load`, and for each a text `unit of NAME`; whole or not at all.
+
+        Equal results give equal bytes. Raises OSError.
+        """
+        import zipfile
+
+        import numpy as np
+
+        arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
+        arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
+        # numpy.savez takes names as keywords: an output called `file` would be its own argument; and it stamps the time
+        with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+            for name, array in arrays.items():
+                with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
+                    np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """The run in numbers, for `json.dumps`, by the schema `bondgraph-result/1`:
+
+            schema       "bondgraph-result/1"; the number grows when a reader of the old one would misread the new one
+            model        name; experiment: name, or null if none was run
+            time         {unit: "s", start, stop, points}
+            outputs      {name: {unit, final, minimum, maximum}}, in SI whatever the report shows
+            solver       name; steps: accepted ones; evaluations: {what: count}; rtol; wall_time in s
+            energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
+                         elements: {name: {kind, stored, supplied, dissipated}}}
+
+        What is not finite is null: a minimum is null if a value anywhere in the run is no number.
+        """
+        told: dict[str, Any] = {
+            "schema": SCHEMA,
+            "model": self.model,
+            "experiment": self.experiment,
+            "time": {"unit": "s", "start": _first(self.time), "stop": _last(self.time), "points": len(self.time)},
+            "outputs": {
+                column.name: {"unit": column.unit} | {key: _finite(v) for key, v in extremes(self[column.name]).items()}
+                for column in self.columns
+            },
+            "solver": self.solver,
+            "steps": int(self.steps),
+            "evaluations": {what: int(count) for what, count in self.evaluations.items()},
+            "rtol": _finite(self.rtol),
+            "wall_time": _finite(self.wall_time),
+        }
+        if self.energy is not None:
+            told["energy"] = _energy_json(self.energy)
+        return told
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Draw the outputs over time into a .png, .svg or .pdf file, one panel for each unit; see `views.plots`.
+
+        Raises MissingPackage without matplotlib, UsageError for another ending, OSError.
+        """
+        from .views.plots import plot_result
+
+        plot_result(self, path)
+
+    def summary(self) -> str:
+        """A table for terminals: the outputs in the units of the report, the solver's work, the energy if asked for."""
+        from .views.tables import summary
+
+        return summary(self)
+
+
+def extremes(values: NDArray[np.float64]) -> dict[str, float]:
+    """`final`, `minimum` and `maximum` of a column (n,); NaN where there is none."""
+    if not len(values):
+        return {"final": math.nan, "minimum": math.nan, "maximum": math.nan}
+    return {"final": float(values[-1]), "minimum": float(values.min()), "maximum": float(values.max())}
+
+
+def _csv_field(text: str) -> str:
+    if any(mark in text for mark in ',"\r\n'):
+        return '"' + text.replace('"', '""') + '"'
+    return text
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _first(time: NDArray[np.float64]) -> float | None:
+    return _finite(time[0]) if len(time) else None
+
+
+def _last(time: NDArray[np.float64]) -> float | None:
+    return _finite(time[-1]) if len(time) else None
+
+
+def _energy_json(energy: EnergyBalance) -> dict[str, Any]:
+    sums = ("stored", "supplied", "dissipated")
+    told: dict[str, Any] = {"unit": "J"} | {key: _finite(getattr(energy, key)) for key in (*sums, "residual")}
+    told["elements"] = {
+        element.name: {"kind": element.kind} | {key: _finite(getattr(element, key)) for key in sums}
+        for element in energy.elements
+    }
+    return told

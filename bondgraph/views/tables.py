@@ -1,0 +1,90 @@
+"""Results as plain text for terminals: no colour, no escape sequence, nothing wider than what it tells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..results import extremes
+
+if TYPE_CHECKING:
+    from ..results import EnergyBalance, Result
+
+LONGEST_NAME = 60
+TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("ps", 1e12), ("fs", 1e15))
+
+
+def time_unit(largest: float) -> tuple[str, float]:
+    """The unit in which a time of that many seconds reads best, and how many of it make a second."""
+    for unit, factor in TIME_UNITS:
+        if abs(largest) * factor >= 0.9999999:
+            return unit, factor
+    return TIME_UNITS[0] if not largest else TIME_UNITS[-1]
+
+
+def visible(text: str) -> str:
+    """The text with control and bidirectional characters spelt out, so that a name cannot rewrite a terminal or a plot."""
+    return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
+
+
+def short(name: str, longest: int = LONGEST_NAME) -> str:
+    """A name as tables and legends show it: visible, and cut in the middle if it is a very long expression."""
+    name = visible(name)
+    if len(name) <= longest:
+        return name
+    half = (longest - 5) // 2
+    return f"{name[:half]} ... {name[-half:]}"
+
+
+def summary(result: Result) -> str:
+    """The table of a result: each output's last, least and greatest value, the solver's work, the energy if it is there."""
+    rows = [
+        (short(item.name), *(f"{v:.6g}" for v in extremes(values).values()), "" if item.unit == "1" else item.unit)
+        for item, values in result.shown()
+    ]
+    parts = [f"{visible(result.title)}, {_span(result)}"]
+    if rows:
+        parts.append(_table([("", "final", "minimum", "maximum", "unit"), *rows], "<>>><"))
+    parts.append(_work(result))
+    if result.energy is not None:
+        parts.append(_energy(result.energy))
+    return "\n\n".join(parts)
+
+
+def _span(result: Result) -> str:
+    if not len(result.time):
+        return "no instants"
+    first, last = float(result.time[0]), float(result.time[-1])
+    unit, factor = time_unit(max(abs(first), abs(last)))
+    count = "1 instant" if len(result.time) == 1 else f"{len(result.time)} instants"
+    return f"{first * factor:.6g} .. {last * factor:.6g} {unit}, {count}"
+
+
+def _work(result: Result) -> str:
+    counted = ", ".join(f"{visible(what)} {count}" for what, count in result.evaluations.items())
+    parts = [visible(result.solver)] if result.solver else []
+    parts.append("1 step" if result.steps == 1 else f"{result.steps} steps")
+    if counted:
+        parts.append(f"evaluations: {counted}")
+    if math.isfinite(result.rtol):
+        parts.append(f"rtol {result.rtol:g}")
+    if math.isfinite(result.wall_time):
+        unit, factor = time_unit(result.wall_time)
+        parts.append(f"took {result.wall_time * factor:.3g} {unit}")
+    return "; ".join(parts)
+
+
+def _energy(energy: EnergyBalance) -> str:
+    rows = [("energy in J", "kind", "stored", "supplied", "dissipated")]
+    rows += [
+        (short(e.name), e.kind, f"{e.stored:.6g}", f"{e.supplied:.6g}", f"{e.dissipated:.6g}") for e in energy.elements
+    ]
+    rows.append(("sum", "", f"{energy.stored:.6g}", f"{energy.supplied:.6g}", f"{energy.dissipated:.6g}"))
+    return _table(rows, "<<>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
+
+
+def _table(rows: Sequence[tuple[str, ...]], sides: str) -> str:
+    widths = [max(len(row[place]) for row in rows) for place in range(len(sides))]
+    lines = ("  ".join(f"{t:{s}{w}}" for t, s, w in zip(row, sides, widths, strict=True)).rstrip() for row in rows)
+    return "\n".join(lines)

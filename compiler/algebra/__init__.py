@@ -1,0 +1,1 @@
+"""Expressions, the noun that every room from semantics to code shares."""

@@ -1,0 +1,130 @@
+"""Derivatives by our own rules: one-sided at kinks (from the right), no distributions, finite wherever the value is.
+
+abs' = +-1, sign' = floor' = 0, sqrt' at 0 is taken as 0 (its one-sided limit is infinite and would turn 0*inf into NaN).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .expression import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    divide,
+    multiply,
+    negate,
+    power,
+    select,
+)
+
+
+def derivative(x: Expression, symbol: Symbol) -> Expression:
+    """The partial derivative of x with respect to a symbol."""
+    known: dict[Expression, Expression] = {}
+
+    def walk(node: Expression) -> Expression:
+        if isinstance(node, Number):
+            return ZERO
+        if isinstance(node, Symbol):
+            return ONE if node == symbol else ZERO
+        found = known.get(node)
+        if found is None:
+            assert isinstance(node, Apply)
+            found = _chain(node, walk)
+            known[node] = found
+        return found
+
+    return walk(x)
+
+
+def _chain(node: Apply, inner: Callable[[Expression], Expression]) -> Expression:
+    operands = node.operands
+    if node.operator == "add":
+        return add(*map(inner, operands))
+    if node.operator == "multiply":
+        terms = []
+        for i, factor in enumerate(operands):
+            slope = inner(factor)
+            if slope != ZERO:
+                terms.append(multiply(*operands[:i], slope, *operands[i + 1 :]))
+        return add(*terms)
+    if node.operator == "select":
+        return select(operands[0], inner(operands[1]), inner(operands[2]))
+    if node.operator in ("less", "less_equal", "equal", "and", "or", "not"):
+        return ZERO
+    terms = []
+    for i, operand in enumerate(operands):
+        slope = inner(operand)
+        if slope != ZERO:
+            terms.append(multiply(partial(node, i), slope))
+    return add(*terms)
+
+
+def partial(node: Apply, i: int) -> Expression:
+    """The derivative of an operator with respect to its operand number i."""
+    x = node.operands[0]
+    match node.operator:
+        case "divide":
+            b = node.operands[1]
+            return divide(ONE, b) if i == 0 else negate(divide(node, b))
+        case "power":
+            return _power_slope(node, i)
+        case "sin":
+            return call("cos", x)
+        case "cos":
+            return negate(call("sin", x))
+        case "tan":
+            return add(ONE, power(node, Number(2)))
+        case "asin":
+            return divide(ONE, call("sqrt", ONE - x * x))
+        case "acos":
+            return divide(MINUS_ONE, call("sqrt", ONE - x * x))
+        case "atan":
+            return divide(ONE, ONE + x * x)
+        case "atan2":
+            y, z = node.operands
+            length = y * y + z * z
+            return divide(z, length) if i == 0 else negate(divide(y, length))
+        case "sinh":
+            return call("cosh", x)
+        case "cosh":
+            return call("sinh", x)
+        case "tanh":
+            return ONE - node * node
+        case "asinh":
+            return divide(ONE, call("sqrt", x * x + 1))
+        case "acosh":
+            return divide(ONE, call("sqrt", x * x - 1))
+        case "atanh":
+            return divide(ONE, ONE - x * x)
+        case "exp":
+            return node
+        case "log":
+            return divide(ONE, x)
+        case "log10":
+            return divide(Number(0.4342944819032518), x)
+        case "sqrt":
+            return select(call("less", ZERO, x), divide(Number(0.5), node), ZERO)
+        case "abs":
+            return select(call("less", x, ZERO), MINUS_ONE, ONE)
+        case "sign" | "floor" | "ceil":
+            return ZERO
+        case "min" | "max":
+            a, b = node.operands
+            first = call("less", a, b) if node.operator == "min" else call("less", b, a)
+            return select(first, ONE, ZERO) if i == 0 else select(first, ZERO, ONE)
+    raise AssertionError(node.operator)
+
+
+def _power_slope(node: Apply, i: int) -> Expression:
+    base, exponent = node.operands
+    if i == 0:
+        return multiply(exponent, power(base, exponent - 1))
+    return multiply(node, call("log", base))

@@ -1,0 +1,396 @@
+"""The noun of all laws: an immutable expression over numbers, symbols and a closed set of operators.
+
+Names, units and syntax are gone here; what a symbol stands for is the business of whoever made it (a slot of a law, a
+variable of a model). The constructors below fold numbers and drop zeros and ones, so that what vanishes leaves no trace.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+
+class Expression:
+    """A number, a symbol or an operator applied to operands; compared by structure."""
+
+    __slots__ = ()
+
+    def __add__(self, other: Expression | float) -> Expression:
+        return add(self, lift(other))
+
+    def __radd__(self, other: float) -> Expression:
+        return add(lift(other), self)
+
+    def __sub__(self, other: Expression | float) -> Expression:
+        return add(self, negate(lift(other)))
+
+    def __rsub__(self, other: float) -> Expression:
+        return add(lift(other), negate(self))
+
+    def __mul__(self, other: Expression | float) -> Expression:
+        return multiply(self, lift(other))
+
+    def __rmul__(self, other: float) -> Expression:
+        return multiply(lift(other), self)
+
+    def __truediv__(self, other: Expression | float) -> Expression:
+        return divide(self, lift(other))
+
+    def __rtruediv__(self, other: float) -> Expression:
+        return divide(lift(other), self)
+
+    def __pow__(self, other: Expression | float) -> Expression:
+        return power(self, lift(other))
+
+    def __neg__(self) -> Expression:
+        return negate(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Number(Expression):
+    """A double."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol(Expression):
+    """Something to be known elsewhere: a slot number in a formula, a variable in a model."""
+
+    key: Hashable
+
+
+class Apply(Expression):
+    """An operator applied to operands; the hash is kept, as these are looked up all the time."""
+
+    __slots__ = ("_hash", "operands", "operator")
+    operator: str
+    operands: tuple[Expression, ...]
+
+    def __init__(self, operator: str, operands: tuple[Expression, ...]) -> None:
+        self.operator = operator
+        self.operands = operands
+        self._hash = hash((operator, operands))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        return (
+            isinstance(other, Apply)
+            and self._hash == other._hash
+            and self.operator == other.operator
+            and self.operands == other.operands
+        )
+
+    def __repr__(self) -> str:
+        return f"{self.operator}({', '.join(map(repr, self.operands))})"
+
+
+ZERO, ONE, MINUS_ONE = Number(0.0), Number(1.0), Number(-1.0)
+
+
+def lift(value: Expression | float) -> Expression:
+    """A float as an expression; an expression as it is."""
+    return value if isinstance(value, Expression) else Number(float(value))
+
+
+# ---------------------------------------------------------------- operators and what they mean for numbers
+
+
+def _sign(x: float) -> float:
+    return float((x > 0) - (x < 0))
+
+
+def _divide(a: float, b: float) -> float:
+    if b == 0:
+        raise ZeroDivisionError("division by zero")
+    return a / b
+
+
+def _power(a: float, b: float) -> float:
+    result = a**b
+    if isinstance(result, complex):
+        raise ValueError("a negative number has no real power of this exponent")
+    return float(result)
+
+
+# name -> (number of operands, its meaning for floats). `add` and `multiply` take any number of operands.
+OPERATORS: Mapping[str, tuple[int, Callable[..., float | bool]]] = {
+    "divide": (2, _divide),
+    "power": (2, _power),
+    "sin": (1, math.sin),
+    "cos": (1, math.cos),
+    "tan": (1, math.tan),
+    "asin": (1, math.asin),
+    "acos": (1, math.acos),
+    "atan": (1, math.atan),
+    "atan2": (2, math.atan2),
+    "sinh": (1, math.sinh),
+    "cosh": (1, math.cosh),
+    "tanh": (1, math.tanh),
+    "asinh": (1, math.asinh),
+    "acosh": (1, math.acosh),
+    "atanh": (1, math.atanh),
+    "exp": (1, math.exp),
+    "log": (1, math.log),
+    "log10": (1, math.log10),
+    "sqrt": (1, math.sqrt),
+    "abs": (1, abs),
+    "sign": (1, _sign),
+    "floor": (1, lambda x: float(math.floor(x))),
+    "ceil": (1, lambda x: float(math.ceil(x))),
+    "min": (2, min),
+    "max": (2, max),
+    "less": (2, lambda a, b: a < b),
+    "less_equal": (2, lambda a, b: a <= b),
+    "equal": (2, lambda a, b: a == b),
+    "and": (2, lambda a, b: bool(a) and bool(b)),
+    "or": (2, lambda a, b: bool(a) or bool(b)),
+    "not": (1, lambda a: not a),
+    "select": (3, lambda c, a, b: a if c else b),
+}
+CONDITIONS = frozenset({"less", "less_equal", "equal", "and", "or", "not"})
+
+
+def value_of(operator: str, values: Iterable[float]) -> float:
+    """The operator for floats. Raises ArithmeticError or ValueError where it has no finite real value."""
+    if operator == "add":
+        return math.fsum(values)
+    if operator == "multiply":
+        return math.prod(values)
+    return float(OPERATORS[operator][1](*values))
+
+
+# ---------------------------------------------------------------- constructors
+
+
+def add(*terms: Expression) -> Expression:
+    """The sum: nested sums opened, numbers gathered, zeros dropped."""
+    number = 0.0
+    rest: list[Expression] = []
+    for term in terms:
+        for part in term.operands if isinstance(term, Apply) and term.operator == "add" else (term,):
+            if isinstance(part, Number):
+                number += part.value
+            else:
+                rest.append(part)
+    if number != 0.0:
+        rest.append(Number(number))
+    if not rest:
+        return ZERO
+    return rest[0] if len(rest) == 1 else Apply("add", tuple(rest))
+
+
+def multiply(*factors: Expression) -> Expression:
+    """The product: nested products opened, numbers gathered in front, ones dropped, zero if a factor is zero."""
+    number = 1.0
+    rest: list[Expression] = []
+    for factor in factors:
+        for part in factor.operands if isinstance(factor, Apply) and factor.operator == "multiply" else (factor,):
+            if isinstance(part, Number):
+                number *= part.value
+            else:
+                rest.append(part)
+    if number == 0.0:
+        return ZERO
+    rest = _join_roots(rest)
+    if not rest:
+        return Number(number)
+    if number != 1.0:
+        if len(rest) == 1 and isinstance(rest[0], Apply) and rest[0].operator == "add" and number == -1.0:
+            return Apply("add", tuple(negate(term) for term in rest[0].operands))
+        rest.insert(0, Number(number))
+    return rest[0] if len(rest) == 1 else Apply("multiply", tuple(rest))
+
+
+def _join_roots(factors: list[Expression]) -> list[Expression]:
+    """abs(x) sign(x) = x: keeps V = gain sqrt(abs(c)) sign(c), squared, smooth at c = 0."""
+    signs = {f.operands[0] for f in factors if isinstance(f, Apply) and f.operator == "sign"}
+    if not signs:
+        return factors
+    result = list(factors)
+    for inner in signs:
+        magnitude, sign = Apply("abs", (inner,)), Apply("sign", (inner,))
+        while magnitude in result and sign in result:
+            result.remove(sign)
+            result[result.index(magnitude)] = inner
+        if sign in result and inner in result:  # x sign(x) = abs(x)
+            result.remove(sign)
+            result[result.index(inner)] = magnitude
+    return result
+
+
+def negate(x: Expression) -> Expression:
+    """-x."""
+    return multiply(MINUS_ONE, x)
+
+
+def divide(a: Expression, b: Expression) -> Expression:
+    """a / b."""
+    if isinstance(b, Number):
+        if b.value == 1.0:
+            return a
+        if b.value == -1.0:
+            return negate(a)
+        if isinstance(a, Number) and b.value != 0.0:
+            return Number(a.value / b.value)
+    if isinstance(a, Number) and a.value == 0.0 and not (isinstance(b, Number) and b.value == 0.0):
+        return ZERO
+    if isinstance(b, Apply) and b.operator == "multiply" and b.operands[0] == MINUS_ONE:
+        return divide(negate(a), multiply(*b.operands[1:]))
+    if isinstance(a, Apply) and a.operator == "multiply" and a.operands[0] == MINUS_ONE:
+        return negate(divide(multiply(*a.operands[1:]), b))
+    return Apply("divide", (a, b))
+
+
+def power(base: Expression, exponent: Expression) -> Expression:
+    """base ^ exponent; integer powers of products and roots are opened, so that sqrt(x)^2 is x where x >= 0."""
+    if isinstance(exponent, Number):
+        n = exponent.value
+        if n == 0.0:
+            return ONE
+        if n == 1.0:
+            return base
+        if isinstance(base, Number):
+            return call("power", base, exponent)
+        if isinstance(base, Apply) and n == int(n):
+            if base.operator == "multiply":
+                return multiply(*(power(f, exponent) for f in base.operands))
+            if base.operator == "sqrt" and n % 2 == 0 and _never_negative(base.operands[0]):
+                return power(base.operands[0], Number(n / 2))
+            if base.operator == "sign" and n > 0:
+                return base if n % 2 else multiply(base, base)
+            if base.operator == "abs" and n % 2 == 0:
+                return power(base.operands[0], exponent)
+    return call("power", base, exponent)
+
+
+def _never_negative(x: Expression) -> bool:
+    match x:
+        case Number(value):
+            return value >= 0
+        case Apply(operator=("abs" | "exp" | "sqrt" | "cosh")):
+            return True
+        case Apply(operator="power", operands=(_, Number(n))) if n == int(n) and n % 2 == 0:
+            return True
+        case Apply(operator=("multiply" | "add"), operands=parts):
+            return all(map(_never_negative, parts))
+    return False
+
+
+def call(operator: str, *operands: Expression) -> Expression:
+    """Any operator; folded if all operands are numbers and the value is finite."""
+    if operator == "add":
+        return add(*operands)
+    if operator == "multiply":
+        return multiply(*operands)
+    if operator == "select":
+        return select(*operands)
+    if operator not in CONDITIONS and all(isinstance(x, Number) for x in operands):
+        try:
+            value = value_of(operator, [x.value for x in operands if isinstance(x, Number)])
+        except (ArithmeticError, ValueError):
+            return Apply(operator, operands)  # found again, with a place, when it is evaluated
+        if math.isfinite(value):
+            return Number(value)
+    return Apply(operator, operands)
+
+
+def select(condition: Expression, value: Expression, otherwise: Expression) -> Expression:
+    """`value if condition else otherwise`."""
+    if value == otherwise:
+        return value
+    truth = truth_of(condition)
+    if truth is not None:
+        return value if truth else otherwise
+    return Apply("select", (condition, value, otherwise))
+
+
+def truth_of(condition: Expression) -> bool | None:
+    """The truth of a condition over numbers; None if it depends on a symbol."""
+    if any(True for _ in symbols(condition)):
+        return None
+    try:
+        return bool(evaluate(condition, {}.__getitem__))
+    except (ArithmeticError, ValueError):
+        return None
+
+
+# ---------------------------------------------------------------- walking
+
+
+def symbols(x: Expression) -> Iterator[Symbol]:
+    """The distinct symbols, in the order in which they first occur."""
+    seen: set[Expression] = set()
+    stack = [x]
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if isinstance(node, Symbol):
+            yield node
+        elif isinstance(node, Apply):
+            stack.extend(reversed(node.operands))
+
+
+def depends_on(x: Expression, symbol: Symbol) -> bool:
+    """Whether the symbol occurs in x."""
+    return any(s == symbol for s in symbols(x))
+
+
+def substitute(x: Expression, replacement: Callable[[Symbol], Expression]) -> Expression:
+    """Replace every symbol, folding what becomes a number."""
+    known: dict[Expression, Expression] = {}
+
+    def walk(node: Expression) -> Expression:
+        if isinstance(node, Number):
+            return node
+        found = known.get(node)
+        if found is None:
+            if isinstance(node, Symbol):
+                found = replacement(node)
+            else:
+                assert isinstance(node, Apply)
+                found = rebuild(node.operator, tuple(walk(o) for o in node.operands))
+            known[node] = found
+        return found
+
+    return walk(x)
+
+
+def rebuild(operator: str, operands: tuple[Expression, ...]) -> Expression:
+    """The operator applied through its own constructor."""
+    if operator == "divide":
+        return divide(*operands)
+    if operator == "power":
+        return power(*operands)
+    return call(operator, *operands)
+
+
+def evaluate(x: Expression, lookup: Callable[[Hashable], float]) -> float:
+    """The value for floats. Raises ArithmeticError or ValueError where there is none."""
+    known: dict[Expression, float] = {}
+
+    def walk(node: Expression) -> float:
+        if isinstance(node, Number):
+            return node.value
+        found = known.get(node)
+        if found is None:
+            if isinstance(node, Symbol):
+                found = lookup(node.key)
+            else:
+                assert isinstance(node, Apply)
+                if node.operator == "select":  # the branch not taken may have no value
+                    condition, a, b = node.operands
+                    found = walk(a) if walk(condition) else walk(b)
+                else:
+                    found = value_of(node.operator, [walk(o) for o in node.operands])
+            known[node] = found
+        return found
+
+    return walk(x)

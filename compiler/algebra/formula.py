@@ -1,0 +1,36 @@
+"""A law once, its uses many times: an expression over numbered slots, bound to what stands in them."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from .expression import Expression, Symbol, substitute, symbols
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """An expression whose symbols are the slots 0 … arity-1. Equal laws are equal formulas."""
+
+    arity: int
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A formula with what stands in its slots."""
+
+    formula: Formula
+    arguments: tuple[Hashable, ...]
+
+    @property
+    def expression(self) -> Expression:
+        """The expression with the arguments in place of the slots."""
+        return substitute(self.formula.expression, lambda s: Symbol(self.arguments[s.key]))  # type: ignore[index]
+
+
+def bind(x: Expression) -> Bound:
+    """Split an expression over any symbols into a formula and its arguments."""
+    arguments = tuple(symbols(x))
+    slots = {symbol: Symbol(i) for i, symbol in enumerate(arguments)}
+    return Bound(Formula(len(arguments), substitute(x, slots.__getitem__)), tuple(s.key for s in arguments))

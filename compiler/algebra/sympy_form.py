@@ -1,0 +1,131 @@
+"""To sympy and back: for what people read, and for laws that must be solved and are not affine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any
+
+import sympy
+
+from .expression import Apply, Expression, Number, Symbol, add, call, divide, multiply, power, select
+
+_FUNCTIONS: dict[str, Any] = {
+    "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin, "acos": sympy.acos, "atan": sympy.atan,
+    "atan2": sympy.atan2, "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh, "asinh": sympy.asinh,
+    "acosh": sympy.acosh, "atanh": sympy.atanh, "exp": sympy.exp, "log": sympy.log, "sqrt": sympy.sqrt,
+    "abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor, "ceil": sympy.ceiling, "min": sympy.Min, "max": sympy.Max,
+    "less": sympy.Lt, "less_equal": sympy.Le, "equal": sympy.Eq, "and": sympy.And, "or": sympy.Or, "not": sympy.Not,
+}  # fmt: skip
+
+
+def to_sympy(x: Expression, name: Callable[[Hashable], Any]) -> Any:
+    """The expression in sympy; `name` gives the sympy object for a symbol's key."""
+    known: dict[Expression, Any] = {}
+
+    def walk(node: Expression) -> Any:
+        if isinstance(node, Number):
+            whole = int(node.value) if abs(node.value) < 1e15 and node.value == int(node.value) else None
+            if whole is not None:
+                return sympy.Integer(whole)
+            if node.value in (0.5, -0.5, 0.25, 1.5):
+                return sympy.Rational(node.value)
+            return sympy.Float(repr(node.value), 17) if len(repr(node.value)) > 15 else sympy.Float(node.value)
+        found = known.get(node)
+        if found is None:
+            found = name(node.key) if isinstance(node, Symbol) else build(node)  # type: ignore[arg-type]
+            known[node] = found
+        return found
+
+    def build(node: Apply) -> Any:
+        operands = [walk(o) for o in node.operands]
+        match node.operator:
+            case "add":
+                return sympy.Add(*operands)
+            case "multiply":
+                return sympy.Mul(*operands)
+            case "divide":
+                return operands[0] / operands[1]
+            case "power":
+                return operands[0] ** operands[1]
+            case "log10":
+                return sympy.log(operands[0]) / sympy.log(10)
+            case "select":
+                return sympy.Piecewise((operands[1], operands[0]), (operands[2], True))
+        return _FUNCTIONS[node.operator](*operands)
+
+    return walk(x)
+
+
+def from_sympy(x: Any, key: Callable[[Any], Hashable]) -> Expression:
+    """An expression from sympy. Raises ValueError for a function that the language does not have."""
+    back = {f: n for n, f in _FUNCTIONS.items()}
+
+    def walk(node: Any) -> Expression:
+        if node.is_Symbol:
+            return Symbol(key(node))
+        if node.is_number and not node.is_Boolean:
+            if not node.is_real:
+                raise ValueError("not real")
+            return Number(float(node))
+        if node.is_Add:
+            return add(*map(walk, node.args))
+        if node.is_Mul:
+            top, bottom = node.as_numer_denom()
+            if bottom != 1:
+                return divide(walk(top), walk(bottom))
+            return multiply(*map(walk, node.args))
+        if node.is_Pow:
+            base, exponent = node.args
+            if exponent == sympy.S.Half:
+                return call("sqrt", walk(base))
+            if exponent == -sympy.S.Half:
+                return divide(Number(1.0), call("sqrt", walk(base)))
+            if exponent.is_number and exponent.is_negative:
+                return divide(Number(1.0), power(walk(base), Number(float(-exponent))))
+            return power(walk(base), walk(exponent))
+        if isinstance(node, sympy.Piecewise) and node.args[-1][1] == True:  # noqa: E712  (sympy's own truth)
+            result = walk(node.args[-1][0])
+            for value, condition in reversed(node.args[:-1]):
+                result = select(walk(condition), walk(value), result)
+            return result
+        if isinstance(node, sympy.Gt | sympy.Ge):
+            return call("less" if isinstance(node, sympy.Gt) else "less_equal", walk(node.args[1]), walk(node.args[0]))
+        operator = back.get(node.func)
+        if operator is None:
+            raise ValueError(f"{node.func} has no counterpart")
+        operands = [walk(o) for o in node.args]
+        result = operands[0]
+        if operator in ("min", "max", "and", "or"):
+            for operand in operands[1:]:
+                result = call(operator, result, operand)
+            return result
+        return call(operator, *operands)
+
+    return walk(x)
+
+
+def solve_nonlinear(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
+    """The one real solution for a symbol of left = right in closed form; None if there is none or several."""
+    names: dict[Hashable, Any] = {}
+
+    def name(key: Hashable) -> Any:
+        if key not in names:
+            names[key] = sympy.Symbol(f"s{len(names)}", real=True)
+        return names[key]
+
+    equation = to_sympy(left, name) - to_sympy(right, name)
+    unknown = name(symbol.key)
+    if equation.has(sympy.Piecewise, sympy.Min, sympy.Max, sympy.sign, sympy.floor, sympy.Abs):
+        return None
+    try:
+        solutions = sympy.solve(equation, unknown)
+    except NotImplementedError:
+        return None
+    keys = {v: k for k, v in names.items()}
+    real = [s for s in solutions if s.is_real is not False and not s.has(sympy.I)]
+    if len(real) != 1:
+        return None
+    try:
+        return from_sympy(real[0], keys.__getitem__)
+    except (ValueError, KeyError):
+        return None

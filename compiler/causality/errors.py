@@ -1,0 +1,23 @@
+"""What can be wrong with causality: BG3xx."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import Diagnostic
+from ..source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeConflict(Diagnostic):
+    """BG301: two demands meet that cannot both hold."""
+
+    code = "BG301"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    chain: tuple[tuple[Span, str], ...]
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.chain

@@ -1,0 +1,311 @@
+"""State space to expressions of parameters, time, inputs and states: one shared graph of operations, with its Jacobian.
+
+Every law is differentiated once, as a formula; an assignment only puts its arguments into the formula's partial derivatives.
+Equal subexpressions are one node, whatever assignment they come from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+from ..algebra.derivative import derivative
+from ..algebra.expression import (
+    CONDITIONS,
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    divide,
+    multiply,
+    negate,
+    rebuild,
+    select,
+    substitute,
+)
+from ..algebra.formula import Formula
+from ..errors import CompilationFailed
+from ..equations.system import Assignment
+from ..reduction import LinearLoop, StateSpace
+from ..source import Span
+from .errors import JumpsWithoutEnd
+
+PARAMETER, TIME, INPUT, STATE, MODE = 1, 2, 4, 8, 16  # what a node depends on, as bits
+
+
+class Leaf(NamedTuple):
+    """A symbol of a program: role and position in its array (time has none)."""
+
+    role: str  # parameter, input, state, time or mode
+    position: int
+
+
+BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """The author's name of a node and where it comes from."""
+
+    name: str
+    span: Span | None = None
+    owner: str = ""
+
+
+@dataclass(eq=False)
+class Lowered:
+    """All that a back-end prints. Expressions are over `Leaf` symbols."""
+
+    space: StateSpace
+    parameters: tuple[int, ...] = ()  # variables
+    inputs: tuple[int, ...] = ()
+    values: dict[int, Expression] = field(default_factory=dict)  # variable -> its expression
+    labels: dict[Expression, Label] = field(default_factory=dict)
+    rates: tuple[Expression, ...] = ()
+    jacobian: dict[tuple[int, int], Expression] = field(default_factory=dict)  # (row, column) -> nonzero entry
+    starts: tuple[Expression, ...] = ()
+    nominals: tuple[Expression | None, ...] = ()
+    outputs: dict[str, Expression] = field(default_factory=dict)
+    switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
+    instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
+    crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
+    differentiated: int = 0  # formulas whose partial derivatives were formed
+
+    def dependence(self, x: Expression) -> int:
+        """What an expression depends on, as bits."""
+        return _dependence(x, self._bits)
+
+    _bits: dict[Expression, int] = field(default_factory=dict)
+
+
+def lower(space: StateSpace) -> Lowered:
+    """Put the steps together, find what jumps with time, form the Jacobian."""
+    result = Lowered(space)
+    roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
+    used = _used(space)
+    for number, variable in enumerate(space.variables):
+        if variable.role in roles and number in used:
+            position = len(roles[variable.role])
+            roles[variable.role].append(number)
+            result.values[number] = Symbol(Leaf(variable.role, position))
+    result.parameters, result.inputs = tuple(roles["parameter"]), tuple(roles["input"])
+    slopes: dict[int, dict[int, Expression]] = {}
+    for position, state in enumerate(space.states):
+        result.values[state.variable] = Symbol(Leaf("state", position))
+        slopes[state.variable] = {position: ONE}
+    switching = _Switching(result)
+    formulas: set[Formula] = set()
+    for step in space.steps:
+        if isinstance(step, LinearLoop):
+            _lower_loop(result, step, slopes)
+        else:
+            _lower_assignment(result, step, slopes, switching, formulas)
+    result.differentiated = len(formulas)
+    result.rates = tuple(result.values[s.rate] for s in space.states)
+    for row, state in enumerate(space.states):
+        for column, entry in slopes.get(state.rate, {}).items():
+            if entry != ZERO:
+                result.jacobian[row, column] = entry
+    result.starts = tuple(_entry(result, s.start) for s in space.states)
+    result.nominals = tuple(None if s.nominal is None else _entry(result, s.nominal) for s in space.states)
+    result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
+    return result
+
+
+def _used(space: StateSpace) -> set[int]:
+    used: set[int] = set(space.outputs.values())
+    for step in space.steps:
+        if isinstance(step, LinearLoop):
+            used.update(e for row in (*step.matrix, step.right) for e in row if not isinstance(e, float))
+        else:
+            used.update(a for a in step.arguments if not isinstance(a, float))
+    for state in space.states:
+        used.add(state.rate)
+        used.update(e for e in (state.start, state.nominal) if isinstance(e, int))
+    for storage in space.storages:
+        used.update(a for a in storage.arguments if not isinstance(a, float))
+    return used
+
+
+def _entry(result: Lowered, entry: int | float) -> Expression:
+    return Number(entry) if isinstance(entry, float) else result.values[entry]
+
+
+@lru_cache(maxsize=65536)
+def partials(formula: Formula) -> tuple[Expression, ...]:
+    """The partial derivatives of a formula with respect to its slots: formed once, whatever the number of its uses."""
+    return tuple(derivative(formula.expression, Symbol(i)) for i in range(formula.arity))
+
+
+def _lower_assignment(result: Lowered, step: Assignment, slopes: dict[int, dict[int, Expression]], switching: _Switching, formulas: set[Formula]) -> None:
+    arguments = [_entry(result, a) for a in step.arguments]
+
+    def put(symbol: Symbol) -> Expression:
+        return arguments[symbol.key]  # type: ignore[index]
+
+    value = switching.replaced(substitute(step.formula.expression, put), step.span)
+    result.values[step.target] = value
+    if isinstance(value, Apply):
+        result.labels.setdefault(value, Label(result.space.variables[step.target].name, step.span, step.owner))
+    moving = [(slot, a) for slot, a in enumerate(step.arguments) if isinstance(a, int) and slopes.get(a)]
+    if not moving:
+        return
+    formulas.add(step.formula)
+    terms: dict[int, list[Expression]] = {}
+    for slot, argument in moving:
+        slope = substitute(partials(step.formula)[slot], put)
+        if slope == ZERO:
+            continue
+        slope = switching.replaced(slope, step.span)
+        for column, inner in slopes[argument].items():
+            terms.setdefault(column, []).append(multiply(slope, inner))
+    found = {column: add(*parts) for column, parts in terms.items()}
+    slopes[step.target] = {c: x for c, x in found.items() if x != ZERO}
+
+
+def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, Expression]]) -> None:
+    matrix = [[_entry(result, e) for e in row] for row in loop.matrix]
+    right = [_entry(result, e) for e in loop.right]
+    targets = _solution(matrix, right)
+    for variable, value in zip(loop.targets, targets, strict=True):
+        result.values[variable] = value
+        if isinstance(value, Apply):
+            result.labels.setdefault(value, Label(result.space.variables[variable].name, loop.span, ", ".join(loop.members)))
+    # A t = r, so A dt = dr - dA t: the same matrix for every column of the Jacobian.
+    columns = {c for row in (*loop.matrix, loop.right) for e in row if isinstance(e, int) for c in slopes.get(e, {})}
+
+    def slope(entry: int | float, column: int) -> Expression:
+        return slopes.get(entry, {}).get(column, ZERO) if isinstance(entry, int) else ZERO
+
+    for column in columns:
+        rights = [
+            add(slope(r, column), *(negate(multiply(slope(e, column), t)) for e, t in zip(row, targets, strict=True)))
+            for row, r in zip(loop.matrix, loop.right, strict=True)
+        ]
+        if all(r == ZERO for r in rights):
+            continue
+        for variable, value in zip(loop.targets, _solution(matrix, rights), strict=True):
+            if value != ZERO:
+                slopes.setdefault(variable, {})[column] = value
+
+
+def _solution(matrix: Sequence[Sequence[Expression]], right: Sequence[Expression]) -> list[Expression]:
+    """The solution of a linear system: a quotient, or items of one `solve` node (matrix by rows, then right side)."""
+    if len(right) == 1:
+        return [divide(right[0], matrix[0][0])]
+    node = Apply("solve", (*(x for row in matrix for x in row), *right))
+    return [Apply("item", (node, Number(float(i)))) for i in range(len(right))]
+
+
+def _dependence(x: Expression, known: dict[Expression, int]) -> int:
+    stack = [x]
+    while stack:
+        node = stack[-1]
+        if node in known:
+            stack.pop()
+            continue
+        if isinstance(node, Symbol):
+            assert isinstance(node.key, Leaf)
+            known[node] = BITS[node.key.role]
+        elif isinstance(node, Number):
+            known[node] = 0
+        else:
+            assert isinstance(node, Apply)
+            missing = [o for o in node.operands if o not in known]
+            if missing:
+                stack += missing
+                continue
+            bits = 0
+            for operand in node.operands:
+                bits |= known[operand]
+            known[node] = bits
+        stack.pop()
+    return known[x]
+
+
+class _Switching:
+    """Finds what jumps or bends with time alone.
+
+    A condition on time becomes an item of the mode, which holds still between two instants: a solver that evaluates at the
+    end of a step sees the side that it came from. Bends (min, max, abs) only give instants.
+    """
+
+    def __init__(self, result: Lowered) -> None:
+        self.result = result
+        self.modes: dict[Expression, Expression] = {}
+        self.bends: set[Expression] = set()
+        self.done: dict[Expression, Expression] = {}
+
+    def replaced(self, x: Expression, span: Span) -> Expression:
+        """The expression with its conditions on time replaced by items of the mode."""
+        found = self.done.get(x)
+        if found is None:
+            bits = self.result.dependence(x)
+            found = x if not bits & TIME or not isinstance(x, Apply) else self._apply(x, span)
+            self.done[x] = found
+            self.done[found] = found
+        return found
+
+    def _apply(self, x: Apply, span: Span) -> Expression:
+        bits = self.result.dependence(x)
+        alone = not bits & (INPUT | STATE)
+        if alone and x.operator in CONDITIONS:
+            return self._mode(x, span)
+        if alone and x.operator == "sign":
+            g = x.operands[0]
+            return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)), span)
+        if alone and x.operator in ("floor", "ceil"):
+            raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
+        operands = tuple(self.replaced(o, span) for o in x.operands)
+        if alone and x.operator in ("min", "max", "abs"):
+            g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
+            self._instant(self.replaced(g, span))
+        return x if operands == x.operands else _rebuilt(x.operator, operands)
+
+    def _mode(self, condition: Apply, span: Span) -> Expression:
+        if condition.operator in ("and", "or", "not"):
+            return _rebuilt(condition.operator, tuple(self.replaced(o, span) for o in condition.operands))
+        if condition not in self.modes:
+            a, b = condition.operands
+            self._instant(self.replaced(a - b, span))
+            self.modes[condition] = Symbol(Leaf("mode", len(self.result.switches)))
+            self.result.switches.append(condition)
+        return self.modes[condition]
+
+    def _instant(self, g: Expression) -> None:
+        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""
+        if g in self.bends or not self.result.dependence(g) & TIME:
+            return
+        self.bends.add(g)
+        time = Symbol(Leaf("time", 0))
+        slope = derivative(g, time)
+        if not self.result.dependence(slope) & (TIME | MODE):
+            if slope != ZERO:
+                at_zero = substitute(g, lambda s: ZERO if s == time else s)
+                self.result.instants.append(negate(divide(at_zero, slope)))
+            return
+        self.result.crossings.append(g)
+
+
+def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:
+    return Apply(operator, operands) if operator in ("solve", "item") else rebuild(operator, operands)
+
+
+def count_operations(roots: Iterable[Expression], free: Mapping[Expression, object] | None = None) -> int:
+    """The number of distinct operations behind some expressions."""
+    seen: set[Expression] = set(free or ())
+    stack = list(roots)
+    count = 0
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Apply) and node not in seen:
+            seen.add(node)
+            count += max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1
+            stack.extend(node.operands)
+    return count

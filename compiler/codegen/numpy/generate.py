@@ -1,0 +1,71 @@
+"""State space to a numpy program: lowered, written, and loaded as a module of its own."""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+from importlib.abc import InspectLoader
+from types import ModuleType
+
+from ...reduction import StateSpace
+from ..lower import Lowered, count_operations, lower
+from ..program import Names, Program
+from .write import Writer
+
+
+def generate_program(space: StateSpace) -> Program:
+    """A program of the numpy target."""
+    lowered = lower(space)
+    source = write_module(lowered)
+    module = load_module(space.name, source)
+    tables = dict(_tables(lowered))
+
+    def names(heading: str) -> Names:
+        rows = tables[heading]
+        return Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+
+    return Program(
+        space.name, source, names("STATES"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
+        module.constants, module.start, module.nominal, module.derivative, module.jacobian, module.output, module.powers, module.instants,
+        module.crossings, module.switches, count_operations(lowered.rates), lowered.differentiated,
+    )  # fmt: skip
+
+
+def write_module(lowered: Lowered) -> str:
+    """The text of the module."""
+    note = (
+        f"{lowered.space.name}: generated from a bond graph; needs numpy alone.\n\n"
+        "c = constants(DEFAULTS); x = start(c); derivative(0.0, x, INPUT_DEFAULTS, c, switches(0.0, c)).\n"
+        "All quantities are in SI; arrays may have leading axes (batches).\n"
+    )
+    return Writer(lowered).module(_tables(lowered), note)
+
+
+def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
+    variables = lowered.space.variables
+
+    def rows(numbers: object) -> list[tuple[str, str]]:
+        return [(variables[v].name, variables[v].unit) for v in numbers]  # type: ignore[attr-defined]
+
+    outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
+    return [("STATES", rows([s.variable for s in lowered.space.states])), ("OUTPUTS", outputs), ("INPUTS", rows(lowered.inputs)), ("PARAMETERS", rows(lowered.parameters))]
+
+
+class _Generated(InspectLoader):
+    """Loads a module from the text that we wrote."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+
+    def get_source(self, fullname: str) -> str:
+        return self.source
+
+
+def load_module(name: str, source: str) -> ModuleType:
+    """The module of a generated text."""
+    full = f"bondgraph_program_{name}"
+    spec = importlib.machinery.ModuleSpec(full, _Generated(source), origin=f"<{name}>")
+    module = importlib.util.module_from_spec(spec)
+    assert spec.loader is not None
+    spec.loader.exec_module(module)
+    return module

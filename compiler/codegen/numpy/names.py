@@ -1,0 +1,27 @@
+"""The author's names as Python identifiers, one to one."""
+
+from __future__ import annotations
+
+import keyword
+import re
+
+RESERVED = frozenset({*keyword.kwlist, *keyword.softkwlist, "np", "time", "state", "inputs", "constants", "mode", "parameters", "out"})
+
+
+class Identifiers:
+    """Gives every name an identifier of its own."""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+
+    def of(self, name: str) -> str:
+        """A new identifier that looks like the name."""
+        word = re.sub(r"[^A-Za-z0-9_]+", "_", name.replace("]", "")).strip("_") or "value"
+        if word[0].isdigit() or word in RESERVED or word.startswith("_"):
+            word = f"v_{word}"
+        candidate, count = word, 1
+        while candidate in self.taken:
+            count += 1
+            candidate = f"{word}_{count}"
+        self.taken.add(candidate)
+        return candidate

@@ -1,0 +1,321 @@
+"""Expressions to the source of a Python module that needs numpy alone.
+
+One assignment a line, under the author's name, with the line of the text that it comes from. The functions take single
+states and batches: every array is turned so that its last axis comes first, and back at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import PurePath
+
+from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
+from ...errors import printable
+from ..lower import INPUT, MODE, STATE, TIME, Leaf, Lowered
+from .names import Identifiers
+
+_FUNCTIONS = {
+    "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan", "atan2": "np.arctan2", "asinh": "np.arcsinh",
+    "acosh": "np.arccosh", "atanh": "np.arctanh", "abs": "np.abs", "min": "np.minimum", "max": "np.maximum", "power": "np.power",
+    "and": "np.logical_and", "or": "np.logical_or", "not": "np.logical_not", "select": "_select", "ceil": "np.ceil",
+}  # fmt: skip
+_COMPARE = {"less": "<", "less_equal": "<=", "equal": "=="}
+_HEADER = '''
+
+import numpy as np
+
+
+def _select(condition, value, otherwise):
+    """`value if condition else otherwise`, for numbers and for arrays."""
+    if np.ndim(condition) == 0:
+        return value if condition else otherwise
+    return np.where(condition, value, otherwise)
+
+
+def _pack(values, *shape):
+    """The values as an array whose last axes have the given shape, whatever leading axes the values have."""
+    if all(np.ndim(v) == 0 for v in values):
+        return np.array(values, dtype=float).reshape(shape)
+    packed = np.array(np.broadcast_arrays(*values), dtype=float)
+    return np.moveaxis(packed.reshape(*shape, *packed.shape[1:]).T, range(-1, -len(shape) - 1, -1), range(-len(shape), 0))
+
+
+def _solve(count, *entries):
+    """The solution of a linear system; the matrix by rows, then the right side."""
+    entries = np.array(np.broadcast_arrays(*entries), dtype=float).T
+    matrix = entries[..., : count * count].reshape(*entries.shape[:-1], count, count)
+    scale = np.abs(matrix).max(axis=-1, keepdims=True)
+    right = entries[..., count * count :, None]
+    try:
+        return np.linalg.solve(matrix / scale, right / scale)[..., 0].T
+    except np.linalg.LinAlgError:
+        return np.full(right[..., 0].shape, np.nan).T
+'''
+
+
+class Writer:
+    """Writes the module."""
+
+    def __init__(self, lowered: Lowered) -> None:
+        self.lowered = lowered
+        self.constants = self._constant_nodes()
+        self.constant_names: dict[Expression, str] = {}
+        identifiers = Identifiers()
+        for node in self.constants:
+            self.constant_names[node] = identifiers.of(self._label(node))
+        self.state_names = [identifiers.of(lowered.space.variables[s.variable].name) for s in lowered.space.states]
+        self.input_names = [identifiers.of(lowered.space.variables[v].name) for v in lowered.inputs]
+        self.taken = set(identifiers.taken)
+
+    def _label(self, node: Expression) -> str:
+        if isinstance(node, Symbol) and isinstance(node.key, Leaf) and node.key.role == "parameter":
+            return self.lowered.space.variables[self.lowered.parameters[node.key.position]].name
+        label = self.lowered.labels.get(node)
+        return label.name if label is not None else "constant"
+
+    # ------------------------------------------------------------ what is constant
+    def _roots(self) -> list[Expression]:
+        lowered = self.lowered
+        roots = [*lowered.rates, *lowered.jacobian.values(), *lowered.outputs.values(), *lowered.switches, *lowered.crossings]
+        return [*roots, *self._power_nodes()]
+
+    def _power_nodes(self) -> list[Expression]:
+        space, values = self.lowered.space, self.lowered.values
+        powers = [multiply(Number(float(p.sign)), values[p.effort], values[p.flow]) for p in space.ports]
+        return [*powers, *(values[v] for v in space.stored.values()), *(values[v] for s in space.storages for v in s.stored)]
+
+    def _constant_nodes(self) -> list[Expression]:
+        """The largest expressions of parameters alone that anything else reads."""
+        found: dict[Expression, None] = {}
+        seen: set[Expression] = set()
+        moving = TIME | INPUT | STATE | MODE
+        stack = [*reversed(self._roots())]
+        argument_values = [self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)]
+        starts = [*self.lowered.starts, *(n for n in self.lowered.nominals if n is not None), *self.lowered.instants, *argument_values]
+        for node in starts:
+            if not isinstance(node, Number):
+                found[node] = None
+        while stack:
+            node = stack.pop()
+            if node in seen or isinstance(node, Number):
+                continue
+            seen.add(node)
+            if not self.lowered.dependence(node) & moving:
+                if not (isinstance(node, Apply) and node.operator == "solve"):  # a vector; its items are numbers
+                    found[node] = None
+                    continue
+            if isinstance(node, Apply):
+                stack.extend(reversed(node.operands))
+        return list(found)
+
+    # ------------------------------------------------------------ the module
+    def module(self, units: Sequence[tuple[str, Sequence[tuple[str, str]]]], note: str) -> str:
+        """The whole text. `units` are the name tables: heading, then (name, unit)."""
+        lowered = self.lowered
+        parts = [f'"""{_quoted(note)}"""', _HEADER]
+        for heading, rows in units:
+            parts.append(f"{heading} = (  # (name, SI unit)\n" + "".join(f"    ({_text(n)}, {_text(u)}),\n" for n, u in rows) + ")\n" if rows else f"{heading} = ()\n")
+        defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.parameters)
+        input_defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.inputs)
+        parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
+        parts.append(f"INPUT_DEFAULTS = ({input_defaults}{',' if lowered.inputs else ''})\n")
+        n = len(lowered.rates)
+        parts.append(self._constants())
+        constant_arguments = "constants"
+        parts.append(self._function("start", constant_arguments, "The state at the start, from the constants.", lowered.starts, (n,)))
+        zero = Number(0.0)
+        nominals = [x or zero for x in lowered.nominals]
+        parts.append(self._function("nominal", constant_arguments, "Nominal magnitudes that the author gave; 0 where there is none.", nominals, (n,)))
+        full = "time, state, inputs, constants, mode"
+        parts.append(self._function("derivative", full, "The rates of the states.", lowered.rates, (n,)))
+        entries = [lowered.jacobian.get((i, j), zero) for i in range(n) for j in range(n)]
+        parts.append(self._function("jacobian", full, "The derivatives of the rates (rows) by the states (columns).", entries, (n, n)))
+        outputs = list(lowered.outputs.values())
+        parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
+        powers = self._power_nodes()
+        parts.append(self._function("powers", full, "Power into each port, energies of mechanisms, stored quantities: for an energy balance.", powers, (len(powers),)))
+        parts.append(self._function("instants", constant_arguments, "Known instants at which an expression of time jumps or bends.", lowered.instants, (len(lowered.instants),)))
+        crossings = lowered.crossings
+        parts.append(self._function("crossings", "time, constants, mode", "Functions of time at whose zeros an expression jumps or bends.", crossings, (len(crossings),)))
+        parts.append(self._function("switches", "time, constants", "The truth of the conditions on time.", lowered.switches, (len(lowered.switches),)))
+        return "\n".join(parts)
+
+    def _constants(self) -> str:
+        body = _Body(self, {}, {*self.taken})
+        for position in range(len(self.lowered.parameters)):
+            leaf = Symbol(Leaf("parameter", position))
+            name = self.constant_names.get(leaf) or body.identifiers.of(self._label(leaf))
+            body.known[leaf] = name
+            body.lines.append(f"{name} = parameters.T[{position}]")
+        results = body.write(self.constants, self.constant_names)
+        lines = ["def constants(parameters):", '    """All that depends on parameters alone."""', *_indented(body.lines)]
+        lines.append(_return(results, (len(self.constants),)))
+        return "\n" + "\n".join(lines) + "\n"
+
+    def _function(self, name: str, arguments: str, note: str, roots: Sequence[Expression], shape: tuple[int, ...]) -> str:
+        body = _Body(self, dict(self.constant_names), set(self.taken))
+        for position, leaf_name in enumerate(self.state_names):
+            body.known[Symbol(Leaf("state", position))] = leaf_name
+        for position, leaf_name in enumerate(self.input_names):
+            body.known[Symbol(Leaf("input", position))] = leaf_name
+        for position in range(len(self.lowered.switches)):
+            body.known[Symbol(Leaf("mode", position))] = f"mode[{position}]"
+        body.known[Symbol(Leaf("time", 0))] = "time"
+        results = body.write(roots, {})
+        lines = [f"def {name}({arguments}):", f'    """{note}"""']
+        lines += _indented(self._prelude(body.used, arguments))
+        lines += _indented(body.lines)
+        lines.append(_return(results, shape))
+        return "\n" + "\n".join(lines) + "\n"
+
+    def _prelude(self, used: set[str], arguments: str) -> list[str]:
+        """Give the arrays' items their names; only those that the function reads."""
+        lines = []
+        if "state" in arguments and self.state_names:
+            names = ", ".join(n if n in used else "_" for n in self.state_names)
+            lines.append(f"{names}{',' if len(self.state_names) == 1 else ''} = np.asarray(state).T")
+        if "inputs" in arguments and any(n in used for n in self.input_names):
+            lines.append(", ".join(self.input_names) + f"{',' if len(self.input_names) == 1 else ''} = np.asarray(inputs, dtype=float).T")
+        wanted = [(i, n) for i, n in enumerate(self.constant_names.values()) if n in used]
+        if wanted:
+            lines.append("constants = np.asarray(constants).T")
+            lines += [f"{n} = constants[{i}]" for i, n in wanted]
+        if "time" in arguments and "time" in used:
+            lines.append("time = np.asarray(time, dtype=float).T[()]")
+        return lines
+
+
+class _Body:
+    """The lines of one function."""
+
+    def __init__(self, writer: Writer, known: dict[Expression, str], taken: set[str]) -> None:
+        self.writer, self.known = writer, known
+        self.identifiers = Identifiers()
+        self.identifiers.taken = taken
+        self.lines: list[str] = []
+        self.used: set[str] = set()
+
+    def write(self, roots: Sequence[Expression], names: dict[Expression, str]) -> list[str]:
+        """Lines for all that the roots need; returns the text of each root. `names` are names that are already given."""
+        order, uses = _order(roots, self.known)
+        labels = self.writer.lowered.labels
+        for node in order:
+            label = labels.get(node)
+            given = names.get(node)
+            vector = node.operator == "solve"
+            if given is None and label is None and uses[node] < 2 and not vector and not _long(node):
+                continue
+            text = self._text(node, 0)
+            name = given or self.identifiers.of(label.name if label is not None else "t")
+            place = ""
+            if label is not None and label.span is not None:
+                owner = f" {printable(label.owner)}" if label.owner and label.owner != label.name else ""
+                place = f"  # {printable(PurePath(label.span.source.name).name)}:{label.span.line}{owner}"
+            self.lines.append(f"{name} = {text}{place}")
+            self.known[node] = name
+        return [self._text(root, 0) for root in roots]
+
+    def _text(self, node: Expression, strength: int) -> str:
+        """The node as Python; `strength` is that of the operator around it (1 sum, 2 product, 3 power)."""
+        if isinstance(node, Number):
+            text = _float(node.value)
+            return f"({text})" if node.value < 0 and strength > 1 else text
+        name = self.known.get(node)
+        if name is not None:
+            self.used.add(name)
+            return name
+        assert isinstance(node, Apply)
+        operands = node.operands
+        match node.operator:
+            case "add":
+                return _bracketed(self._sum(operands), strength > 1)
+            case "multiply":
+                if operands[0] == Number(-1.0):
+                    return _bracketed("-" + " * ".join(self._text(o, 3) for o in operands[1:]), strength > 1)
+                return _bracketed(" * ".join(self._text(o, 2) for o in operands), strength > 2)
+            case "divide":
+                return _bracketed(f"{self._text(operands[0], 2)} / {self._text(operands[1], 4)}", strength > 2)
+            case "power" if isinstance(operands[1], Number) and operands[1].value == int(operands[1].value):
+                return _bracketed(f"{self._text(operands[0], 4)} ** {int(operands[1].value)}", strength > 3)
+            case "less" | "less_equal" | "equal":
+                return f"({self._text(operands[0], 1)} {_COMPARE[node.operator]} {self._text(operands[1], 1)})"
+            case "solve":
+                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
+                return f"_solve({count}, {', '.join(self._text(o, 0) for o in operands)})"
+            case "item":
+                index = operands[1]
+                assert isinstance(index, Number)
+                return f"{self._text(operands[0], 4)}[{int(index.value)}]"
+        function = _FUNCTIONS.get(node.operator, f"np.{node.operator}")
+        return f"{function}({', '.join(self._text(o, 0) for o in operands)})"
+
+    def _sum(self, terms: Iterable[Expression]) -> str:
+        text = ""
+        for term in terms:
+            part = self._text(term, 1)
+            if not text:
+                text = part
+            elif part.startswith("-"):
+                text += f" - {part[1:]}"
+            else:
+                text += f" + {part}"
+        return text
+
+
+def _order(roots: Sequence[Expression], known: dict[Expression, str]) -> tuple[list[Apply], dict[Expression, int]]:
+    """The operations behind the roots, operands first, and how often each is used."""
+    uses: dict[Expression, int] = {}
+    order: list[Apply] = []
+    done: set[Expression] = set()
+    for root in roots:
+        uses[root] = uses.get(root, 0) + 1
+        stack = [(root, False)]
+        while stack:
+            node, ready = stack.pop()
+            if ready:
+                assert isinstance(node, Apply)
+                order.append(node)
+                continue
+            if node in done or not isinstance(node, Apply) or node in known:
+                continue
+            done.add(node)
+            stack.append((node, True))
+            for operand in node.operands:
+                uses[operand] = uses.get(operand, 0) + 1
+            stack += [(o, False) for o in reversed(node.operands)]
+    return order, uses
+
+
+def _long(node: Apply) -> bool:
+    """Whether it is better on a line of its own: deep nests of unnamed operations are hard to read and to parse."""
+    depth, layer = 0, [node]
+    while layer and depth < 6:
+        layer = [o for n in layer for o in n.operands if isinstance(o, Apply)][:12]
+        depth += 1
+    return depth >= 6
+
+
+def _indented(lines: Iterable[str]) -> list[str]:
+    return [f"    {line}" for line in lines]
+
+
+def _return(results: Sequence[str], shape: tuple[int, ...]) -> str:
+    if not results:
+        return f"    return np.zeros({shape})"
+    items = "".join(f"            {r},\n" for r in results)
+    return f"    return _pack(\n        (\n{items}        ),\n        {', '.join(map(str, shape))},\n    )"
+
+def _bracketed(text: str, needed: bool) -> str:
+    return f"({text})" if needed else text
+
+
+def _float(value: float | None) -> str:
+    return "float('nan')" if value is None else repr(float(value))
+
+
+def _text(text: str) -> str:
+    return ascii(text)
+
+
+def _quoted(text: str) -> str:
+    return printable(text).replace("\\", "\\\\").replace('"', "'")

@@ -1,0 +1,47 @@
+"""What a back-end makes: pure functions over arrays, with the author's names beside them. Every target has this shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+Array = Any  # a numpy array; this module loads no numpy
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names and SI units of one kind of thing, in the order of its array."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A model that can be run.
+
+    Arrays have their index last and may have leading axes (batches): parameters (…, P), constants (…, K), inputs (…, U),
+    state (…, n). `mode` holds the truth of the conditions on time (`switches`), constant between two instants.
+    """
+
+    name: str
+    source: str  # the text of the module
+    states: Names
+    outputs: Names
+    inputs: Names
+    parameters: Names
+    defaults: tuple[float, ...]  # of the parameters
+    input_defaults: tuple[float, ...]
+    constants: Callable[[Array], Array]  # parameters -> all that depends on parameters alone
+    start: Callable[[Array], Array]  # constants -> state
+    nominal: Callable[[Array], Array]  # constants -> nominal magnitudes given by the author (0: none)
+    derivative: Callable[[float, Array, Array, Array, Array], Array]  # time, state, inputs, constants, mode -> (…, n)
+    jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n)
+    output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
+    powers: Callable[[float, Array, Array, Array, Array], Array]  # the same -> power into each port, then stored energies
+    instants: Callable[[Array], Array]  # constants -> instants of kinks and jumps
+    crossings: Callable[[Array, Array], Array]  # time, constants -> functions of time whose zeros are such instants
+    switches: Callable[[float, Array], Array]  # time, constants -> mode
+    operations: int = 0  # of the derivative
+    differentiated: int = 0  # laws whose derivative was formed

@@ -1,0 +1,97 @@
+"""The pipeline, stage by stage; each stage is a type, and each can be had by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from .causality import CausalGraph, assign_causality
+from .codegen.program import Program
+from .equations import EquationSystem, derive_equations
+from .errors import CompilationFailed, Diagnostic
+from .graph.network import BondGraph
+from .graph.prune import known_zeros, prune
+from .reduction import StateSpace, reduce_equations
+from .scene import Plan, Scene
+from .semantics import build_graph, check_parts
+from .source import Source
+from .syntax import SyntaxTree, parse
+
+
+@dataclass(eq=False)
+class Compilation:
+    """One model for one scene. A stage is computed when it is first asked for. Raises `CompilationFailed`."""
+
+    source: Source
+    scene: Scene
+    library: Path | None = None
+    everything: bool = False  # all states and powers, as an energy balance needs
+
+    @cached_property
+    def tree(self) -> SyntaxTree:
+        return parse(self.source)
+
+    @cached_property
+    def _built(self) -> tuple[BondGraph, Plan]:
+        built = build_graph(self.tree, self.scene, self.library)
+        return built.graph, built.plan
+
+    @property
+    def whole_graph(self) -> BondGraph:
+        """The graph with everything that the text says."""
+        return self._built[0]
+
+    @property
+    def plan(self) -> Plan:
+        return self._built[1]
+
+    @cached_property
+    def zeros(self) -> frozenset[str]:
+        """Quantities that are zero whatever this run does."""
+        overridden = {o.path for o in self.scene.overrides if o.role == "set"}
+        return known_zeros(self.whole_graph, self.scene.free | overridden)
+
+    @cached_property
+    def graph(self) -> BondGraph:
+        """The graph without what gives nothing in this run."""
+        return prune(self.whole_graph, self.zeros)
+
+    @cached_property
+    def causal(self) -> CausalGraph:
+        return assign_causality(self.graph)
+
+    @cached_property
+    def equations(self) -> EquationSystem:
+        return derive_equations(self.causal, self.zeros, self.scene.free)
+
+    @cached_property
+    def state_space(self) -> StateSpace:
+        return reduce_equations(self.equations, self.everything, self.graph.span)
+
+    @cached_property
+    def program(self) -> Program:
+        from .codegen.numpy import generate_program
+
+        return generate_program(self.state_space)
+
+
+def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
+    """Everything that is wrong with a text: each of its models by itself, then the one that would be run, up to its equations."""
+    try:
+        tree = parse(source)
+    except CompilationFailed as failed:
+        return failed.diagnostics
+    found = check_parts(tree, library)
+    if not found and tree.models:
+        compilation = Compilation(source, Scene(model, None), library)
+        compilation.__dict__["tree"] = tree
+        try:
+            _ = compilation.state_space
+        except CompilationFailed as failed:
+            found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
+    return CompilationFailed(found).diagnostics if found else ()
+
+
+# A file of parts is no mistake: several models to choose from, ports and values that a larger model will give.
+PART_ONLY = frozenset({"BG132"})

@@ -1,0 +1,6 @@
+"""Causal graph to equations: causally ordered assignments over shared formulas."""
+
+from .derive import derive_equations
+from .system import EquationSystem
+
+__all__ = ["EquationSystem", "derive_equations"]

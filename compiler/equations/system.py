@@ -1,0 +1,110 @@
+"""The noun of this room: variables and assignments, each an application of a shared formula, never substituted into one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..algebra.expression import Expression, Symbol, substitute
+from ..algebra.formula import Formula
+from ..source import Span
+
+Argument = int | float  # a variable by number, or a number
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One scalar of the model.
+
+    role: parameter, input, time, state, rate (of a state), or computed (by an assignment).
+    """
+
+    name: str
+    role: str
+    unit: str = ""
+    value: float | None = None  # default of a parameter or input
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """`target := formula(arguments)`, because of a line of the text."""
+
+    target: int
+    formula: Formula
+    arguments: tuple[Argument, ...]
+    span: Span
+    owner: str  # the element, junction or quantity that it belongs to
+
+    @property
+    def expression(self) -> Expression:
+        """The right side over variable numbers."""
+        from ..algebra.expression import Number
+
+        def put(symbol: Symbol) -> Expression:
+            argument = self.arguments[symbol.key]  # type: ignore[index]
+            return Number(argument) if isinstance(argument, float) else Symbol(argument)
+
+        return substitute(self.formula.expression, put)
+
+
+@dataclass(frozen=True, slots=True)
+class Derivative:
+    """`target := d(of)/dt`: a storage in derivative form."""
+
+    target: int
+    of: int
+    span: Span
+    owner: str
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A state, the variable that is its rate, and the variables (if any) of its start and nominal magnitude."""
+
+    variable: int
+    rate: int
+    start: Argument
+    nominal: Argument | None
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class PowerPort:
+    """The bond of an element's port: power into the element = sign * effort * flow."""
+
+    element: str
+    kind: str
+    effort: int
+    flow: int
+    sign: int
+
+
+@dataclass(frozen=True, slots=True)
+class Storage:
+    """What is needed to know the energy in a storage: stored quantities, and its energy or its law in integral form.
+
+    `energy` or `laws` are over slots: first the stored quantities, then the `arguments`.
+    """
+
+    element: str
+    kind: str
+    stored: tuple[int, ...]
+    arguments: tuple[Argument, ...]
+    energy: Expression | None
+    laws: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class EquationSystem:
+    """All equations of a model, causal but not yet ordered."""
+
+    name: str
+    variables: tuple[Variable, ...]
+    assignments: tuple[Assignment, ...]
+    derivatives: tuple[Derivative, ...]
+    states: tuple[State, ...]
+    outputs: Mapping[str, int]
+    quantities: Mapping[str, int]  # named quantities that occur
+    ports: tuple[PowerPort, ...]
+    storages: tuple[Storage, ...]
+    stored: Mapping[str, int]  # node -> variable of its stored energy, for mechanisms

@@ -1,0 +1,89 @@
+"""Errors are values: a diagnostic names its code, its place, what is wrong in the author's own names, and what to do.
+
+Every room lists its diagnostics in its own `errors.py`, with a range of codes of its own:
+BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4xx equations, BG5xx reduction, BG6xx code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+from .source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One thing that is wrong. Subclasses set `code`, `title` and `advice`, templates over their own fields."""
+
+    code: ClassVar[str] = "BG000"
+    title: ClassVar[str] = ""
+    advice: ClassVar[str] = ""
+    span: Span
+
+    def _fill(self, template: str) -> str:
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "span"}
+        return template.format(**values) if values else template
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong."""
+        return self._fill(self.title)
+
+    @property
+    def help(self) -> str:
+        """What to do about it."""
+        return self._fill(self.advice)
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        """Other places that matter, each with a word why."""
+        return ()
+
+
+class CompilationFailed(Exception):
+    """The text is wrong; `diagnostics` says where and why, all of it at once."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        unique: dict[tuple[str, str, int], Diagnostic] = {}
+        for item in diagnostics:  # one mistake in a definition is told once, not once for each instance
+            unique.setdefault((item.code, item.span.source.name, item.span.start), item)
+        self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.start, d.code)))
+        super().__init__("\n\n".join(render(item) for item in self.diagnostics))
+
+
+class InternalError(Exception):
+    """A defect of ours, not of the text."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"defect in the compiler, please report it: {what}")
+
+
+def printable(text: str) -> str:
+    """The text with control and bidirectional characters made visible, so that a file cannot rewrite a terminal."""
+    return "".join(
+        c if c.isprintable() or c == "\t" else f"\\u{ord(c):04x}"
+        for c in text
+    )  # fmt: skip
+
+
+def render(item: Diagnostic) -> str:
+    """The diagnostic as text: place and sentence, the line with a mark below it, advice."""
+    parts = [f"{printable(item.span.place)}: {item.code}: {printable(item.sentence)}", _excerpt(item.span)]
+    for span, why in item.related():
+        parts += [f"{printable(span.place)}: {printable(why)}", _excerpt(span)]
+    if item.help:
+        parts.append(f"  help: {printable(item.help)}")
+    return "\n".join(parts)
+
+
+def _excerpt(span: Span) -> str:
+    line = span.source.line(span.line)
+    first = span.column - 1
+    length = max(1, min(span.end - span.start, len(line) - first))
+    if len(line) > 160:  # a very long line is shown around the place only
+        cut = max(0, first - 60)
+        line, first, length = line[cut : cut + 140], first - cut, min(length, 80)
+    line = printable(line.replace("\t", " "))
+    number = str(span.line)
+    return f"  {number} | {line}\n  {' ' * len(number)} | {' ' * first}{'^' * length}"

@@ -1,0 +1,71 @@
+"""Domains: the letters and dimensions of effort, flow, displacement and momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .units import AMPERE, KELVIN, METRE, MOLE, NEWTON, ONE, PASCAL, SECOND, VOLT, WATT, Dimension
+
+EFFORT, FLOW, DISPLACEMENT, MOMENTUM = "e", "f", "q", "p"
+GENERIC = (EFFORT, FLOW, DISPLACEMENT, MOMENTUM)
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """One physical domain; `letters` are its names for e, f, q, p (None where it has none)."""
+
+    name: str
+    effort: Dimension
+    flow: Dimension
+    letters: tuple[str | None, str | None, str | None, str | None]
+    typed: bool = True
+
+    def dimension(self, variable: str) -> Dimension:
+        """The dimension of `e`, `f`, `q` or `p`."""
+        if not self.typed:
+            return ONE
+        match variable:
+            case "e":
+                return self.effort
+            case "f":
+                return self.flow
+            case "q":
+                return self.flow * SECOND
+        return self.effort * SECOND
+
+    def letter(self, variable: str) -> str:
+        """This domain's letter for `e`, `f`, `q` or `p`."""
+        return self.letters[GENERIC.index(variable)] or variable
+
+    def variable(self, letter: str) -> str | None:
+        """`e`, `f`, `q` or `p` for one of this domain's letters (or for itself); None for any other word."""
+        if letter in self.letters:
+            return GENERIC[self.letters.index(letter)]
+        return letter if letter in GENERIC else None
+
+
+DOMAINS: Mapping[str, Domain] = {
+    d.name: d
+    for d in (
+        Domain("translation", NEWTON, METRE / SECOND, ("F", "v", "x", "p")),
+        Domain("rotation", NEWTON * METRE, ONE / SECOND, ("M", "omega", "phi", "L")),
+        Domain("electric", VOLT, AMPERE, ("u", "i", "q", "lambda")),
+        Domain("magnetic", AMPERE, VOLT, ("mmf", "Phi_dot", "Phi", None)),
+        Domain("hydraulic", PASCAL, METRE**3 / SECOND, ("P", "Q", "V", "Gamma")),
+        Domain("thermal", KELVIN, WATT / KELVIN, ("T", "S_dot", "S", None)),
+        Domain("chemical", NEWTON * METRE / MOLE, MOLE / SECOND, ("mu", "n_dot", "n", None)),
+        Domain("untyped", ONE, ONE, ("e", "f", "q", "p"), typed=False),
+    )
+}
+
+# Multibond domains: the scalar ports that they bundle.
+BUNDLES: Mapping[str, Mapping[str, str]] = {
+    "planar": {"x": "translation", "y": "translation", "phi": "rotation"},
+    "spatial": {
+        "x": "translation", "y": "translation", "z": "translation", "rx": "rotation", "ry": "rotation", "rz": "rotation",
+    },
+}  # fmt: skip
+
+# The letters of each domain that no other domain shares: enough to know the domain of a law.
+COMPONENT_DOMAINS: Mapping[str, str] = {**BUNDLES["spatial"], **BUNDLES["planar"]}

@@ -1,0 +1,192 @@
+"""The noun of the middle of the compiler: elements, junctions and a mechanism's ports, joined by bonds.
+
+Everything is flat here: instances are opened, multibonds are several bonds, walls and splitters are gone. Each part still
+knows the definition it came from, its instance path and its line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..algebra.expression import Expression
+from ..algebra.formula import Bound
+from ..source import Span
+from .mechanism import Mechanism
+
+if TYPE_CHECKING:
+    import networkx
+
+
+class Kind(Enum):
+    """What a node of the graph is; the values are the textbook's letters."""
+
+    EFFORT_SOURCE = "Se"
+    FLOW_SOURCE = "Sf"
+    CAPACITOR = "C"
+    INERTIA = "I"
+    RESISTOR = "R"
+    TRANSFORMER = "TF"
+    GYRATOR = "GY"
+    ZERO = "0"
+    ONE = "1"
+    MECHANISM = "multibody"
+
+
+class Quantity(NamedTuple):
+    """A reference to a named parameter, constant, input or signal by its full name, or to `time`."""
+
+    name: str
+
+
+class Reading(NamedTuple):
+    """A reference to `e`, `f`, `q` or `p` at a port of a node (for a junction: what its bonds share)."""
+
+    node: str
+    port: str
+    variable: str
+
+
+class Own(NamedTuple):
+    """In the law of an element: `e`, `f`, `q` or `p` of its own port of this number."""
+
+    port: int
+    variable: str
+
+
+TIME = Quantity("time")
+Reference = Quantity | Reading | float
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The law of an element, over `Own` variables and numbered slots; equal laws are one object.
+
+    Either equations `left = right`, or the energy that is stored.
+    """
+
+    equations: tuple[tuple[Expression, Expression], ...]
+    energy: Expression | None
+    arity: int
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """A scalar power port. `name` is empty for the one port of a one-port; 1 and 2 for the sides of TF and GY."""
+
+    name: str
+    domain: str
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """A node with a law: source, storage, dissipation, transformer or gyrator."""
+
+    name: str
+    kind: Kind
+    modulated: bool
+    ports: tuple[Port, ...]
+    law: Law
+    arguments: tuple[Reference, ...]
+    starts: Mapping[int, tuple[str, Bound]]  # port number -> a variable of it and its value at the start
+    nominals: Mapping[int, tuple[str, Bound]]
+    prefer: str | None  # "integral", "derivative", "effort" or "flow"
+    require: str | None
+    definition: str  # where it is declared: Model.name
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """A 0- or 1-junction."""
+
+    name: str
+    kind: Kind
+    domain: str
+    definition: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismNode:
+    """A mechanism seen from the graph: one multiport that takes efforts and gives flows."""
+
+    name: str
+    kind: Kind
+    ports: tuple[Port, ...]  # only those that carry a bond: `guide[1].x`, `platform.phi`
+    mechanism: Mechanism
+    definition: str
+    span: Span
+
+
+Node = Element | Junction | MechanismNode
+
+
+class End(NamedTuple):
+    """Where a bond ends: a node and one of its ports (0 for a junction), by number."""
+
+    node: int
+    port: int
+
+
+@dataclass(frozen=True, slots=True)
+class Bond:
+    """A half arrow from `tail` to `head`: the direction in which power counts as positive."""
+
+    tail: End
+    head: End
+    domain: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A parameter, constant, input, signal or output.
+
+    `definition` computes it (None: it comes from outside); `value` is known for what does not change during a run.
+    """
+
+    name: str
+    role: str
+    unit: str  # SI, as a person would write it
+    definition: Bound | None
+    value: float | None
+    span: Span
+    description: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class BondGraph:
+    """The whole model: nodes, bonds and the named quantities."""
+
+    name: str
+    nodes: tuple[Node, ...]
+    bonds: tuple[Bond, ...]
+    quantities: Mapping[str, Named]
+    outputs: Mapping[str, Named]
+    span: Span
+
+    @cached_property
+    def incident(self) -> tuple[tuple[int, ...], ...]:
+        """For each node the numbers of its bonds, in order of declaration."""
+        lists: list[list[int]] = [[] for _ in self.nodes]
+        for number, bond in enumerate(self.bonds):
+            lists[bond.tail.node].append(number)
+            lists[bond.head.node].append(number)
+        return tuple(map(tuple, lists))
+
+    @cached_property
+    def network(self) -> networkx.MultiDiGraph:
+        """The graph in networkx: nodes are named as in the text, `node=` and `bond=` carry the typed payloads."""
+        import networkx
+
+        graph = networkx.MultiDiGraph(name=self.name)
+        for node in self.nodes:
+            graph.add_node(node.name, node=node)
+        for number, bond in enumerate(self.bonds):
+            tail, head = self.nodes[bond.tail.node].name, self.nodes[bond.head.node].name
+            graph.add_edge(tail, head, key=number, bond=bond)
+        return graph

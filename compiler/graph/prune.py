@@ -1,0 +1,209 @@
+"""What gives nothing leaves the graph: a resistor with r = 0, a source that is off, a spring without stiffness.
+
+It stands before causality, so that no stroke is spent on them. A parameter counts as zero only if this run cannot change it;
+an element whose variables are read somewhere stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from ..algebra.expression import ZERO, Expression, Symbol, substitute, symbols
+from ..algebra.formula import Bound
+from .network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Named, Node, Own, Port, Quantity, Reading
+
+Zeros = frozenset[str]
+
+
+def known_zeros(graph: BondGraph, free: frozenset[str]) -> Zeros:
+    """The quantities that are zero whatever happens in this run. `free` names those that must stay adjustable."""
+    zeros: dict[str, bool] = {}
+
+    def is_zero(name: str) -> bool:
+        if name not in zeros:
+            zeros[name] = False  # a cycle would have been told before
+            named = graph.quantities.get(name)
+            if named is not None and named.definition is not None and name not in free and not ("*" in free and adjustable(named)):
+                zeros[name] = fold(named.definition, is_zero) == ZERO
+        return zeros[name]
+
+    return frozenset(name for name in graph.quantities if is_zero(name))
+
+
+def adjustable(named: Named) -> bool:
+    """Whether a quantity is an argument of a program: a parameter or input that depends on nothing else."""
+    return named.role in ("parameter", "input") and (named.definition is None or not named.definition.arguments)
+
+
+def fold(bound: Bound, is_zero: object) -> Expression:
+    """A bound formula with its known zeros put in."""
+    assert callable(is_zero)
+
+    def value(symbol: Symbol) -> Expression:
+        reference = bound.arguments[symbol.key]  # type: ignore[index]
+        if isinstance(reference, Quantity) and is_zero(reference.name):
+            return ZERO
+        return Symbol(reference)
+
+    return substitute(bound.formula.expression, value)
+
+
+def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
+    """The graph without what gives nothing."""
+    read = {r.node for r in _readings(graph)}
+    dropped: set[End] = set()
+    changed: dict[int, Element] = {}
+    neighbours = _neighbours(graph)
+    for number, node in enumerate(graph.nodes):
+        if not isinstance(node, Element) or node.name in read:
+            continue
+        silent = _silent_ports(node, zeros)
+        if not silent:
+            continue
+        removable = {p for p, variable in silent.items() if _absorbs(graph, neighbours.get(End(number, p)), variable)}
+        if len(node.ports) == 1 and not removable:
+            changed[number] = _silent_source(node, silent[0])
+        elif removable and _independent(node, removable):
+            dropped |= {End(number, p) for p in removable}
+            if len(removable) < len(node.ports):
+                changed[number] = _without_ports(node, removable)
+    if not dropped and not changed:
+        return graph
+    return _rebuild(graph, dropped, changed)
+
+
+def _readings(graph: BondGraph) -> Iterator[Reading]:
+    """What is read of elements by quantities, outputs and laws."""
+    for named in (*graph.quantities.values(), *graph.outputs.values()):
+        if named.definition is not None:
+            yield from (a for a in named.definition.arguments if isinstance(a, Reading))
+    for node in graph.nodes:
+        if isinstance(node, Element):
+            yield from (a for a in node.arguments if isinstance(a, Reading))
+
+
+def _neighbours(graph: BondGraph) -> Mapping[End, int]:
+    """For each end of a bond the node at its other end."""
+    result = {}
+    for bond in graph.bonds:
+        result[bond.tail], result[bond.head] = bond.head.node, bond.tail.node
+    return result
+
+
+def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
+    """Port number -> `e` or `f`: what is identically zero there."""
+    if node.kind not in (Kind.RESISTOR, Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE, Kind.CAPACITOR, Kind.INERTIA):
+        return {}
+
+    def value(symbol: Symbol) -> Expression:
+        if isinstance(symbol.key, int):
+            argument = node.arguments[symbol.key]
+            if isinstance(argument, Quantity) and argument.name in zeros:
+                return ZERO
+            if isinstance(argument, float) and argument == 0.0:
+                return ZERO
+        return symbol
+
+    if node.law.energy is not None:
+        vanishes = substitute(node.law.energy, value) == ZERO
+        variable = "e" if node.kind is Kind.CAPACITOR else "f"
+        return dict.fromkeys(range(len(node.ports)), variable) if vanishes and node.kind is Kind.CAPACITOR else {}
+    silent: dict[int, str] = {}
+    for left, right in node.law.equations:
+        if isinstance(left, Symbol) and isinstance(left.key, Own) and substitute(right, value) == ZERO:
+            # p = 0*v stores nothing and gives no effort; q = 0*e likewise gives no flow
+            variable = {"e": "e", "f": "f", "p": "e", "q": "f"}[left.key.variable]
+            silent[left.key.port] = variable
+    return silent
+
+
+def _absorbs(graph: BondGraph, other: int | None, variable: str) -> bool:
+    """Whether what stands at the other end only adds a zero to a sum."""
+    if other is None:
+        return False
+    node = graph.nodes[other]
+    if isinstance(node, Junction):
+        return node.kind is (Kind.ONE if variable == "e" else Kind.ZERO)
+    return isinstance(node, MechanismNode) and variable == "e"
+
+
+def _independent(node: Element, removable: set[int]) -> bool:
+    """Whether the ports that stay do not depend on those that go."""
+    if len(removable) == len(node.ports):
+        return True
+    if node.law.energy is not None:
+        return False
+    for left, right in node.law.equations:
+        if isinstance(left, Symbol) and isinstance(left.key, Own) and left.key.port in removable:
+            continue
+        if any(isinstance(s.key, Own) and s.key.port in removable for side in (left, right) for s in symbols(side)):
+            return False
+    return True
+
+
+def _silent_source(node: Element, variable: str) -> Element:
+    """A source of nothing: it still shorts a 0-junction or holds a 1-junction."""
+    kind = Kind.EFFORT_SOURCE if variable == "e" else Kind.FLOW_SOURCE
+    law = Law(((Symbol(Own(0, variable)), ZERO),), None, 0)
+    return replace(node, kind=kind, law=law, arguments=(), starts={}, nominals={}, prefer=None, require=None)
+
+
+def _without_ports(node: Element, removed: set[int]) -> Element:
+    renumbered = {old: new for new, old in enumerate(p for p in range(len(node.ports)) if p not in removed)}
+
+    def own(symbol: Symbol) -> Expression:
+        return Symbol(Own(renumbered[symbol.key.port], symbol.key.variable)) if isinstance(symbol.key, Own) else symbol
+
+    equations = tuple(
+        (substitute(left, own), substitute(right, own))
+        for left, right in node.law.equations
+        if not (isinstance(left, Symbol) and isinstance(left.key, Own) and left.key.port in removed)
+    )
+    ports = tuple(p for i, p in enumerate(node.ports) if i not in removed)
+    starts = {renumbered[p]: s for p, s in node.starts.items() if p in renumbered}
+    nominals = {renumbered[p]: s for p, s in node.nominals.items() if p in renumbered}
+    return replace(node, ports=ports, law=Law(equations, None, node.law.arity), starts=starts, nominals=nominals)
+
+
+def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]) -> BondGraph:
+    bonds = [b for b in graph.bonds if b.tail not in dropped and b.head not in dropped]
+    gone = {end.node for end in dropped if end.node not in changed}
+    numbers: dict[int, int] = {}
+    nodes: list[Node] = []
+    ports: dict[End, End] = {}
+    for number, node in enumerate(graph.nodes):
+        if number in gone:
+            continue
+        numbers[number] = len(nodes)
+        node = changed.get(number, node)
+        if isinstance(node, MechanismNode):
+            node, moved = _mechanism_ports(node, number, bonds)
+            ports.update(moved)
+        elif number in changed:
+            old = graph.nodes[number]
+            assert isinstance(old, Element)
+            kept = [p for p in range(len(old.ports)) if End(number, p) not in dropped]
+            ports.update({End(number, p): End(number, i) for i, p in enumerate(kept)})
+        nodes.append(node)
+
+    def moved_end(end: End) -> End:
+        end = ports.get(end, end)
+        return End(numbers[end.node], end.port)
+
+    moved_bonds = tuple(Bond(moved_end(b.tail), moved_end(b.head), b.domain, b.span) for b in bonds)
+    return BondGraph(graph.name, tuple(nodes), moved_bonds, graph.quantities, graph.outputs, graph.span)
+
+
+def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tuple[MechanismNode, dict[End, End]]:
+    """The mechanism with only the ports that still carry a bond."""
+    used = {e.port for b in bonds for e in (b.tail, b.head) if e.node == number}
+    kept: list[Port] = []
+    moved: dict[End, End] = {}
+    for old, port in enumerate(node.ports):
+        if old in used:
+            moved[End(number, old)] = End(number, len(kept))
+            kept.append(port)
+    return replace(node, ports=tuple(kept)), moved
+
+

@@ -1,0 +1,91 @@
+"""Order on integers: what is needed, what depends on what, strongly connected blocks (Tarjan, SIAM J. Comput. 1, 1972)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+
+def needed(targets: Iterable[int], inputs: Sequence[Sequence[int]]) -> set[int]:
+    """Everything that the targets depend on, themselves included."""
+    seen: set[int] = set()
+    stack = list(targets)
+    while stack:
+        node = stack.pop()
+        if node not in seen:
+            seen.add(node)
+            stack.extend(inputs[node])
+    return seen
+
+
+def blocks(nodes: Iterable[int], inputs: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Strongly connected blocks, each after all that it depends on."""
+    number: dict[int, int] = {}
+    low: dict[int, int] = {}
+    on_stack: set[int] = set()
+    stack: list[int] = []
+    result: list[list[int]] = []
+    for root in nodes:
+        if root in number:
+            continue
+        work = [(root, 0)]
+        while work:
+            node, position = work.pop()
+            if position == 0:
+                number[node] = low[node] = len(number)
+                stack.append(node)
+                on_stack.add(node)
+            for i in range(position, len(inputs[node])):
+                other = inputs[node][i]
+                if other not in number:
+                    work += [(node, i + 1), (other, 0)]
+                    break
+                if other in on_stack:
+                    low[node] = min(low[node], number[other])
+            else:
+                if low[node] == number[node]:
+                    block = []
+                    while True:
+                        member = stack.pop()
+                        on_stack.discard(member)
+                        block.append(member)
+                        if member == node:
+                            break
+                    result.append(block[::-1])
+                if work:
+                    parent = work[-1][0]
+                    low[parent] = min(low[parent], low[node])
+    return result
+
+
+def tear(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
+    """Members to cut so that the rest can be computed in order: `(cut, rest in order)`; greedy, by most dependents."""
+    members = set(block)
+    waiting = {m: {i for i in inputs[m] if i in members} for m in block}
+    users: dict[int, list[int]] = {m: [] for m in block}
+    for member, sources in waiting.items():
+        for source in sources:
+            users[source].append(member)
+    cut: list[int] = []
+    order: list[int] = []
+    ready = [m for m in block if not waiting[m]]
+    left = dict.fromkeys(block)
+    while left:
+        while ready:
+            member = ready.pop()
+            if member not in left:
+                continue
+            del left[member]
+            order.append(member)
+            for user in users[member]:
+                waiting[user].discard(member)
+                if not waiting[user] and user in left:
+                    ready.append(user)
+        if left:
+            member = max(left, key=lambda m: sum(u in left for u in users[m]))
+            del left[member]
+            cut.append(member)
+            for user in users[member]:
+                waiting[user].discard(member)
+                if not waiting[user] and user in left:
+                    ready.append(user)
+    return cut, order

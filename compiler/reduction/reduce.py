@@ -1,0 +1,160 @@
+"""Equations to state space: what the run needs, in order, loops solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..algebra.affine import affine_parts
+from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, depends_on, multiply, negate, symbols
+from ..algebra.formula import bind
+from ..equations.system import Assignment, EquationSystem, State, Variable
+from ..errors import CompilationFailed, Diagnostic, InternalError
+from ..source import Span
+from .differentiate import Differentiator
+from .errors import NonlinearLoop, NothingToCompute, SingularLoop
+from .order import blocks, needed, tear
+from .state_space import Entry, LinearLoop, StateSpace, Step
+
+
+def reduce_equations(system: EquationSystem, everything: bool, span: Span) -> StateSpace:
+    """Order what is needed for the outputs (`everything`: for all states and powers too, as an energy balance asks)."""
+    return _Reduction(system, everything, span).run()
+
+
+class _Reduction:
+    def __init__(self, system: EquationSystem, everything: bool, span: Span) -> None:
+        self.system, self.everything, self.span = system, everything, span
+        differentiator = Differentiator(system)
+        differentiator.run()
+        if differentiator.diagnostics:
+            raise CompilationFailed(differentiator.diagnostics)
+        self.variables: list[Variable] = differentiator.variables
+        self.assigned: dict[int, Assignment] = {a.target: a for a in (*system.assignments, *differentiator.added)}
+        self.diagnostics: list[Diagnostic] = []
+
+    def run(self) -> StateSpace:
+        system = self.system
+        inputs: list[list[int]] = [[] for _ in self.variables]
+        for target, assignment in self.assigned.items():
+            inputs[target] = [a for a in assignment.arguments if not isinstance(a, float)]
+        rates = {s.variable: s.rate for s in system.states}
+        reach = [*inputs]
+        for variable, rate in rates.items():
+            reach[variable] = [rate]  # who needs a state needs its rate, at the next instant
+        wanted = list(system.outputs.values())
+        if self.everything or not wanted:
+            wanted += [s.variable for s in system.states]
+        if self.everything:
+            wanted += [v for p in system.ports for v in (p.effort, p.flow)] + list(system.stored.values())
+            wanted += [v for s in system.storages for v in s.stored]
+        if not wanted:
+            raise CompilationFailed([NothingToCompute(self.span)])
+        used = needed(wanted, reach)
+        states = [s for s in system.states if s.variable in used]
+        for state in states:  # starts and nominals are computed from parameters alone
+            extra = [e for e in (state.start, state.nominal) if isinstance(e, int)]
+            used |= needed(extra, inputs)
+        for storage in system.storages if self.everything else ():
+            used |= needed([a for a in storage.arguments if isinstance(a, int)], inputs)
+        steps: list[Step] = []
+        for block in blocks(sorted(used), inputs):
+            steps += self._block(block, inputs)
+        if self.diagnostics:
+            raise CompilationFailed(self.diagnostics)
+        kept = tuple(State(s.variable, s.rate, s.start, s.nominal, s.span) for s in states)
+        return StateSpace(
+            system.name, tuple(self.variables), tuple(steps), kept, system.outputs, system.quantities,
+            system.ports if self.everything else (), system.storages if self.everything else (),
+            system.stored if self.everything else {}, tuple(d.owner for d in system.derivatives),
+        )  # fmt: skip
+
+    def _block(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
+        """One strongly connected block: an assignment, or a loop."""
+        first = block[0]
+        if len(block) == 1 and first not in inputs[first]:
+            if first in self.assigned:
+                return [self.assigned[first]]
+            if self.variables[first].role == "computed":
+                raise InternalError(f"nothing computes {self.variables[first].name}")
+            return []
+        return self._loop(block, inputs)
+
+    def _loop(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
+        """An affine loop: cut, express the members in the cut variables, solve for those, then compute the members."""
+        cut, order = tear(block, inputs)
+        members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
+        named = ", ".join(f"`{m}`" for m in members[:8]) + ("…" if len(members) > 8 else "")
+        span = self.assigned[block[0]].span
+        known: dict[int, tuple[dict[int, Expression], Expression]] = {v: ({v: ONE}, ZERO) for v in cut}
+        steps: list[Step] = []
+        rows: list[tuple[dict[int, Expression], Expression]] = []
+        for variable in (*order, *cut):
+            assignment = self.assigned[variable]
+            parts = self._affine(assignment.expression, set(block))
+            if parts is None:
+                self.diagnostics.append(NonlinearLoop(assignment.span, named, assignment.owner))
+                return []
+            combined = self._combine(parts, known)
+            if variable in cut:
+                rows.append(combined)
+            else:
+                name = self.variables[variable].name
+                known[variable] = self._held(combined, name, assignment, steps)
+        matrix, right = [], []
+        for variable, (slopes, rest) in zip(cut, rows, strict=True):
+            owner = self.assigned[variable]
+            row = [add(ONE if v == variable else ZERO, negate(slopes.get(v, ZERO))) for v in cut]
+            matrix.append(tuple(self._entry(x, f"loop {self.variables[variable].name}", owner, steps) for x in row))
+            right.append(self._entry(rest, f"loop {self.variables[variable].name}", owner, steps))
+        if any(all(x == 0.0 for x in row) for row in matrix):
+            self.diagnostics.append(SingularLoop(span, named))
+            return []
+        steps.append(LinearLoop(tuple(cut), tuple(matrix), tuple(right), span, members))
+        return [*steps, *(self.assigned[v] for v in order)]
+
+    @staticmethod
+    def _affine(expression: Expression, block: set[int]) -> tuple[dict[int, Expression], Expression] | None:
+        """Slopes over the members of a block and the rest; None if it is not affine in them together."""
+        slopes: dict[int, Expression] = {}
+        inside = [s for s in symbols(expression) if s.key in block]
+        rest = expression
+        for symbol in inside:
+            parts = affine_parts(rest, symbol)
+            if parts is None or any(depends_on(parts[0], other) for other in inside):
+                return None
+            assert isinstance(symbol.key, int)
+            slopes[symbol.key], rest = parts
+        return slopes, rest
+
+    @staticmethod
+    def _combine(parts: tuple[dict[int, Expression], Expression], known: dict[int, tuple[dict[int, Expression], Expression]]) -> tuple[dict[int, Expression], Expression]:
+        total: dict[int, list[Expression]] = {}
+        rest = [parts[1]]
+        for variable, slope in parts[0].items():
+            inner, constant = known[variable]
+            for cut, factor in inner.items():
+                total.setdefault(cut, []).append(multiply(slope, factor))
+            rest.append(multiply(slope, constant))
+        return {v: add(*terms) for v, terms in total.items()}, add(*rest)
+
+    def _held(self, combined: tuple[dict[int, Expression], Expression], name: str, assignment: Assignment, steps: list[Step]) -> tuple[dict[int, Expression], Expression]:
+        """The same with names for what is longer than one, so that nothing is written twice."""
+        slopes, rest = combined
+        held = {v: self._name(x, f"{name} per {self.variables[v].name}", assignment, steps) for v, x in slopes.items()}
+        return held, self._name(rest, f"{name} without the loop", assignment, steps)
+
+    def _name(self, expression: Expression, name: str, assignment: Assignment, steps: list[Step]) -> Expression:
+        entry = self._entry(expression, name, assignment, steps)
+        return Number(entry) if isinstance(entry, float) else Symbol(entry)
+
+    def _entry(self, expression: Expression, name: str, assignment: Assignment, steps: list[Step]) -> Entry:
+        if isinstance(expression, Number):
+            return expression.value
+        if isinstance(expression, Symbol):
+            assert isinstance(expression.key, int)
+            return expression.key
+        variable = len(self.variables)
+        self.variables.append(Variable(name, "computed"))
+        bound = bind(expression)
+        steps.append(Assignment(variable, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))  # type: ignore[arg-type]
+        return variable

@@ -1,0 +1,306 @@
+"""Syntax tree to bond graph: the room's one verb, in the order in which things must happen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..algebra.formula import Bound
+from ..errors import CompilationFailed, Diagnostic
+from ..graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Node, Port
+from ..scene import Plan, Scene
+from ..source import Span
+from ..syntax import SyntaxTree, tree
+from .connect import Connector
+from ..graph.domains import Domain
+from .elaborate import Elaborator
+from .errors import NoSingleModel, UnknownAttribute, UnknownName, Unsupported, WrongConnection, WrongLaw, WrongMechanism
+from .experiments import choose_experiment, experiment_overrides, read_plan
+from .laws import STORED, CompiledLaw, compile_law, plain_kind
+from .load import Loader
+from .mechanisms import build_mechanism, static_bounds
+from .scope import ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """A flat model and what its experiment plans."""
+
+    graph: BondGraph
+    plan: Plan
+
+
+def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -> Built:
+    """Open the model that a scene asks for. Raises `CompilationFailed` with everything that is wrong."""
+    loader = Loader(library)
+    file = loader.load(syntax)
+    definition = choose_model(file, scene.model, loader.diagnostics)
+    elaborator, built = _build(definition, scene, loader.diagnostics, part=False)
+    if elaborator.diagnostics:
+        raise CompilationFailed(elaborator.diagnostics)
+    return built
+
+
+def check_parts(syntax: SyntaxTree, library: Path | None = None) -> list[Diagnostic]:
+    """What is wrong in any model of a file, each looked at by itself: ports may be open and parameters without value."""
+    loader = Loader(library)
+    file = loader.load(syntax)
+    diagnostics = list(loader.diagnostics)
+    for definition in [d for d in file.models.values() if d.file is file]:
+        elaborator, _ = _build(definition, Scene(experiment=None), [], part=True)
+        diagnostics += elaborator.diagnostics
+    return diagnostics
+
+
+def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diagnostic]) -> ModelDefinition:
+    """The model that is asked for, or the one that no other model of the file uses."""
+    own = {n: d for n, d in file.models.items() if d.file is file}
+    span = Span(file.source, 0, min(1, len(file.source.text)))
+    if wanted is not None:
+        if wanted in own:
+            return own[wanted]
+        hint = suggestion(wanted, list(own), f"It defines: {', '.join(own) or 'no model'}.")
+        raise CompilationFailed([*diagnostics, UnknownName(span, wanted, "the models of the file", hint)])
+    used = {d.kind for m in own.values() for d in _declarations(m.model.statements)}
+    free = [n for n in own if n not in used]
+    if len(free) == 1:
+        return own[free[0]]
+    if not own:
+        if diagnostics:
+            raise CompilationFailed(diagnostics)
+        raise CompilationFailed([NoSingleModel(span, "The file defines no model", "Write `model Name { … }`.")])
+    if not free:  # all use each other: opening one finds the cycle
+        return next(iter(own.values()))
+    what = f"The file has several models to run: {', '.join(free)}"
+    raise CompilationFailed([*diagnostics, NoSingleModel(own[free[1]].model.name_span, what, f"Name one: `--model {free[0]}`.")])
+
+
+def _declarations(statements: tuple[tree.Node, ...]) -> list[tree.Declaration]:
+    found = []
+    for statement in statements:
+        if isinstance(statement, tree.Declaration):
+            found.append(statement)
+        elif isinstance(statement, tree.Loop):
+            found += _declarations(statement.statements)
+    return found
+
+
+def _build(definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool) -> tuple[Elaborator, Built]:
+    experiment, told = choose_experiment(definition, scene.experiment)
+    overrides = [*experiment_overrides(experiment), *scene.overrides]  # what the command line sets comes last and wins
+    elaborator = Elaborator(overrides, part)
+    elaborator.diagnostics += [*earlier, *told]
+    root = elaborator.open_root(definition)
+    for pending in elaborator.pending:
+        elaborator.guard(elaborator.quantity, pending)
+    nodes = _Nodes(elaborator)
+    nodes.build()
+    plan, outputs = read_plan(elaborator, experiment, root, scene)
+    _check_overrides(elaborator, scene)
+    graph = BondGraph(definition.name, tuple(nodes.nodes), tuple(nodes.bonds), elaborator.quantities, outputs, definition.model.name_span)
+    if not part and not elaborator.structure_broken:
+        elaborator.diagnostics += _unconnected(graph)
+    return elaborator, Built(graph, plan)
+
+
+def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
+    settable = [p.name for p in elaborator.pending if p.role in ("parameter", "input")]
+    roles = {p.name: p.role for p in elaborator.pending}
+    lists = {n for n in elaborator.quantities if "[" in n}
+    for path, override in elaborator.overrides.items():
+        if path in elaborator.used_overrides:
+            continue
+        if path in roles and roles[path] not in ("parameter", "input"):
+            elaborator.tell(UnknownName(override.span, path, "what can be set", f"It is a {roles[path]}; only parameters and inputs are set from outside."))
+        elif not elaborator.diagnostics:
+            hint = suggestion(path, [*settable, *lists], f"Parameters and inputs: {', '.join(settable[:12])}{'…' if len(settable) > 12 else ''}.")
+            elaborator.tell(UnknownName(override.span, path, f"`{elaborator.root.definition.name}`", hint))
+    for name in scene.free - {"*"}:
+        if name not in elaborator.quantities:
+            span = elaborator.root.definition.model.name_span
+            elaborator.tell(UnknownName(span, name, "what can be set", suggestion(name, settable)))
+
+
+class _Nodes:
+    """Makes the nodes and bonds of the flat graph."""
+
+    def __init__(self, elaborator: Elaborator) -> None:
+        self.elaborator = elaborator
+        self.nodes: list[Node] = []
+        self.bonds: list[Bond] = []
+        self.ends: dict[tuple[str, str], End] = {}
+        self._laws: dict[int, CompiledLaw] = {}  # by declaration: compiled once per definition
+        self._interned: dict[Law, Law] = {}  # equal laws of flat text are one law
+
+    def build(self) -> None:
+        elaborator = self.elaborator
+        for scope, declaration, entry in elaborator.elements:
+            before = len(self.nodes)
+            elaborator.guard(self._element, scope, declaration, entry)
+            if len(self.nodes) == before and declaration.kind != "splitter":  # its law is wrong: its bonds can still be checked
+                for number, port in enumerate(entry.ports):
+                    self.ends[entry.name, port] = End(before, number)
+                self.nodes.append(_placeholder(entry))
+        connector = Connector(elaborator)
+        connector.connect()
+        for name, kind, domain, scope, span in connector.anonymous:
+            self.ends[name, ""] = End(len(self.nodes), 0)
+            self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
+        self._mechanisms(connector)
+        self.bonds = connector.bonds(self.ends)
+        self._share_ports()
+
+    def _element(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> None:
+        if declaration.kind == "splitter":
+            return
+        index = len(self.nodes)
+        definition = f"{scope.definition.name}.{entry.name.removeprefix(scope.path).split('[')[0]}"
+        if declaration.kind in ("0", "1"):
+            if isinstance(declaration.definition, tree.Law):
+                raise Wrong(WrongLaw(declaration.definition.span, f"The junction `{entry.name}` has a law", "A junction has none: a 0-junction shares its effort, a 1-junction its flow."))
+            for attribute in declaration.attributes:
+                if attribute.name == "active":
+                    raise Wrong(Unsupported(attribute.span, "A switched junction", "Switches come with events."))
+                raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`."))
+            domain = next(iter(entry.ports.values()))
+            self.ends[entry.name, ""] = End(index, 0)
+            self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
+            return
+        compiled = self._law(scope, declaration, entry)
+        arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
+        ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
+        for number, port in enumerate(ports):
+            self.ends[entry.name, port.name] = End(index, number)
+        attributes = self._attributes(scope, declaration, entry)
+        kind = plain_kind(declaration.kind)
+        self.nodes.append(
+            Element(
+                entry.name, Kind(kind), kind != declaration.kind, ports, compiled.law, arguments,
+                attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
+            )
+        )  # fmt: skip
+
+    def _law(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> CompiledLaw:
+        found = self._laws.get(id(declaration))
+        if found is None:
+            elaborator = self.elaborator
+            compiled = compile_law(declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at)
+            found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots)
+            self._laws[id(declaration)] = found
+        return found
+
+    def _attributes(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> _Attributes:
+        result = _Attributes({}, {}, None, None)
+        ports = list(entry.ports)
+        kind = plain_kind(declaration.kind)
+        for attribute in declaration.attributes:
+            if attribute.name in ("start", "nominal") and kind in STORED:
+                self._stored_value(scope, attribute, entry, ports, kind, result)
+            elif attribute.name in ("prefer", "require"):
+                word = attribute.value.words if isinstance(attribute.value, tree.Path) else ""
+                allowed = ("integral", "derivative") if kind in STORED else ("effort", "flow")
+                if word not in (*allowed, "effort", "flow"):
+                    raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} = {attribute.value.span.text}", f"It can be: {', '.join(allowed)}."))
+                if attribute.name == "prefer":
+                    result.prefer = word
+                else:
+                    result.require = word
+            else:
+                known = (["start", "nominal"] if kind in STORED else []) + ["prefer", "require"]
+                hint = suggestion(attribute.name, known, f"{declaration.kind} has: {', '.join(known)}.")
+                raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
+        return result
+
+    def _stored_value(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry, ports: list[str], kind: str, result: _Attributes) -> None:
+        stored = STORED[kind]
+        words = attribute.target.words if attribute.target is not None else ""
+        port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
+        domain: Domain | None = entry.ports.get(port)
+        variable = None if domain is None else (domain.variable(letter) if letter else stored)
+        allowed = stored + ("e" if kind == "C" else "f")
+        if domain is None or variable is None or variable not in allowed or (attribute.name == "nominal" and variable != stored):
+            names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}".strip(), f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}."))
+        (bound,) = static_bounds(self.elaborator, attribute.value, scope, domain.dimension(variable), f"`{attribute.name} {words}`", 1)
+        target = result.starts if attribute.name == "start" else result.nominals
+        number = ports.index(port)
+        if number in target:
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}", "It is given twice."))
+        target[number] = (variable, bound)
+
+    def _mechanisms(self, connector: Connector) -> None:
+        elaborator = self.elaborator
+        for scope, statement, entry in elaborator.mechanisms:
+            mechanism = build_mechanism(elaborator, scope, statement, entry)
+            used = dict.fromkeys(t.port for s in connector.segments for t in (s.tail, s.head) if t.node == entry.name and not t.side)
+            ports = tuple(Port(p, elaborator.port_domain(entry.name, p).name) for p in used)
+            for number, port in enumerate(ports):
+                self.ends[entry.name, port.name] = End(len(self.nodes), number)
+            if not mechanism.bodies and not elaborator.diagnostics:
+                elaborator.tell(WrongMechanism(statement.span, f"The mechanism `{entry.name}` has no body", "Declare what moves: `body name { mass = … }`."))
+            self.nodes.append(MechanismNode(entry.name, Kind.MECHANISM, ports, mechanism, f"{scope.definition.name}.{statement.name}", entry.span))
+
+    def _share_ports(self) -> None:
+        """A part of a mechanism takes any number of bonds, which share its flow: a 1-junction stands there if they are several."""
+        by_port: dict[End, list[int]] = {}
+        for number, bond in enumerate(self.bonds):
+            for end in (bond.tail, bond.head):
+                if isinstance(self.nodes[end.node], MechanismNode):
+                    by_port.setdefault(end, []).append(number)
+        for end, numbers in by_port.items():
+            if len(numbers) < 2:
+                continue
+            node = self.nodes[end.node]
+            assert isinstance(node, MechanismNode)
+            port = node.ports[end.port]
+            junction = End(len(self.nodes), 0)
+            self.nodes.append(Junction(f"{node.name}.{port.name}", Kind.ONE, port.domain, node.definition, node.span))
+            for number in numbers:
+                bond = self.bonds[number]
+                moved = Bond(junction, bond.head, bond.domain, bond.span) if bond.tail == end else Bond(bond.tail, junction, bond.domain, bond.span)
+                self.bonds[number] = moved
+            first = self.bonds[numbers[0]]
+            self.bonds.append(Bond(junction, end, port.domain, first.span))
+
+
+@dataclass(slots=True)
+class _Attributes:
+    starts: dict[int, tuple[str, Bound]]
+    nominals: dict[int, tuple[str, Bound]]
+    prefer: str | None
+    require: str | None
+
+
+def _placeholder(entry: ElementEntry) -> Element:
+    ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
+    kind = Kind(plain_kind(entry.kind))
+    return Element(entry.name, kind, False, ports, Law((), None, 0), (), {}, {}, None, None, "", entry.span)
+
+
+def _unconnected(graph: BondGraph) -> list[Diagnostic]:
+    """Every port of an element has exactly one bond, every junction at least one."""
+    bonds: dict[End, list[Span]] = {}
+    for bond in graph.bonds:
+        for end in (bond.tail, bond.head):
+            bonds.setdefault(end, []).append(bond.span)
+    result: list[Diagnostic] = []
+    for number, node in enumerate(graph.nodes):
+        if isinstance(node, Junction):
+            if End(number, 0) not in bonds:
+                result.append(WrongConnection(node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."))
+            continue
+        if isinstance(node, MechanismNode):
+            continue
+        for port_number, port in enumerate(node.ports):
+            spans = bonds.get(End(number, port_number), [])
+            name = f"{node.name}.{port.name}" if port.name and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR) else node.name
+            if len(spans) > 1:
+                hint = "Every port has one bond; put a 0- or 1-junction between."
+                result.append(WrongConnection(spans[1], f"`{name}` has {len(spans)} bonds", hint, ((spans[0], "one of them"),)))
+            elif not spans:
+                side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
+                what = f"No bond goes {side} of `{name}`" if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR) else f"No bond reaches `{name}`"
+                result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
+    return result
+

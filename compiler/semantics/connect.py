@@ -1,0 +1,294 @@
+"""Bonds: places found, multibonds taken apart, walls and splitters passed through, arrows checked."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import NamedTuple
+
+from ..graph.network import Bond, End
+from ..source import Span
+from ..syntax import tree
+from ..graph.domains import Domain
+from .elaborate import Elaborator
+from .errors import DomainConflict, UnknownDomain, UnknownName, WrongConnection, WrongType
+from .scope import AlreadyTold, Array, Broken, ElementEntry, Entry, InstanceEntry, PartEntry, Scope, WallEntry, Wrong, suggestion
+
+
+class Terminal(NamedTuple):
+    """Where half of a bond arrives: a port of a node, or one side of a hole in a wall."""
+
+    node: str
+    port: str
+    side: str  # "" for a node; "inside" or "outside" of a wall, "many" or "single" of a splitter
+    domain: Domain
+
+
+class Segment(NamedTuple):
+    """A bond as drawn, before walls are passed."""
+
+    tail: Terminal
+    head: Terminal
+    span: Span
+
+
+class Place(NamedTuple):
+    """What an arrow reaches: terminals by component; `multi` if it is a multibond."""
+
+    terminals: dict[str, Terminal]
+    multi: bool
+    kind: str
+    span: Span
+    words: str
+
+
+class Connector:
+    """Turns the bond statements of all instances into bonds between nodes."""
+
+    def __init__(self, elaborator: Elaborator) -> None:
+        self.elaborator = elaborator
+        self.segments: list[Segment] = []
+        self.anonymous: list[tuple[str, str, str, Scope, Span]] = []  # junctions in place: name, kind, domain, scope, span
+        self.names: dict[str, int] = {}
+        self.nests: dict[tuple[int, str, str], str] = {}
+
+    def connect(self) -> None:
+        """Read every statement; mistakes go to the elaborator."""
+        before = len(self.elaborator.diagnostics)
+        for scope, statement in self.elaborator.bonds:
+            self.elaborator.guard(self._statement, scope, statement)
+        if len(self.elaborator.diagnostics) > before:
+            self.elaborator.structure_broken = True
+
+    # ------------------------------------------------------------ one statement
+    def _statement(self, scope: Scope, statement: tree.Bonds) -> None:
+        for group in statement.places:
+            for place in group:
+                if isinstance(place, tree.Nest):
+                    self.elaborator.guard(self._nest, scope, place)
+        for arrow, first, second in zip(statement.arrows, statement.places, statement.places[1:], strict=False):
+            if len(first) > 1 and len(second) > 1:
+                hint = "Write one arrow for each pair: which goes to which is not guessed."
+                raise Wrong(WrongConnection(statement.span, "An arrow from several places to several places", hint))
+            for tail in first:
+                for head in second:
+                    self.elaborator.guard(self._arrow, scope, tail, head, arrow)
+
+    def _arrow(self, scope: Scope, tail: tree.Path | tree.Nest, head: tree.Path | tree.Nest, arrow: str) -> None:
+        source, target = self._place(scope, tail, is_head=False), self._place(scope, head, is_head=True)
+        span = head.span
+        if source.kind in ("C", "I", "R", "MR"):
+            word = source.words
+            raise Wrong(WrongConnection(tail.span, f"An arrow out of `{word}`", f"Power counts as positive into C, I and R: turn the arrow, `{target.words} -> {word}`."))
+        multi = source.multi or target.multi
+        if arrow == "->" and multi:
+            word = source.words if source.multi else target.words
+            raise Wrong(WrongConnection(span, f"`{word}` is a multibond", f"Use `=>` for all its ports, or name one: `{word}.{next(iter((source if source.multi else target).terminals))}`."))
+        if arrow == "=>" and not (source.multi and target.multi):
+            word = target.words if source.multi else source.words
+            raise Wrong(WrongConnection(span, f"`{word}` is not a multibond", "`=>` joins multibonds port by port; a single bond is `->`."))
+        missing = source.terminals.keys() ^ target.terminals.keys()
+        if missing:
+            first, second = ", ".join(source.terminals), ", ".join(target.terminals)
+            raise Wrong(WrongConnection(span, f"The multibonds `{source.words}` ({first}) and `{target.words}` ({second}) have different ports", "`=>` joins ports of equal names."))
+        for component, terminal in source.terminals.items():
+            self.segments.append(Segment(terminal, target.terminals[component], span))
+
+    def _nest(self, scope: Scope, nest: tree.Nest) -> None:
+        place = self._place(scope, nest, is_head=True)
+        (junction,) = place.terminals.values()
+        for member in nest.members:
+            if isinstance(member, tree.Nest):
+                self._nest(scope, member)
+            entry = None if isinstance(member, tree.Nest) else self._entry(scope, member)
+            from_source = isinstance(entry, ElementEntry) and entry.kind in ("Se", "Sf", "MSe", "MSf")
+            other = self._place(scope, member, is_head=not from_source)
+            if other.multi:
+                raise Wrong(WrongConnection(member.span, f"`{other.words}` is a multibond", f"Name one of its ports: `{other.words}.{next(iter(other.terminals))}`."))
+            (terminal,) = other.terminals.values()
+            tail, head = (terminal, junction) if from_source else (junction, terminal)
+            self.segments.append(Segment(tail, head, member.span))
+
+    # ------------------------------------------------------------ places
+    def _entry(self, scope: Scope, path: tree.Path) -> Entry:
+        entry = scope.find(path.head)
+        if entry is None:
+            hint = suggestion(path.head, list(scope.names()), "Declare it first: `C name : law`, `1 name`, `ModelName name`.")
+            raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
+        if isinstance(entry, Broken):
+            raise AlreadyTold
+        return entry
+
+    def _place(self, scope: Scope, place: tree.Path | tree.Nest, is_head: bool) -> Place:
+        if isinstance(place, tree.Nest):
+            return self._nest_place(scope, place)
+        entry = self._entry(scope, place)
+        steps = list(place.steps)
+        name = place.head
+        own_wall = isinstance(entry, WallEntry)
+        while steps:
+            step = steps[0]
+            if isinstance(step, tree.Index):
+                if not isinstance(entry, Array):
+                    raise Wrong(WrongType(place.span, f"No index after `{name}`", "one", "It is no array."))
+                index = self.elaborator.index_of(step, scope)
+                assert index is not None
+                if index not in entry.items:
+                    raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", f"`{entry.name}` has the items {_some(entry)}."))
+                entry = entry.items[index]
+            elif isinstance(entry, InstanceEntry):
+                inner = entry.scope.entries.get(step.name)
+                if not isinstance(inner, WallEntry):
+                    walls = [n for n, e in entry.scope.entries.items() if isinstance(e, WallEntry)]
+                    hint = suggestion(step.name, walls, f"Its ports: {', '.join(walls) or 'none'}. Bonds reach the inside of an instance only through its ports.")
+                    raise Wrong(UnknownName(place.span, step.name, f"the ports of `{name}`", hint))
+                entry = inner
+            elif hasattr(entry, "parts"):
+                inner_part = entry.parts.entries.get(step.name)  # type: ignore[union-attr]
+                if inner_part is None:
+                    hint = suggestion(step.name, list(entry.parts.entries))  # type: ignore[union-attr]
+                    raise Wrong(UnknownName(place.span, step.name, f"the mechanism `{name}`", hint))
+                entry = inner_part
+            else:
+                break
+            if isinstance(entry, Broken):
+                raise AlreadyTold
+            name = place.words
+            steps.pop(0)
+        component = None
+        if steps:
+            step = steps[0]
+            if len(steps) > 1 or isinstance(step, tree.Index):
+                raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", "A bond reaches an element, a junction, or a port of one."))
+            component = step.name
+        return self._finish(entry, component, place, is_head, own_wall, scope)
+
+    def _finish(self, entry: Entry, component: str | None, place: tree.Path, is_head: bool, own_wall: bool, scope: Scope) -> Place:
+        words = place.words
+        match entry:
+            case ElementEntry(kind=("TF" | "GY" | "MTF" | "MGY")):
+                side = "1" if is_head else "2"
+                if component is not None:
+                    raise Wrong(UnknownName(place.span, component, f"`{entry.name}`", "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2."))
+                return Place({"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place.span, words)
+            case ElementEntry():
+                side = "" if entry.kind != "splitter" else ("single" if component is not None else "many")
+                return self._ports(entry.name, entry.ports, component, side, entry.kind, place)
+            case WallEntry():
+                return self._ports(entry.name, entry.ports, component, "inside" if own_wall else "outside", "wall", place)
+            case PartEntry():
+                if entry.kind == "weld" or not entry.ports:
+                    raise Wrong(WrongConnection(place.span, f"`{words}` has no freedom, so no bond can reach it", "A bond moves a joint with a freedom, or a body."))
+                prefixed = self._ports(entry.mechanism, entry.ports, component, "", "part", place)
+                terminals = {c: t._replace(port=f"{entry.name}.{t.port}") for c, t in prefixed.terminals.items()}
+                if len(entry.ports) == 1:
+                    (terminal,) = terminals.values()
+                    return Place({"": terminal}, False, "part", place.span, words)
+                return prefixed._replace(terminals=terminals)
+            case InstanceEntry():
+                walls = [n for n, e in entry.scope.entries.items() if isinstance(e, WallEntry)]
+                raise Wrong(WrongConnection(place.span, f"`{words}` is an instance of `{entry.scope.definition.name}`", f"Name its port: {', '.join(f'`{words}.{w}`' for w in walls) or 'it has none'}."))
+            case Array():
+                raise Wrong(WrongConnection(place.span, f"`{words}` is an array", f"Say which: `{words}[…]` with {_some(entry)}."))
+        if getattr(entry, "state", "") == "broken":
+            raise AlreadyTold
+        raise Wrong(WrongConnection(place.span, f"`{words}` is no place for a bond", "Bonds join elements, junctions, ports and the parts of mechanisms."))
+
+    def _ports(self, node: str, ports: object, component: str | None, side: str, kind: str, place: tree.Path) -> Place:
+        assert isinstance(ports, dict) or hasattr(ports, "items")
+        known: dict[str, Domain] = dict(ports.items())  # type: ignore[attr-defined]
+        words = place.words
+        if component is not None:
+            if component not in known or component == "":
+                names = [n for n in known if n]
+                raise Wrong(UnknownName(place.span, component, f"the ports of `{node}`", suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}.")))
+            return Place({"": Terminal(node, component, side, known[component])}, False, kind, place.span, words)
+        if list(known) == [""]:
+            return Place({"": Terminal(node, "", side, known[""])}, False, kind, place.span, words)
+        return Place({c: Terminal(node, c, side, d) for c, d in known.items()}, True, kind, place.span, words)
+
+    def _nest_place(self, scope: Scope, nest: tree.Nest) -> Place:
+        key = (nest.span.start, scope.path, scope.suffix)
+        domain = self.elaborator.domain_of(scope, (f"@{nest.span.start}", ""))
+        if domain is None:
+            raise Wrong(UnknownDomain(nest.span, f"{nest.kind}(…)"))
+        if key not in self.nests:
+            first = nest.members[0]
+            label = first.words if isinstance(first, tree.Path) else "…"
+            name = scope.full(f"{nest.kind}({label})")
+            self.names[name] = self.names.get(name, 0) + 1
+            if self.names[name] > 1:
+                name += f"#{self.names[name]}"
+            self.nests[key] = name
+            self.anonymous.append((name, nest.kind, domain.name, scope, nest.span))
+        return Place({"": Terminal(self.nests[key], "", "", domain)}, False, nest.kind, nest.span, f"{nest.kind}(…)")
+
+    # ------------------------------------------------------------ walls
+    def bonds(self, numbers: dict[tuple[str, str], End]) -> list[Bond]:
+        """The bonds between nodes, walls passed. `numbers` gives the end for a node's name and port."""
+        holes: dict[tuple[str, str], dict[str, list[Segment]]] = defaultdict(lambda: defaultdict(list))
+        for segment in self.segments:
+            for terminal in (segment.tail, segment.head):
+                if terminal.side:
+                    holes[terminal.node, terminal.port][terminal.side].append(segment)
+        for (node, port), sides in holes.items() if not self.elaborator.structure_broken else ():
+            self._check_hole(f"{node}.{port}" if port else node, sides)
+        result = []
+        for segment in self.segments:
+            if not segment.tail.side:  # every chain begins at a node, if its arrows agree
+                bond = self._follow(segment, holes, numbers)
+                if bond is not None:
+                    result.append(bond)
+        return result
+
+    def _check_hole(self, name: str, sides: dict[str, list[Segment]]) -> None:
+        for side, segments in sides.items():
+            if len(segments) > 1:
+                hint = "A port passes one bond on each side; put a junction there for more."
+                self.elaborator.tell(WrongConnection(segments[1].span, f"Two bonds on one side of `{name}`", hint, ((segments[0].span, "the other one"),)))
+            if side in ("inside", "outside") and len(sides) < 2 and not self.elaborator.part:
+                where = "inside its model" if side == "outside" else "outside"
+                hint = "Connect it on both sides; a port that is not needed is left out."
+                self.elaborator.tell(WrongConnection(segments[0].span, f"The port `{name}` is not connected {where}", hint))
+            if side in ("single", "many") and len(sides) < 2:
+                hint = "A splitter passes every bond through: `name =>` on one side, `name.x` on the other."
+                self.elaborator.tell(WrongConnection(segments[0].span, f"The splitter's port `{name}` is connected on one side only", hint))
+        if len(sides) == 2 and all(len(s) == 1 for s in sides.values()):
+            (first,), (second,) = sides.values()
+            arrives = [s for s in (first, second) if s.head.side and _name(s.head) == name]
+            if len(arrives) != 1:
+                how = "head-on" if len(arrives) == 2 else "tail to tail"
+                other = ((first.span, "the other arrow"),)
+                self.elaborator.tell(WrongConnection(second.span, f"Two arrows meet {how} in `{name}`", "The arrows on both sides of a port must agree: turn one of them.", other))
+
+    def _follow(self, segment: Segment, holes: dict[tuple[str, str], dict[str, list[Segment]]], numbers: dict[tuple[str, str], End]) -> Bond | None:
+        current = segment
+        for _ in range(len(self.segments) + 1):
+            head = current.head
+            if not head.side:
+                return self._bond(segment, current, numbers)
+            onward = [s for side, all_ in holes[head.node, head.port].items() if side != head.side for s in all_]
+            onward = [s for s in onward if s.tail.side and s.tail.node == head.node and s.tail.port == head.port]
+            if len(onward) != 1:
+                return None  # told by _check_hole, or open in a part
+            current = onward[0]
+        return None
+
+    def _bond(self, first: Segment, last: Segment, numbers: dict[tuple[str, str], End]) -> Bond | None:
+        tail, head = first.tail, last.head
+        if tail.domain != head.domain:
+            self.elaborator.tell(DomainConflict(last.span, _name(head), head.domain.name, tail.domain.name, first.span))
+            return None
+        ends = numbers.get((tail.node, tail.port)), numbers.get((head.node, head.port))
+        if ends[0] is None or ends[1] is None:
+            return None  # the node itself is wrong, and that is told
+        return Bond(ends[0], ends[1], tail.domain.name, last.span)
+
+
+def _name(terminal: Terminal) -> str:
+    return f"{terminal.node}.{terminal.port}" if terminal.port else terminal.node
+
+
+def _some(array: Array) -> str:
+    keys = sorted(array.items)
+    shown = [", ".join(map(str, k)) for k in keys]
+    return ", ".join(shown[:6]) + ("…" if len(shown) > 6 else "")

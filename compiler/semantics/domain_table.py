@@ -1,0 +1,279 @@
+"""Domains spread along bonds, once per model definition: from declared ports, junctions and the letters of laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from ..errors import Diagnostic
+from ..source import Span
+from ..syntax import tree
+from ..graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC, Domain
+from .errors import DomainConflict, UnknownName
+from .scope import ModelDefinition, suggestion
+
+ELEMENT_KINDS = frozenset("Se Sf MSe MSf C I IC R MR RS TF GY MTF MGY 0 1 splitter".split())
+TWO_SIDED = frozenset({"TF", "GY", "MTF", "MGY"})
+
+Key = tuple[str, ...]  # ("spring", "x"), ("body", ""), ("comb", "shuttle", "")
+
+
+@dataclass(slots=True)
+class DomainTable:
+    """The domain of every port in one definition. Keys name parts without their indices."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    parents: dict[Key, Key] = field(default_factory=dict)
+    known: dict[Key, tuple[str, Span]] = field(default_factory=dict)
+
+    def root(self, key: Key) -> Key:
+        parent = self.parents.setdefault(key, key)
+        while parent != self.parents[parent]:
+            self.parents[parent] = self.parents[self.parents[parent]]
+            parent = self.parents[parent]
+        return parent
+
+    def learn(self, key: Key, domain: str, span: Span) -> None:
+        """A port is of this domain, because of that place."""
+        root = self.root(key)
+        before = self.known.setdefault(root, (domain, span))
+        if before[0] != domain:
+            name = ".".join(k for k in key if k)
+            self.diagnostics.append(DomainConflict(span, name, domain, before[0], before[1]))
+
+    def join(self, a: Key, b: Key, span: Span) -> None:
+        """Two ports share a bond."""
+        first, second = self.root(a), self.root(b)
+        if first == second:
+            return
+        one, two = self.known.get(first), self.known.get(second)
+        if one is not None and two is not None and one[0] != two[0]:
+            name = ".".join(k for k in b if k)
+            self.diagnostics.append(DomainConflict(span, name, two[0], one[0], one[1]))
+            return
+        self.parents[second] = first
+        if one is None and two is not None:
+            self.known[first] = two
+
+    def of(self, *key: str) -> Domain | None:
+        """The domain of a port; None if nothing tells it."""
+        found = self.known.get(self.root(key))
+        return None if found is None else DOMAINS[found[0]]
+
+
+def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> DomainTable:
+    """Spread the domains of one definition; `table_of` gives those of the models it uses."""
+    table = DomainTable()
+    model = definition.model
+    names = set(_names(model.statements)) | set(definition.file.constants)
+    kinds: dict[str, tree.Declaration] = {}
+    walls: dict[str, tree.PortItem] = {}
+    for statement in _flat(model.statements):
+        if isinstance(statement, tree.Declaration):
+            kinds.update({d.name: statement for d in statement.names})
+            if statement.kind in ELEMENT_KINDS and not model.plain:
+                _learn_from_declaration(table, statement, names)
+        elif isinstance(statement, tree.Ports):
+            for item in statement.items:
+                walls[item.name] = item
+                for component, domain in wall_components(item).items():
+                    if domain is not None and domain in DOMAINS:
+                        table.learn((item.name, component), domain, item.span)
+                    elif domain is not None:
+                        hint = suggestion(domain, [*DOMAINS, *BUNDLES], "Domains: " + ", ".join(DOMAINS) + ", planar, spatial.")
+                        table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
+    mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
+
+    def ends(place: tree.Path | tree.Nest, is_head: bool) -> dict[str, Key]:
+        """component -> key of what a bond reaches at a place."""
+        if isinstance(place, tree.Nest):
+            return {"": (f"@{place.span.start}", "")}
+        members = [s.name for s in place.steps if isinstance(s, tree.Member)]
+        if place.head in mechanisms:
+            return _mechanism_ends(table, mechanisms[place.head], place, members)
+        if place.head in walls:
+            components = wall_components(walls[place.head])
+            wanted = members[:1] or list(components)
+            return {("" if members else c): (place.head, c) for c in wanted}
+        declaration = kinds.get(place.head)
+        if declaration is None:
+            return {}
+        if declaration.kind in TWO_SIDED:
+            return {"": (place.head, "1" if is_head else "2")}
+        if declaration.kind in ELEMENT_KINDS:
+            ports = element_ports(declaration, place.head)
+            if members:
+                return {"": (place.head, members[0])}
+            return {p: (place.head, p) for p in ports}
+        inner = definition.file.models.get(declaration.kind)
+        if inner is None or not members:
+            return {}
+        inner_table = table_of(inner)
+        item = next((i for s in _flat(inner.model.statements) if isinstance(s, tree.Ports) for i in s.items if i.name == members[0]), None)
+        if item is None:
+            return {}
+        wanted = members[1:2] or list(wall_components(item))
+        result = {}
+        for component in wanted:
+            key = (place.head, members[0], component)
+            domain = inner_table.of(members[0], component)
+            if domain is not None:
+                table.learn(key, domain.name, place.span)
+            result["" if members[1:] else component] = key
+        return result
+
+    def connect(tails: dict[str, Key], heads: dict[str, Key], span: Span) -> None:
+        for component in tails.keys() & heads.keys():
+            table.join(tails[component], heads[component], span)
+
+    def nested(place: tree.Path | tree.Nest) -> None:
+        if isinstance(place, tree.Nest):
+            for member in place.members:
+                connect(ends(place, False), ends(member, True), member.span)
+                nested(member)
+
+    for statement in _flat(model.statements):
+        if isinstance(statement, tree.Bonds) and not model.plain:
+            for group in statement.places:
+                for place in group:
+                    nested(place)
+            for first, second in zip(statement.places, statement.places[1:], strict=False):
+                for tail in first:
+                    for head in second:
+                        connect(ends(tail, False), ends(head, True), head.span)
+    return table
+
+
+def wall_components(item: tree.PortItem) -> dict[str, str | None]:
+    """The scalar ports of a port of a model, with their declared domains."""
+    if item.domain in BUNDLES:
+        return dict(BUNDLES[item.domain])
+    if item.components:
+        return {c.name: c.domain or COMPONENT_DOMAINS.get(c.name) for c in item.components}
+    return {"": item.domain}
+
+
+def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
+    """The names of an element's scalar ports."""
+    if declaration.kind in TWO_SIDED:
+        return ("1", "2")
+    declared = next(d for d in declaration.names if d.name == name)
+    return tuple(c.name for c in declared.components) or ("",)
+
+
+def _flat(statements: tuple[tree.Node, ...]) -> Iterator[tree.Node]:
+    for statement in statements:
+        yield statement
+        if isinstance(statement, tree.Loop):
+            yield from _flat(statement.statements)
+
+
+def _names(statements: tuple[tree.Node, ...]) -> Iterator[str]:
+    for statement in _flat(statements):
+        if isinstance(statement, tree.Quantities):
+            yield from (i.name for i in statement.items)
+        elif isinstance(statement, tree.Declaration):
+            yield from (d.name for d in statement.names)
+        elif isinstance(statement, tree.Loop):
+            yield statement.name
+
+
+def _parts(mechanism: tree.Mechanism) -> dict[str, str]:
+    parts = {}
+    for statement in _flat(mechanism.statements):
+        if isinstance(statement, tree.Declaration):
+            parts.update({d.name: statement.kind for d in statement.names})
+    return parts
+
+
+def _mechanism_ends(table: DomainTable, parts: dict[str, str], place: tree.Path, members: list[str]) -> dict[str, Key]:
+    from ..graph.mechanism import FREEDOMS
+
+    if not members:
+        return {}
+    kind = parts.get(members[0])
+    freedoms = FREEDOMS.get(kind or "", ("x", "y", "phi"))
+    wanted = members[1:2] or list(freedoms)
+    result = {}
+    for component in wanted:
+        if component not in freedoms:
+            continue
+        key = (place.head, members[0], component)
+        table.learn(key, BUNDLES["planar"][component], place.span)
+        result["" if members[1:] or len(freedoms) == 1 else component] = key
+    return result
+
+
+def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, names: set[str]) -> None:
+    definition = declaration.definition
+    for declared in declaration.names:
+        for component in declared.components:
+            domain = component.domain or (COMPONENT_DOMAINS.get(component.name) if declaration.kind == "splitter" else None)
+            if domain is not None:
+                if domain in DOMAINS:
+                    table.learn((declared.name, component.name), domain, component.span)
+                else:
+                    hint = suggestion(domain, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
+                    table.diagnostics.append(UnknownName(component.span, domain, "the list of domains", hint))
+        if isinstance(definition, tree.Path) and not definition.steps:
+            if definition.head not in DOMAINS:
+                hint = suggestion(definition.head, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
+                table.diagnostics.append(UnknownName(definition.span, definition.head, "the list of domains", hint))
+            else:
+                for port in element_ports(declaration, declared.name):
+                    table.learn((declared.name, port), definition.head, definition.span)
+        elif isinstance(definition, tree.Law):
+            ports = element_ports(declaration, declared.name)
+            for port in ports:
+                letters = _letters(definition, declaration, port, names)
+                fitting = [d for d in DOMAINS.values() if d.typed and letters and all(w in d.letters or w in GENERIC for w in letters)]
+                if len(fitting) == 1:
+                    table.learn((declared.name, port), fitting[0].name, definition.span)
+
+
+def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:
+    """The specific letters that a law uses for one port."""
+    found: set[str] = set()
+    two_sided = declaration.kind in TWO_SIDED
+    for path in paths_of(law):
+        if two_sided:
+            if not path.steps and path.head[-1:] == port:
+                found.add(path.head[:-1])
+        elif port:
+            if path.head == port and len(path.steps) == 1 and isinstance(path.steps[0], tree.Member):
+                found.add(path.steps[0].name)
+        elif not path.steps and path.head not in names:
+            found.add(path.head)
+    letters = {letter for d in DOMAINS.values() for letter in d.letters if letter}
+    return (found & letters) - set(GENERIC)
+
+
+def paths_of(node: tree.Node) -> Iterator[tree.Path]:
+    """All paths that are read in an expression or law."""
+    stack: list[tree.Node] = [node]
+    while stack:
+        item = stack.pop()
+        match item:
+            case tree.Law():
+                for equation in item.equations:
+                    stack += [equation.left, equation.right]
+            case tree.Path():
+                yield item
+            case tree.Sum():
+                stack += [t for _, t in item.terms]
+            case tree.Product():
+                stack += [f for _, f in item.factors]
+            case tree.Negative():
+                stack.append(item.operand)
+            case tree.Power():
+                stack += [item.base, item.exponent]
+            case tree.Vector():
+                stack += item.items
+            case tree.Call():
+                stack += item.arguments
+            case tree.Comparison():
+                stack += [item.left, item.right]
+            case tree.Logical():
+                stack += item.operands
+            case tree.Choice():
+                stack += [item.value, item.condition, item.otherwise]

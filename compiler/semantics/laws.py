@@ -1,0 +1,182 @@
+"""The law of an element: its own variables told from what it reads elsewhere, its form checked for its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from ..algebra.expression import ZERO, Expression, Symbol, symbols
+from ..graph.network import Law, Own
+from ..syntax import tree
+from .domain_table import TWO_SIDED, paths_of
+from ..graph.domains import Domain
+from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
+from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
+from .typed import ExpressionCompiler, OwnVariable, Resolve, Slot
+
+# The variables that a law may relate, kind by kind.
+LAW_VARIABLES: Mapping[str, str] = {"Se": "e", "Sf": "f", "C": "eq", "I": "fp", "R": "ef", "TF": "ef", "GY": "ef"}
+STORED: Mapping[str, str] = {"C": "q", "I": "p"}
+
+
+# Tells what a slot's path is in a scope: a scalar with its role.
+RoleOf = Callable[[Slot, Scope], Scalar]
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledLaw:
+    """A law and what its slots read."""
+
+    law: Law
+    slots: tuple[Slot, ...]
+
+
+def plain_kind(kind: str) -> str:
+    """The kind without its M."""
+    return kind[1:] if kind.startswith("M") and len(kind) > 1 else kind
+
+
+def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
+    """How a law may write its own variables -> what they are."""
+    own: dict[str, OwnVariable] = {}
+    for number, (port, domain) in enumerate(ports.items()):
+        for variable in variables:
+            found = OwnVariable(Own(number, variable), domain.dimension(variable))
+            letters = {variable, domain.letter(variable)}
+            if kind in TWO_SIDED:
+                own.update({letter + port: found for letter in letters})
+            elif port:
+                own.update({f"{port}.{letter}": found for letter in letters})
+                if variable == STORED.get(kind):
+                    own[port] = found
+            else:
+                own.update({letter: found for letter in letters})
+    return own
+
+
+def compile_law(declaration: tree.Declaration, name: str, ports: Mapping[str, Domain], scope: Scope, resolve: Resolve, role_of: RoleOf) -> CompiledLaw:
+    """Compile the law of one declared element. Raises `Wrong`."""
+    definition = declaration.definition
+    kind = plain_kind(declaration.kind)
+    if not isinstance(definition, tree.Law):
+        example = {"C": "F = k*x", "I": "p = m*v", "R": "F = r*v", "Se": "F = 1 N", "Sf": "v = 1 [m/s]", "TF": "F2 = n*F1", "GY": "u1 = K*omega2"}
+        raise Wrong(WrongLaw(declaration.span, f"`{declaration.kind} {name}` has no law", f"Write it after a colon, as in `{declaration.kind} {name} : {example.get(kind, 'e = …')}`."))
+    own = own_variables(kind, ports, LAW_VARIABLES[kind])
+    forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in LAW_VARIABLES[kind]))
+    _check_names(declaration, name, own, forbidden, scope, resolve)
+    compiler = ExpressionCompiler(scope, resolve, own)
+    energy: Expression | None = None
+    equations: list[tuple[Expression, Expression]] = []
+    first = definition.equations[0].left
+    if isinstance(first, tree.Path) and first.words == "energy":
+        energy = _energy(definition, kind, declaration, name, compiler, ports, scope)
+    else:
+        for equation in definition.equations:
+            left, right = compiler.scalar(equation.left), compiler.scalar(equation.right)
+            if left.dimension is not None and right.dimension is not None and left.dimension != right.dimension:
+                hint = "A parameter's unit stands where it is declared: `k: N/m = 100`."
+                raise Wrong(DimensionMismatch(equation.span, f"The two sides of the law of `{name}` differ", f"`{equation.left.span.text}` is {describe(left.dimension)}", f"`{equation.right.span.text}` is {describe(right.dimension)}", hint))
+            equations.append((left.expression, right.expression))
+        _check_form(declaration, kind, name, equations, len(ports))
+    slots = tuple(compiler.slot_list)
+    _check_modulation(declaration, kind, name, slots, scope, role_of, energy is not None)
+    return CompiledLaw(Law(tuple(equations), energy, len(slots)), slots)
+
+
+def _energy(definition: tree.Law, kind: str, declaration: tree.Declaration, name: str, compiler: ExpressionCompiler, ports: Mapping[str, Domain], scope: Scope) -> Expression:
+    from ..graph.units import JOULE
+
+    if kind not in STORED:
+        raise Wrong(WrongLaw(definition.span, f"`{name}` is {declaration.kind}: only C and I store energy", "Write its law as an equation."))
+    if len(definition.equations) != 1:
+        raise Wrong(WrongLaw(definition.span, f"`{name}` has an energy and further equations", "The energy alone gives all efforts."))
+    typed = compiler.scalar(definition.equations[0].right)
+    stored = STORED[kind]
+    for symbol in symbols(typed.expression):
+        if isinstance(symbol.key, Own) and symbol.key.variable != stored:
+            word = "displacement" if kind == "C" else "momentum"
+            raise Wrong(WrongLaw(definition.span, f"The energy of `{name}` reads `{symbol.key.variable}`", f"An energy is a function of what is stored, its {word}, alone."))
+    typed_port = next(iter(ports.values())).typed
+    if typed_port and typed.dimension not in (None, JOULE):
+        raise Wrong(DimensionMismatch(definition.span, f"The energy of `{name}` must be in N*m", "[N*m]", describe(typed.dimension), ""))
+    if not any(isinstance(s.key, Own) for s in symbols(typed.expression)):
+        raise Wrong(WrongLaw(definition.span, f"The energy of `{name}` does not depend on its own {'displacement' if kind == 'C' else 'momentum'}", "It would give no effort."))
+    return typed.expression
+
+
+def _check_names(declaration: tree.Declaration, name: str, own: Mapping[str, OwnVariable], forbidden: Mapping[str, OwnVariable], scope: Scope, resolve: Resolve) -> None:
+    kind = plain_kind(declaration.kind)
+    assert isinstance(declaration.definition, tree.Law)
+    for path in paths_of(declaration.definition):
+        words = path.words
+        if words in own and not path.steps and scope.find(words) is not None and words != name:
+            role = getattr(scope.find(words), "role", "")
+            if role not in ("parameter", "constant", "input", "signal", "index"):
+                continue  # not a number, or an output, which a law does not read
+            variable = own[words].own
+            generic = variable.variable if kind not in TWO_SIDED else words
+            raise Wrong(NameClash(path.span, words, name, str(role), generic))
+        if words in forbidden and scope.find(path.head) is None:
+            relates = {"C": "effort and displacement", "I": "flow and momentum", "R": "effort and flow", "Se": "its effort alone", "Sf": "its flow alone"}
+            hint = {"C": "Loss belongs in an R beside it, mass in an I.", "I": "Loss belongs in an R beside it, stiffness in a C.", "R": "What depends on displacement belongs in a C, or in an MR that reads it."}
+            raise Wrong(WrongLaw(path.span, f"The law of `{declaration.kind} {name}` uses `{words}`; {kind} relates {relates.get(kind, 'efforts and flows')}", hint.get(kind, "Write the equation in these.")))
+
+
+def _own(x: Expression) -> set[Own]:
+    return {s.key for s in symbols(x) if isinstance(s.key, Own)}
+
+
+def _check_form(declaration: tree.Declaration, kind: str, name: str, equations: list[tuple[Expression, Expression]], ports: int) -> None:
+    span = declaration.definition.span if declaration.definition else declaration.span
+    expected = 1 if kind in ("TF", "GY") else ports
+    if len(equations) != expected:
+        raise Wrong(WrongLaw(span, f"`{name}` has {len(equations)} equation{'s' * (len(equations) != 1)}; {kind} with {ports} port{'s' * (ports != 1)} needs {expected}", "Equations are separated by commas."))
+    used = [_own(left) | _own(right) for left, right in equations]
+    if kind in ("Se", "Sf"):
+        for (left, right), _ in zip(equations, used, strict=True):
+            if not (isinstance(left, Symbol) and isinstance(left.key, Own) and not _own(right)):
+                letter = "effort" if kind == "Se" else "flow"
+                raise Wrong(WrongLaw(span, f"The law of the source `{name}` must give its {letter}", f"Write `{'F = …' if kind == 'Se' else 'v = …'}` with what it gives on the right."))
+        return
+    if kind in ("TF", "GY"):
+        _check_transducer(kind, name, equations[0], used[0], span)
+        return
+    for port in range(ports):
+        for variable in LAW_VARIABLES[kind]:
+            wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in LAW_VARIABLES[kind]}
+            if not any(wanted & u for u in used):
+                words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}[variable]
+                raise Wrong(WrongLaw(span, f"The law of `{name}` does not use the {words} of its port{f' number {port + 1}' * (ports > 1)}", "A source gives an effort or flow by itself; C relates e and q, I relates f and p, R relates e and f."))
+
+
+def _check_transducer(kind: str, name: str, equation: tuple[Expression, Expression], used: set[Own], span: tree.Span) -> None:
+    from ..algebra.affine import affine_parts
+
+    pairs = {"TF": ({Own(0, "e"), Own(1, "e")}, {Own(0, "f"), Own(1, "f")}), "GY": ({Own(0, "e"), Own(1, "f")}, {Own(0, "f"), Own(1, "e")})}
+    if used not in pairs[kind]:
+        usage = "`omega1 = 20*omega2` or `M2 = 20*M1`" if kind == "TF" else "`u1 = K*omega2` or `M2 = K*i1`"
+        raise Wrong(WrongLaw(span, f"The law of `{name}` must relate {'two efforts or two flows' if kind == 'TF' else 'the effort of one side and the flow of the other'}", f"For example {usage}; power gives the other equation."))
+    rest = equation[0] - equation[1]
+    for own in used:
+        parts = affine_parts(rest, Symbol(own))
+        if parts is None:
+            raise Wrong(WrongLaw(span, f"The law of `{name}` is not linear in its variables", "A transducer passes power on: one side is a ratio times the other. The ratio may depend on anything else with MTF or MGY."))
+        rest = parts[1]
+    if rest != ZERO:
+        raise Wrong(WrongLaw(span, f"The law of `{name}` has a part that does not vanish with its variables", "It would create energy; put a source beside it."))
+
+
+def _check_modulation(declaration: tree.Declaration, kind: str, name: str, slots: tuple[Slot, ...], scope: Scope, role_of: RoleOf, energy: bool) -> None:
+    modulated = declaration.kind != kind
+    foreign: Iterator[tuple[Slot, Scalar]] = ((s, r) for s in slots if (r := role_of(s, scope)).role not in STATIC_ROLES)
+    changing = [(s, r) for s, r in foreign if not (r.role == "time" and kind in ("Se", "Sf"))]
+    if modulated and not changing:
+        raise Wrong(NeedlessM(declaration.span, declaration.kind, name, kind))
+    if not modulated and changing:
+        slot, role = changing[0]
+        if kind in STORED:
+            what = "displacement" if kind == "C" else "momentum"
+            hint = f"A storage depends on its own {what} and on parameters. What moves it is one of its ports: `{kind} {name}(…, …)` with a port for `{role.name}`."
+        else:
+            hint = f"Say so with an M before the letter: `M{kind} {name}`."
+        raise Wrong(ForeignVariable(slot.path.span, name, slot.path.words, hint))

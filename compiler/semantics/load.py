@@ -1,0 +1,140 @@
+"""Files and their imports. Nothing outside the project folder is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import CompilationFailed, Diagnostic
+from ..source import Source, Span
+from ..syntax import SyntaxTree, parse, tree
+from .errors import Cycle, DuplicateName, ReservedName, TooMany, WrongImport
+from .scope import RESERVED, FileScope, ModelDefinition, suggestion
+
+MAXIMUM_FILES = 500
+
+
+def project_folder(file: Path) -> Path:
+    """The nearest ancestor with a `bondgraph.toml` or `pyproject.toml`; else the file's own folder."""
+    for folder in file.resolve().parents:
+        if (folder / "bondgraph.toml").is_file() or (folder / "pyproject.toml").is_file():
+            return folder
+    return file.resolve().parent
+
+
+def read_source(path: Path) -> Source:
+    """A file as a source. Raises OSError, or UnicodeDecodeError if it is not UTF-8."""
+    return Source(str(path), path.read_text(encoding="utf-8-sig"), path)
+
+
+class Loader:
+    """Loads a file and what it imports; collects what is wrong."""
+
+    def __init__(self, library: Path | None) -> None:
+        self.library = library
+        self.files: dict[Path, FileScope] = {}
+        self.diagnostics: list[Diagnostic] = []
+
+    def load(self, syntax: SyntaxTree) -> FileScope:
+        root = project_folder(syntax.source.path) if syntax.source.path else None
+        return self._file(syntax, root, ())
+
+    def _file(self, syntax: SyntaxTree, root: Path | None, chain: tuple[Path, ...]) -> FileScope:
+        scope = FileScope(syntax.source, {}, {}, {})
+        if syntax.source.path is not None:
+            self.files[syntax.source.path.resolve()] = scope
+            chain = (*chain, syntax.source.path.resolve())
+        seen: dict[str, Span] = {}
+        for statement in syntax.statements:
+            match statement:
+                case tree.Model():
+                    if self._new(seen, statement.name, statement.name_span):
+                        scope.models[statement.name] = ModelDefinition(statement, scope)
+                case tree.Function():
+                    if self._new(seen, statement.name, statement.span):
+                        scope.functions[statement.name] = statement
+                case tree.Quantities():
+                    for item in statement.items:
+                        if self._new(seen, item.name, item.span):
+                            scope.constants[item.name] = (item, statement)
+        for statement in syntax.statements:
+            if isinstance(statement, tree.Import):
+                self._import(statement, scope, root, chain, seen)
+        return scope
+
+    def _new(self, seen: dict[str, Span], name: str, span: Span) -> bool:
+        if name in RESERVED:
+            self.diagnostics.append(ReservedName(span, name))
+            return False
+        if name in seen:
+            self.diagnostics.append(DuplicateName(span, name, seen[name]))
+            return False
+        seen[name] = span
+        return True
+
+    def _import(self, statement: tree.Import, scope: FileScope, root: Path | None, chain: tuple[Path, ...], seen: dict[str, Span]) -> None:
+        target = self._locate(statement, scope, root)
+        if target is None:
+            return
+        if target in chain:
+            names = " -> ".join(p.name for p in (*chain[chain.index(target) :], target))
+            self.diagnostics.append(Cycle(statement.span, "These files import each other", names))
+            return
+        loaded = self.files.get(target)
+        if loaded is None:
+            if len(self.files) >= MAXIMUM_FILES:
+                self.diagnostics.append(TooMany(statement.span, "Imported files", MAXIMUM_FILES))
+                return
+            try:
+                source = Source(_shown(target, scope.source), target.read_text(encoding="utf-8-sig"), target)
+                loaded = self._file(parse(source), root, chain)
+            except OSError as error:
+                self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` cannot be read", str(error.strerror or error)))
+                return
+            except UnicodeDecodeError:
+                self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` is not a text in UTF-8", "Only .bg files can be imported."))
+                return
+            except CompilationFailed as failed:
+                self.diagnostics += failed.diagnostics
+                return
+        for name, span in statement.names:
+            if name in loaded.models:
+                if self._new(seen, name, span):
+                    scope.models[name] = loaded.models[name]
+            else:
+                hint = suggestion(name, list(loaded.models), f"It defines: {', '.join(loaded.models) or 'no model'}.")
+                self.diagnostics.append(WrongImport(span, f"There is no model `{name}` in {statement.place}", hint))
+
+    def _locate(self, statement: tree.Import, scope: FileScope, root: Path | None) -> Path | None:
+        if not statement.is_file:
+            target = (self.library / f"{statement.place}.bg").resolve() if self.library is not None else None
+            if target is None or not target.is_file():
+                known = sorted(p.stem for p in self.library.glob("*.bg")) if self.library is not None else []
+                hint = suggestion(statement.place, known, "A file beside this one stands in quotation marks: `from \"parts.bg\"`.")
+                self.diagnostics.append(WrongImport(statement.span, f"There is no library `{statement.place}`", hint))
+                return None
+            return target
+        if scope.source.path is None or root is None:
+            self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` cannot be found: this text is no file", "Save the model as a file to import from files beside it."))
+            return None
+        target = (scope.source.path.parent / statement.place).resolve()  # links are resolved before the check
+        inside = target.is_relative_to(root) or (self.library is not None and target.is_relative_to(self.library.resolve()))
+        if not inside:
+            hint = "Only files below the project folder are read: that of the nearest `bondgraph.toml` or `pyproject.toml` above the file, else its own."
+            self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` lies outside the project folder", hint))
+            return None
+        if target.suffix != ".bg" or not target.is_file():
+            near = [p.name for p in scope.source.path.parent.glob("*.bg")]
+            hint = suggestion(statement.place, near, "The path is relative to the file with the import.")
+            self.diagnostics.append(WrongImport(statement.span, f"There is no file `{statement.place}`", hint))
+            return None
+        return target
+
+
+def _shown(path: Path, importer: Source) -> str:
+    """The imported file's name as the importing file's name was written."""
+    if importer.path is not None:
+        try:
+            return str(Path(importer.name).parent / path.relative_to(importer.path.resolve().parent))
+        except ValueError:
+            pass
+    return path.name

@@ -1,0 +1,218 @@
+"""Names and what they stand for, instance by instance. Quantities are resolved when they are first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from ..errors import Diagnostic
+from ..graph.network import Reference
+from ..source import Source, Span
+from ..syntax import tree
+from ..graph.domains import DOMAINS, Domain
+from ..graph.units import ONE, Dimension
+
+if TYPE_CHECKING:
+    from .domain_table import DomainTable
+
+STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
+RESERVED = frozenset(
+    "model plain import from parameter constant input output signal mode port multibody for when experiment function "
+    "if else and or not in to over true false time pi ground".split()
+)
+
+
+class Wrong(Exception):
+    """A mistake in one statement; it is collected, and the next statement is looked at."""
+
+    def __init__(self, diagnostic: Diagnostic) -> None:
+        self.diagnostic = diagnostic
+        super().__init__(diagnostic.code)
+
+
+class AlreadyTold(Exception):
+    """What is asked for is wrong, and that has been said where it is declared."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number with a dimension (None: a bare zero, which fits any)."""
+
+    reference: Reference
+    dimension: Dimension | None
+    role: str  # parameter, constant, input, signal, output, index, number, time, reading
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list or a point, items from 1."""
+
+    name: str
+    items: tuple[Scalar, ...]
+
+
+@dataclass(slots=True)
+class Pending:
+    """A quantity that has not been asked for yet."""
+
+    item: tree.Item
+    role: str
+    name: str  # full name
+    value: tree.Expression | None  # the binding, or the default
+    scope: Scope  # where `value` is read
+    owner: Scope  # where the quantity is declared
+    is_default: bool
+    state: str = "waiting"  # waiting, busy, done, broken
+    result: Scalar | Items | None = None
+
+
+@dataclass(slots=True)
+class Array:
+    """What carries an index: items by index tuple."""
+
+    name: str
+    span: Span
+    items: dict[tuple[int, ...], Entry] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ElementEntry:
+    """An element or junction of this scope."""
+
+    name: str  # full name
+    kind: str  # "Se", "C", …, "0", "1", "splitter"
+    declaration: tree.Declaration
+    ports: Mapping[str, Domain]  # port name ("" for the only one) -> domain
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class WallEntry:
+    """A port of a model, a hole in its wall: components by name, "" for a scalar one."""
+
+    name: str
+    ports: Mapping[str, Domain]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceEntry:
+    """An instance of a model."""
+
+    name: str
+    scope: Scope
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class PartEntry:
+    """A body, joint or frame of a mechanism."""
+
+    mechanism: str  # full name of the mechanism
+    name: str  # its own name: `guide[1]`
+    kind: str
+    ports: Mapping[str, Domain]
+    span: Span
+
+
+@dataclass(slots=True)
+class MechanismEntry:
+    """A mechanism with its parts."""
+
+    name: str
+    parts: Scope
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A name whose declaration is wrong, which has been told."""
+
+    span: Span
+
+
+Entry = Broken | Scalar | Items | Pending | Array | ElementEntry | WallEntry | InstanceEntry | PartEntry | MechanismEntry
+
+
+@dataclass(slots=True, eq=False)
+class FileScope:
+    """One file: its own and imported models, its constants and functions."""
+
+    source: Source
+    models: dict[str, ModelDefinition]
+    constants: dict[str, tuple[tree.Item, tree.Quantities]]
+    functions: dict[str, tree.Function]
+
+
+@dataclass(slots=True, eq=False)
+class ModelDefinition:
+    """A model as it stands in its file."""
+
+    model: tree.Model
+    file: FileScope
+    domains: DomainTable | None = None
+
+    @property
+    def name(self) -> str:
+        return self.model.name
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """The names of one instance (or of one round of a loop in it, then `outer` is set)."""
+
+    definition: ModelDefinition
+    path: str  # "" or "comb[1]."
+    suffix: str = ""  # "[2]" in the second round of a loop
+    outer: Scope | None = None
+    entries: dict[str, Entry] = field(default_factory=dict)
+
+    @property
+    def plain(self) -> bool:
+        return self.definition.model.plain
+
+    def full(self, name: str) -> str:
+        return self.path + name
+
+    def find(self, name: str) -> Entry | None:
+        """The entry of that name here or further out in the same instance."""
+        scope: Scope | None = self
+        while scope is not None:
+            if name in scope.entries:
+                return scope.entries[name]
+            scope = scope.outer
+        return None
+
+    def base(self) -> Scope:
+        """The scope of the instance itself."""
+        scope = self
+        while scope.outer is not None:
+            scope = scope.outer
+        return scope
+
+    def names(self) -> Iterator[str]:
+        scope: Scope | None = self
+        while scope is not None:
+            yield from scope.entries
+            scope = scope.outer
+
+
+def suggestion(name: str, known: Iterator[str] | list[str], otherwise: str = "") -> str:
+    """"Did you mean …?", if something is close."""
+    close = get_close_matches(name, list(known), n=2, cutoff=0.6)
+    if not close:
+        return otherwise
+    return "Did you mean " + " or ".join(f"`{c}`" for c in close) + "?"
+
+
+def describe(dimension: Dimension | None) -> str:
+    """A dimension in words."""
+    if dimension is None:
+        return "a bare zero"
+    return "a bare number" if dimension == ONE else f"[{dimension}]"
+
+
+UNTYPED = DOMAINS["untyped"]

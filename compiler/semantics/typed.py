@@ -1,0 +1,481 @@
+"""Expressions with units: the author's expression becomes a formula over SI numbers, or a diagnostic.
+
+A formula is made once per place in the text and cached there; each instance only looks up what stands in its slots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ..algebra.expression import (
+    ONE as NUMBER_ONE,
+    ZERO,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    divide,
+    multiply,
+    negate,
+    power,
+    select,
+    substitute,
+    symbols,
+)  # fmt: skip
+from ..algebra.formula import Bound, Formula
+from ..graph.network import Own, Reference
+from ..source import Span
+from ..syntax import tree
+from .errors import Cycle, DimensionMismatch, TooMany, UnknownName, UnknownUnit, Unsupported, WrongArguments, WrongType
+from .scope import Scope, Wrong, describe, suggestion
+from ..graph.units import ONE, UNITS, Dimension, Scale
+
+MAXIMUM_CALLS = 1000  # functions opened in one expression
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A formula's expression with its dimension; `truth` marks a condition."""
+
+    expression: Expression
+    dimension: Dimension | None
+    truth: bool = False
+
+
+Value = Typed | tuple[Typed, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """What a slot reads: a path of the text, and which item of it if it is a list."""
+
+    path: tree.Path
+    item: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """One place in the text, compiled: value(s) over slots, and what each slot reads."""
+
+    value: Value
+    slots: tuple[Slot, ...]
+    formulas: tuple[Formula, ...]
+
+    @property
+    def scalar(self) -> Typed:
+        assert isinstance(self.value, Typed)
+        return self.value
+
+
+# What a path reads, seen by the compiler of expressions: its dimension, or those of its items.
+@dataclass(frozen=True, slots=True)
+class Readable:
+    """What a path stands for where an expression reads it."""
+
+    dimensions: tuple[Dimension | None, ...]
+    is_list: bool
+
+
+Resolve = Callable[[tree.Path, Scope], Readable]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnVariable:
+    """A law's own variable."""
+
+    own: Own
+    dimension: Dimension
+
+
+def scale_of(unit: tree.Unit) -> Scale:
+    """The scale of a unit as written."""
+    result = Scale(ONE, unit.number)
+    for symbol, exponent, span in unit.factors:
+        scale = UNITS.get(symbol)
+        if scale is None:
+            hint = suggestion(symbol, list(UNITS), "See the list of units in the language reference; a product is written `[N*m]`.")
+            raise Wrong(UnknownUnit(span, symbol, hint))
+        if scale.offset and (len(unit.factors) > 1 or exponent != 1):
+            raise Wrong(UnknownUnit(span, symbol, f"`{symbol}` is an absolute temperature; in a product use K."))
+        raised = scale if exponent == 1 else scale**exponent
+        if raised is None:
+            raise Wrong(UnknownUnit(span, f"{symbol}^({exponent})", "This root of the unit is not a rational number."))
+        result = raised if len(unit.factors) == 1 and unit.number == 1 else result * raised
+    return result
+
+
+def bare(expression: tree.Expression) -> bool:
+    """Whether it is a number without unit, or such a number with a sign."""
+    if isinstance(expression, tree.Negative):
+        return bare(expression.operand)
+    return isinstance(expression, tree.Literal) and expression.unit is None
+
+
+class ExpressionCompiler:
+    """Compiles one place of the text."""
+
+    def __init__(self, scope: Scope, resolve: Resolve, own: Mapping[str, OwnVariable] | None = None, unit: Scale | None = None) -> None:
+        self.scope, self.resolve, self.own = scope, resolve, own or {}
+        self.unit = unit  # what bare numbers stand in, after `name : unit =`
+        self.slots: dict[tuple[str, int | None], int] = {}
+        self.slot_list: list[Slot] = []
+        self.local: dict[str, Value] = {}  # parameters of a function being opened
+        self.opening: list[str] = []  # functions being opened, outermost first
+        self.opened = 0
+
+    def compile(self, expression: tree.Expression) -> Template:
+        value = self.value(expression)
+        parts = value if isinstance(value, tuple) else (value,)
+        formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
+        return Template(value, tuple(self.slot_list), formulas)
+
+    # ------------------------------------------------------------ the cases
+    def value(self, node: tree.Expression) -> Value:
+        match node:
+            case tree.Literal():
+                return self._literal(node)
+            case tree.Path():
+                return self._path(node)
+            case tree.Sum():
+                return self._sum(node)
+            case tree.Product():
+                return self._product(node)
+            case tree.Negative():
+                return _each(lambda t: Typed(negate(t.expression), self._number(t, node.span).dimension), self.value(node.operand))
+            case tree.Power():
+                return self._power(node)
+            case tree.Vector():
+                return tuple(self.scalar(item) for item in node.items)
+            case tree.Call():
+                return self._call(node)
+            case tree.Comparison():
+                return self._comparison(node)
+            case tree.Logical():
+                operands = [self.condition(o) for o in node.operands]
+                result = operands[0] if len(operands) > 1 else call("not", operands[0])
+                for operand in operands[1:]:
+                    result = call(node.operator, result, operand)
+                return Typed(result, ONE, truth=True)
+            case tree.Choice():
+                return self._choice(node)
+        raise AssertionError(type(node))
+
+    def scalar(self, node: tree.Expression) -> Typed:
+        """One number."""
+        value = self.value(node)
+        if isinstance(value, tuple):
+            raise Wrong(WrongType(node.span, "A single number", f"a list of {len(value)}", "Take one item: `name[1]`."))
+        return self._number(value, node.span)
+
+    def condition(self, node: tree.Expression) -> Expression:
+        """A condition: a comparison, or a name that is one."""
+        value = self.value(node)
+        if isinstance(value, tuple) or not value.truth:
+            raise Wrong(WrongType(node.span, "A condition", "a number", "Compare it with something: `x > 0`."))
+        return value.expression
+
+    def _number(self, value: Typed, span: Span) -> Typed:
+        if value.truth:  # a condition read as a number is 1 or 0: `output lift_off = tyre.x < 0 m`
+            return Typed(select(value.expression, NUMBER_ONE, ZERO), ONE)
+        return value
+
+    def _literal(self, node: tree.Literal) -> Typed:
+        if node.unit is not None:
+            if self.scope.plain:
+                raise Wrong(WrongType(node.unit.span, "A bare number", "a unit", "A `plain model` has no units; drop the word `plain` to use them."))
+            scale = scale_of(node.unit)
+            return Typed(Number(scale.to_si(node.number)), scale.dimension)
+        if self.unit is not None:
+            return Typed(Number(self.unit.to_si(node.number)), self.unit.dimension)
+        return Typed(Number(float(node.number)), None if node.number == 0 else ONE)
+
+    def _path(self, node: tree.Path) -> Value:
+        if not node.steps:
+            if node.head in self.local:
+                return self.local[node.head]
+            if node.head == "pi":
+                return Typed(Number(math.pi), ONE)
+            if node.head in ("true", "false"):
+                return Typed(call("less", ZERO if node.head == "true" else NUMBER_ONE, Number(0.5)), ONE, truth=True)
+        words = node.words
+        if words in self.own:
+            variable = self.own[words]
+            return Typed(Symbol(variable.own), variable.dimension)
+        if words == "time":
+            return Typed(Symbol(self._slot(node, None)), None if self.scope.plain else UNITS["s"].dimension)
+        found = self.resolve(node, self.scope)
+        if not found.is_list:
+            return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
+        return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
+
+    def _slot(self, path: tree.Path, item: int | None) -> int:
+        key = (path.words, item)
+        if key not in self.slots:
+            self.slots[key] = len(self.slot_list)
+            self.slot_list.append(Slot(path, item))
+        return self.slots[key]
+
+    def _sum(self, node: tree.Sum) -> Value:
+        values = [(sign, term, self.value(term)) for sign, term in node.terms]
+        length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
+        if length is None:
+            scalars = [(sign, term, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
+            dimension = self._common([(t, term.span) for _, term, t in scalars], "These cannot be added")
+            return Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension)
+        result = []
+        for i in range(length):
+            terms = []
+            for sign, term, v in values:
+                if not isinstance(v, tuple) or len(v) != length:
+                    raise Wrong(WrongType(term.span, f"A list of {length}", "something else", "Only lists of one length can be added."))
+                terms.append((sign, term, v[i]))
+            dimension = self._common([(t, term.span) for _, term, t in terms], "These cannot be added")
+            result.append(Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension))
+        return tuple(result)
+
+    def _common(self, parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
+        known: tuple[Dimension, Span] | None = None
+        for value, span in parts:
+            if value.dimension is None:
+                continue
+            if known is None:
+                known = (value.dimension, span)
+            elif value.dimension != known[0]:
+                first, second = describe(known[0]), describe(value.dimension)
+                hint = "A number in an equation needs its unit too: `2 [N/m]`; only zero needs none." if ONE in (known[0], value.dimension) else "Check the units of the names on both sides."
+                raise Wrong(DimensionMismatch(span, what, f"`{known[1].text}` is {first}", f"`{span.text}` is {second}", hint))
+        return None if known is None else known[0]
+
+    def _product(self, node: tree.Product) -> Value:
+        result: Value = Typed(NUMBER_ONE, ONE)
+        for direction, factor in node.factors:
+            value = self.value(factor)
+            if isinstance(value, tuple):
+                if isinstance(result, tuple) or direction < 0:
+                    raise Wrong(WrongType(factor.span, "A single number", "a list", "Lists can be added, and multiplied by numbers."))
+                scalar = result
+                result = tuple(_times(scalar, self._number(v, factor.span), 1) for v in value)
+            else:
+                number = self._number(value, factor.span)
+                result = _each(lambda t, n=number, d=direction: _times(t, n, d), result)  # type: ignore[misc]
+        return result
+
+    def _power(self, node: tree.Power) -> Typed:
+        base, exponent = self.scalar(node.base), self.scalar(node.exponent)
+        if exponent.dimension not in (None, ONE):
+            raise Wrong(DimensionMismatch(node.exponent.span, "An exponent is a bare number", "[1]", describe(exponent.dimension), ""))
+        dimension: Dimension | None = ONE
+        if base.dimension not in (None, ONE):
+            if not isinstance(exponent.expression, Number):
+                raise Wrong(WrongType(node.exponent.span, "A number as exponent", "an expression", f"The base is {describe(base.dimension)}, so the exponent decides the unit of the result: only a number can stand here."))
+            dimension = base.dimension ** Fraction(exponent.expression.value).limit_denominator(60)  # type: ignore[operator]
+        if isinstance(exponent.expression, Number) and abs(exponent.expression.value) > 1000:
+            raise Wrong(WrongType(node.exponent.span, "An exponent up to 1000", "a larger one", "Use exp() and log()."))
+        return Typed(power(base.expression, exponent.expression), dimension)
+
+    def _comparison(self, node: tree.Comparison) -> Typed:
+        left, right = self.scalar(node.left), self.scalar(node.right)
+        self._common([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
+        a, b = left.expression, right.expression
+        match node.operator:
+            case "<":
+                result = call("less", a, b)
+            case ">":
+                result = call("less", b, a)
+            case "<=":
+                result = call("less_equal", a, b)
+            case ">=":
+                result = call("less_equal", b, a)
+            case "==":
+                result = call("equal", a, b)
+            case _:
+                result = call("not", call("equal", a, b))
+        return Typed(result, ONE, truth=True)
+
+    def _choice(self, node: tree.Choice) -> Typed:
+        condition = self.condition(node.condition)
+        value, otherwise = self.value(node.value), self.value(node.otherwise)
+        if isinstance(value, tuple) or isinstance(otherwise, tuple):
+            raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
+        dimension = self._common([(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit")
+        return Typed(select(condition, value.expression, otherwise.expression), dimension)
+
+    def _call(self, node: tree.Call) -> Value:
+        function = self.scope.definition.file.functions.get(node.function)
+        if function is not None:
+            return self._open(function, node)
+        rule = FUNCTIONS.get(node.function)
+        if rule is None:
+            if node.function in ("integral", "chirp", "noise", "table"):
+                raise Wrong(Unsupported(node.span, f"`{node.function}`", "A storage element integrates its flow: read its displacement or momentum."))
+            hint = suggestion(node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`.")
+            raise Wrong(UnknownName(node.span, f"{node.function}(…)", "the list of functions", hint))
+        count, usage, build = rule
+        if len(node.arguments) != count:
+            raise Wrong(WrongArguments(node.span, node.function, f"{count} argument{'s' * (count != 1)}", len(node.arguments), usage))
+        if node.function == "rotate":
+            vector = self.value(node.arguments[0])
+            if not isinstance(vector, tuple) or len(vector) != 2:
+                raise Wrong(WrongType(node.arguments[0].span, "A point (x, y)", "something else"))
+            angle = self.scalar(node.arguments[1])
+            c, s = call("cos", angle.expression), call("sin", angle.expression)
+            (x, y), d = (v.expression for v in vector), vector[0].dimension or vector[1].dimension
+            return Typed(c * x - s * y, d), Typed(s * x + c * y, d)
+        arguments = [self.scalar(a) for a in node.arguments]
+        return build(self, node, arguments)
+
+    def _open(self, function: tree.Function, node: tree.Call) -> Value:
+        if len(node.arguments) != len(function.parameters):
+            usage = f"{function.name}({', '.join(function.parameters)})"
+            raise Wrong(WrongArguments(node.span, function.name, f"{len(function.parameters)} arguments", len(node.arguments), usage))
+        self.opened += 1
+        if function.name in self.opening:
+            raise Wrong(Cycle(node.span, "A function cannot call itself", " -> ".join([*self.opening, function.name])))
+        if self.opened > MAXIMUM_CALLS:
+            raise Wrong(TooMany(node.span, "Calls of functions in one expression", MAXIMUM_CALLS))
+        values = {name: self.value(a) for name, a in zip(function.parameters, node.arguments, strict=True)}
+        saved, self.local = self.local, values
+        self.opening.append(function.name)
+        try:
+            return self.value(function.body)
+        finally:
+            self.local = saved
+            self.opening.pop()
+
+
+def _each(f: Callable[[Typed], Typed], value: Value) -> Value:
+    return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
+
+
+def _times(a: Typed, b: Typed, direction: int) -> Typed:
+    if direction > 0:
+        if a.dimension is None or b.dimension is None:
+            return Typed(multiply(a.expression, b.expression), None)
+        return Typed(multiply(a.expression, b.expression), a.dimension * b.dimension)
+    bottom = b.dimension or ONE
+    return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)
+
+
+# ---------------------------------------------------------------- functions
+# name -> (number of arguments, usage, builder)
+Builder = Callable[[ExpressionCompiler, tree.Call, list[Typed]], Value]
+
+
+def _pure(operator: str) -> Builder:
+    """A function of a bare number."""
+
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        for argument, place in zip(arguments, node.arguments, strict=True):
+            if argument.dimension not in (None, ONE):
+                hint = "Divide by a reference of the same unit first."
+                raise Wrong(DimensionMismatch(place.span, f"`{node.function}` takes a bare number", "[1]", f"`{place.span.text}` is {describe(argument.dimension)}", hint))
+        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
+
+    return build
+
+
+def _keeping(operator: str) -> Builder:
+    """A function whose arguments share one unit, which the result has too."""
+
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        dimension = _same(compiler, node, arguments)
+        return Typed(call(operator, *(a.expression for a in arguments)), dimension)
+
+    return build
+
+
+def _same(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Dimension | None:
+    parts = [(a, n.span) for a, n in zip(arguments, node.arguments, strict=True)]
+    return compiler._common(parts, f"The arguments of `{node.function}` need one unit")
+
+
+def _sqrt(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    d = arguments[0].dimension
+    return Typed(call("sqrt", arguments[0].expression), None if d is None else d ** Fraction(1, 2))
+
+
+def _bare_result(operator: str) -> Builder:
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(compiler, node, arguments)
+        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
+
+    return build
+
+
+def _step(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    return Typed(select(call("less_equal", ZERO, arguments[0].expression), NUMBER_ONE, ZERO), ONE)
+
+
+def _pulse(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    _same(compiler, node, arguments)
+    t, a, b = (x.expression for x in arguments)
+    return Typed(select(call("and", call("less_equal", a, t), call("less", t, b)), NUMBER_ONE, ZERO), ONE)
+
+
+def _rise(shape: Callable[[Expression], Expression]) -> Builder:
+    """0 before a, 1 after b, and `shape` of (t-a)/(b-a) between."""
+
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(compiler, node, arguments)
+        t, a, b = (x.expression for x in arguments)
+        u = call("min", call("max", divide(t - a, b - a), ZERO), NUMBER_ONE)
+        return Typed(shape(u), ONE)
+
+    return build
+
+
+def _smooth3(u: Expression) -> Expression:
+    return multiply(u, u, 3 - 2 * u)
+
+
+def _smooth5(u: Expression) -> Expression:
+    return multiply(u, u, u, 10 + u * (6 * u - 15))
+
+
+def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Value:
+    r, angle = arguments
+    if angle.dimension not in (None, ONE):
+        raise Wrong(DimensionMismatch(node.arguments[1].span, "An angle is a bare number", "[1]", describe(angle.dimension), "Write it in deg or rad."))
+    return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
+
+
+FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
+    **{
+        name: (1, f"{name}(x)", _pure(name))
+        for name in "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log10 floor ceil".split()
+    },
+    "log": (1, "log(x)", _pure("log")),
+    "ln": (1, "ln(x)", _pure("log")),
+    "sqrt": (1, "sqrt(x)", _sqrt),
+    "abs": (1, "abs(x)", _keeping("abs")),
+    "min": (2, "min(a, b)", _keeping("min")),
+    "max": (2, "max(a, b)", _keeping("max")),
+    "sign": (1, "sign(x)", _bare_result("sign")),
+    "atan2": (2, "atan2(y, x)", _bare_result("atan2")),
+    "step": (1, "step(time - 1 s)", _step),
+    "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
+    "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
+    "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
+    "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
+    "polar": (2, "polar(radius, angle)", _polar),
+    "rotate": (2, "rotate((x, y), angle)", _polar),
+}
+
+
+def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
+    """The formula with what its slots read in this instance. Only the slots that occur are kept."""
+    used = sorted({s.key for s in _slots(formula.expression)})
+    if used == list(range(len(template.slots))):
+        return Bound(formula, tuple(lookup(s) for s in template.slots))
+    renumbered = {old: new for new, old in enumerate(used)}
+    expression = substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))  # type: ignore[index]
+    return Bound(Formula(len(used), expression), tuple(lookup(template.slots[i]) for i in used))
+
+
+def _slots(x: Expression) -> list[Symbol]:
+    return [s for s in symbols(x) if isinstance(s.key, int)]
+

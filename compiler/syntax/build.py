@@ -1,0 +1,400 @@
+"""Lark's rules to nodes of the tree: one method per rule of the grammar, called while the text is parsed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+from lark import Token, Transformer
+
+from ..errors import Diagnostic
+from ..source import Source, Span
+from . import tree
+from .errors import NumberTooLarge, TooDeep
+
+MAXIMUM_DEPTH = 120  # height of an expression
+_NUMBER = re.compile(r"([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
+
+
+class Refused(Exception):
+    """A limit was passed while parsing."""
+
+    def __init__(self, kind: type[Diagnostic], start: int, end: int, **values: Any) -> None:
+        self.kind, self.start, self.end, self.values = kind, start, end, values
+        super().__init__(kind.__name__)
+
+    def diagnostic(self, source: Source) -> Diagnostic:
+        return self.kind(Span(source, self.start, self.end), **self.values)
+
+
+def _start(part: Any) -> int:
+    return part.start_pos if isinstance(part, Token) else part.span.start  # type: ignore[no-any-return]
+
+
+def _end(part: Any) -> int:
+    return part.end_pos if isinstance(part, Token) else part.span.end  # type: ignore[no-any-return]
+
+
+def _text(token: Token | None) -> str | None:
+    return None if token is None else str(token)[1:-1]
+
+
+class _Chain:
+    """A sum or product while it grows, so that thousands of terms cost thousands of steps."""
+
+    def __init__(self, kind: type, span: Span, parts: list[tuple[int, tree.Expression]], depth: int) -> None:
+        self.kind, self.span, self.parts, self.depth = kind, span, parts, depth
+
+    def finish(self) -> tree.Expression:
+        return self.kind(self.span, self.depth + 1, tuple(self.parts))  # type: ignore[no-any-return]
+
+
+def _done(part: Any) -> Any:
+    return part.finish() if isinstance(part, _Chain) else part
+
+
+class Builder(Transformer[Token, Any]):
+    """Makes the nodes; `source` is set by the parser before each file."""
+
+    source: Source
+
+    def _span(self, parts: Sequence[Any]) -> Span:
+        known = [p for p in parts if p is not None]
+        return Span(self.source, _start(known[0]), _end(known[-1]))
+
+    def _expression(self, kind: type, span: Span, operands: Sequence[tree.Expression], *values: Any) -> Any:
+        depth = 1 + max((o.depth for o in operands), default=0)
+        if depth > MAXIMUM_DEPTH:
+            raise Refused(TooDeep, span.start, span.end, limit=MAXIMUM_DEPTH)
+        return kind(span, depth, *values)
+
+    def _number(self, token: Token) -> Fraction:
+        match = _NUMBER.fullmatch(token)
+        assert match is not None
+        whole, part, exponent = match.group(1), match.group(2) or "", match.group(3) or "0"
+        digits = (whole + part).lstrip("0")
+        # Bounded before it is built: 1e999999999 must not become a number with a milliard digits.
+        if not digits:
+            return Fraction(0)
+        if len(exponent) > 6 or len(digits) > 400 or abs(int(exponent) - len(part) + len(digits)) > 300:
+            raise Refused(NumberTooLarge, token.start_pos or 0, token.end_pos or 0, number=str(token)[:40])
+        scale = int(exponent) - len(part)
+        return Fraction(int(digits) * 10**scale) if scale >= 0 else Fraction(int(digits), 10**-scale)
+
+    # ------------------------------------------------------------ files and models
+    def start(self, parts: list[Any]) -> tuple[tree.Node, ...]:
+        return tuple(parts)
+
+    def import_(self, parts: list[Any]) -> tree.Import:
+        place = parts[-1]
+        names = tuple((str(t), self._span([t])) for t in parts[:-1])
+        is_file = place.type == "STRING"
+        return tree.Import(self._span(parts), names, str(place)[1:-1] if is_file else str(place), is_file)
+
+    def description(self, parts: list[Any]) -> tree.Description:
+        return tree.Description(self._span(parts), str(parts[0])[1:-1])
+
+    def model(self, parts: list[Any]) -> tree.Model:
+        plain = parts[0].type == "PLAIN"
+        name = parts[-2]
+        return tree.Model(self._span(parts[:-1]), str(name), self._span([name]), plain, parts[-1])
+
+    def block(self, parts: list[Any]) -> tuple[tree.Node, ...]:
+        return tuple(parts)
+
+    # ------------------------------------------------------------ statements
+    def _quantities(self, role: str, parts: list[Any]) -> tree.Quantities:
+        return tree.Quantities(self._span(parts), role, tuple(parts))
+
+    def parameters(self, parts: list[Any]) -> tree.Quantities:
+        return self._quantities("parameter", parts)
+
+    def constants(self, parts: list[Any]) -> tree.Quantities:
+        return self._quantities("constant", parts)
+
+    def inputs(self, parts: list[Any]) -> tree.Quantities:
+        return self._quantities("input", parts)
+
+    def outputs(self, parts: list[Any]) -> tree.Quantities:
+        return self._quantities("output", parts)
+
+    def signals(self, parts: list[Any]) -> tree.Quantities:
+        return self._quantities("signal", parts)
+
+    def modes_(self, parts: list[Any]) -> tree.Quantities:
+        return self._quantities("mode", parts)
+
+    def item(self, parts: list[Any]) -> tree.Item:
+        name, index, unit, value, description = parts
+        return tree.Item(self._span([name, value or unit or name]), str(name), _items(index), unit, _done(value), _text(description))
+
+    def function(self, parts: list[Any]) -> tree.Function:
+        body = _done(parts[-1])
+        return tree.Function(self._span([parts[0], body]), str(parts[0]), tuple(map(str, parts[1:-1])), body)
+
+    def port(self, parts: list[Any]) -> tree.Ports:
+        return tree.Ports(self._span(parts), tuple(parts))
+
+    def port_item(self, parts: list[Any]) -> tree.PortItem:
+        name, index, components, domain, description = parts
+        return tree.PortItem(self._span([name]), str(name), _items(index), components or (), domain, _text(description))
+
+    def domain(self, parts: list[Any]) -> str:
+        return str(parts[0])
+
+    def declaration(self, parts: list[Any]) -> tree.Declaration:
+        kind, *names, definition, attributes, description = parts
+        definition = _done(definition)
+        span = self._span([kind, definition if definition is not None else names[-1]])
+        return tree.Declaration(span, str(kind), tuple(names), definition, attributes or (), _text(description))
+
+    def declared(self, parts: list[Any]) -> tree.Declared:
+        name, index, components = parts
+        return tree.Declared(self._span([name]), str(name), _items(index), components or ())
+
+    def index(self, parts: list[Any]) -> tuple[Any, ...]:
+        return ("index", tree.Index(tuple(map(_done, parts))))
+
+    def ports(self, parts: list[Any]) -> tuple[tree.Component, ...]:
+        return tuple(parts)
+
+    def component(self, parts: list[Any]) -> tree.Component:
+        return tree.Component(self._span(parts), str(parts[0]), None if parts[1] is None else str(parts[1]))
+
+    def law(self, parts: list[Any]) -> tree.Law:
+        return tree.Law(self._span(parts), tuple(parts))
+
+    def equation(self, parts: list[Any]) -> tree.Equation:
+        left, right = map(_done, parts)
+        return tree.Equation(self._span([left, right]), left, right)
+
+    def link(self, parts: list[Any]) -> tree.Link:
+        first, second = map(_done, parts)
+        return tree.Link(self._span([first, second]), first, second)
+
+    def attributes(self, parts: list[Any]) -> tuple[tree.Attribute, ...]:
+        return tuple(parts)
+
+    def attribute(self, parts: list[Any]) -> tree.Attribute:
+        value = _done(parts[-1])
+        target = parts[1] if len(parts) == 3 else None
+        return tree.Attribute(self._span([parts[0], value]), str(parts[0]), target, value)
+
+    def bonds(self, parts: list[Any]) -> tree.Bonds:
+        places, arrows = tuple(parts[0::2]), tuple(parts[1::2])
+        return tree.Bonds(self._span([places[0][0], places[-1][-1]]), places, arrows)
+
+    def places(self, parts: list[Any]) -> tuple[Any, ...]:
+        return tuple(parts)
+
+    def nest(self, parts: list[Any]) -> tree.Nest:
+        return tree.Nest(self._span(parts), str(parts[0])[0], tuple(parts[1:]))
+
+    def arrow(self, parts: list[Any]) -> str:
+        return str(parts[0])
+
+    def path(self, parts: list[Any]) -> tree.Path:
+        end = parts[0].end_pos
+        steps: list[tree.Member | tree.Index] = []
+        for kind, step, *position in parts[1:]:
+            steps.append(step)
+            end = position[0] if kind == "member" else step.items[-1].span.end + 1
+        depth = max((i.depth for s in steps if isinstance(s, tree.Index) for i in s.items), default=0)
+        return tree.Path(Span(self.source, parts[0].start_pos, end), depth + 1, str(parts[0]), tuple(steps))
+
+    def member(self, parts: list[Any]) -> tuple[Any, ...]:
+        return ("member", tree.Member(str(parts[0])), parts[0].end_pos)
+
+    def mechanism(self, parts: list[Any]) -> tree.Mechanism:
+        name, space, statements = parts
+        return tree.Mechanism(self._span([name]), str(name), None if space is None else str(space), statements)
+
+    def mechanism_block(self, parts: list[Any]) -> tuple[tree.Node, ...]:
+        return tuple(parts)
+
+    def setting(self, parts: list[Any]) -> tree.Setting:
+        value = _done(parts[1])
+        return tree.Setting(self._span([parts[0], value]), str(parts[0]), value)
+
+    def mechanism_loop(self, parts: list[Any]) -> tree.Loop:
+        return tree.Loop(self._span(parts[:2]), str(parts[0]), parts[1], parts[2])
+
+    loop = mechanism_loop
+
+    def event(self, parts: list[Any]) -> tree.Event:
+        condition = _done(parts[0])
+        return tree.Event(condition.span, condition, parts[1])
+
+    def resets(self, parts: list[Any]) -> tuple[tree.Reset, ...]:
+        return tuple(parts)
+
+    def reset(self, parts: list[Any]) -> tree.Reset:
+        value = _done(parts[1])
+        return tree.Reset(self._span([parts[0], value]), parts[0], value)
+
+    # ------------------------------------------------------------ experiments
+    def experiment(self, parts: list[Any]) -> tree.Experiment:
+        return tree.Experiment(self._span(parts[:1]), str(parts[0]), tuple(parts[1:]))
+
+    def _set(self, role: str, parts: list[Any]) -> tree.Set:
+        value = _done(parts[1])
+        return tree.Set(self._span([parts[0], value]), role, parts[0], value)
+
+    def set(self, parts: list[Any]) -> tree.Set:
+        return self._set("set", parts)
+
+    def start_value(self, parts: list[Any]) -> tree.Set:
+        return self._set("start", parts)
+
+    def sweep(self, parts: list[Any]) -> tree.Study:
+        values = tuple(map(_done, parts[2:]))
+        return tree.Study(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
+
+    def simulate(self, parts: list[Any]) -> tree.Simulate:
+        return tree.Simulate(self._span(parts[:1]), parts[0], parts[1] or ())
+
+    def _study(self, role: str, parts: list[Any]) -> tree.Study:
+        attributes = parts[0] or ()
+        span = self._span(attributes) if attributes else Span(self.source, 0, 0)
+        return tree.Study(span, role, (), None, (), None, attributes)
+
+    def equilibrium(self, parts: list[Any]) -> tree.Study:
+        return self._study("equilibrium", parts)
+
+    def modes(self, parts: list[Any]) -> tree.Study:
+        return self._study("modes", parts)
+
+    def response(self, parts: list[Any]) -> tree.Study:
+        return tree.Study(self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ())
+
+    def report(self, parts: list[Any]) -> tree.Report:
+        return tree.Report(self._span(parts), tuple(parts))
+
+    def reading(self, parts: list[Any]) -> tree.Reading:
+        value = _done(parts[0])
+        return tree.Reading(self._span([value]), value, parts[1])
+
+    def range(self, parts: list[Any]) -> tree.Range:
+        first, last = map(_done, parts)
+        return tree.Range(self._span([first, last]), first, last)
+
+    # ------------------------------------------------------------ expressions
+    def _chain(self, kind: type, sign: int, parts: list[Any]) -> _Chain:
+        left, right = parts[0], _done(parts[1])
+        if not (isinstance(left, _Chain) and left.kind is kind):
+            left = _done(left)
+            left = _Chain(kind, left.span, [(1, left)], left.depth)
+        left.parts.append((sign, right))
+        left.depth = max(left.depth, right.depth)
+        left.span = left.span.to(right.span)
+        if left.depth >= MAXIMUM_DEPTH:
+            raise Refused(TooDeep, left.span.start, left.span.end, limit=MAXIMUM_DEPTH)
+        return left
+
+    def add(self, parts: list[Any]) -> _Chain:
+        return self._chain(tree.Sum, 1, parts)
+
+    def subtract(self, parts: list[Any]) -> _Chain:
+        return self._chain(tree.Sum, -1, parts)
+
+    def multiply(self, parts: list[Any]) -> _Chain:
+        return self._chain(tree.Product, 1, parts)
+
+    def divide(self, parts: list[Any]) -> _Chain:
+        return self._chain(tree.Product, -1, parts)
+
+    def bracket(self, parts: list[Any]) -> Any:
+        return _done(parts[0])  # a bracket ends a chain: a - (b - c) stays what it is
+
+    def choose(self, parts: list[Any]) -> tree.Choice:
+        value, condition, otherwise = map(_done, parts)
+        operands = (value, condition, otherwise)
+        return self._expression(tree.Choice, self._span([value, otherwise]), operands, *operands)  # type: ignore[no-any-return]
+
+    def _logical(self, operator: str, parts: list[Any]) -> tree.Logical:
+        operands = tuple(map(_done, parts))
+        return self._expression(tree.Logical, self._span(operands), operands, operator, operands)  # type: ignore[no-any-return]
+
+    def disjunction(self, parts: list[Any]) -> tree.Logical:
+        return self._logical("or", parts)
+
+    def both(self, parts: list[Any]) -> tree.Logical:
+        return self._logical("and", parts)
+
+    def invert(self, parts: list[Any]) -> tree.Logical:
+        return self._logical("not", parts)
+
+    def compare(self, parts: list[Any]) -> tree.Comparison:
+        left, right = _done(parts[0]), _done(parts[2])
+        span = self._span([left, right])
+        return self._expression(tree.Comparison, span, (left, right), str(parts[1]), left, right)  # type: ignore[no-any-return]
+
+    def negative(self, parts: list[Any]) -> tree.Negative:
+        operand = _done(parts[0])
+        return self._expression(tree.Negative, operand.span, (operand,), operand)  # type: ignore[no-any-return]
+
+    def raise_(self, parts: list[Any]) -> tree.Power:
+        base, exponent = map(_done, parts)
+        return self._expression(tree.Power, self._span([base, exponent]), (base, exponent), base, exponent)  # type: ignore[no-any-return]
+
+    def name(self, parts: list[Any]) -> Any:
+        return parts[0]
+
+    def call(self, parts: list[Any]) -> tree.Call:
+        arguments = tuple(_done(p) for p in parts[1:] if p is not None)
+        span = self._span([parts[0], *arguments])
+        return self._expression(tree.Call, span, arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
+
+    def vector(self, parts: list[Any]) -> tree.Vector:
+        items = tuple(map(_done, parts))
+        return self._expression(tree.Vector, self._span(items), items, items)  # type: ignore[no-any-return]
+
+    def quantity(self, parts: list[Any]) -> tree.Literal:
+        number, unit = parts
+        if isinstance(unit, Token):
+            span = self._span([unit])
+            unit = tree.Unit(span, ((str(unit), Fraction(1), span),), Fraction(1))
+        return tree.Literal(self._span([number, unit]), 1, self._number(number), unit)
+
+    # ------------------------------------------------------------ units
+    def unit(self, parts: list[Any]) -> tree.Unit:
+        factors: list[tuple[str, Fraction, Span]] = []
+        number = Fraction(1)
+        sign = 1
+        for part in parts:
+            if isinstance(part, Token):
+                sign = 1 if part == "*" else -1
+                continue
+            factors += [(name, power * sign, span) for name, power, span in part.factors]
+            number *= part.number**sign
+        spans = [p for p in parts if not isinstance(p, Token)]
+        return tree.Unit(self._span(spans), tuple(factors), number)
+
+    def unit_power(self, parts: list[Any]) -> tree.Unit:
+        base, exponent = parts
+        power = Fraction(1) if exponent is None else exponent
+        if isinstance(base, Token):
+            span = self._span([base])
+            return tree.Unit(span, ((str(base), power, span),), Fraction(1))
+        factors = tuple((name, p * power, span) for name, p, span in base.factors)
+        return tree.Unit(base.span, factors, base.number if power == 1 else Fraction(base.number ** int(power)))
+
+    def unit_number(self, parts: list[Any]) -> tree.Unit:
+        number = self._number(parts[0])
+        if number == 0:
+            raise Refused(NumberTooLarge, parts[0].start_pos, parts[0].end_pos, number="0 in a unit")
+        return tree.Unit(self._span(parts), (), number)
+
+    def exponent(self, parts: list[Any]) -> Fraction:
+        sign = -1 if parts[0] == "-" else 1
+        numbers = [self._number(p) for p in parts if p.type == "NUMBER"]
+        bottom = numbers[1] if len(numbers) > 1 else Fraction(1)
+        if bottom == 0 or abs(numbers[0]) > 20 or bottom > 20:
+            raise Refused(NumberTooLarge, parts[0].start_pos, parts[-1].end_pos, number="of this exponent")
+        return sign * numbers[0] / bottom
+
+
+def _items(index: tuple[Any, ...] | None) -> tree.Index | None:
+    return None if index is None else index[1]

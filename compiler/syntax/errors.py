@@ -1,0 +1,69 @@
+"""What can be wrong with the text before any name is looked up: BG0xx."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import Diagnostic
+
+
+@dataclass(frozen=True, slots=True)
+class Unexpected(Diagnostic):
+    """BG001: the text does not follow the grammar."""
+
+    code = "BG001"
+    title = "{found} is not expected here"
+    advice = "{hint}"
+    found: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class StrangeCharacter(Diagnostic):
+    """BG002: a character that the language does not use."""
+
+    code = "BG002"
+    title = "The language has no use for the character {character}"
+    advice = "{hint}"
+    character: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class NumberTooLarge(Diagnostic):
+    """BG003: a literal beyond what a double can hold."""
+
+    code = "BG003"
+    title = "The number {number} is outside the range of double precision"
+    advice = "Write it with a unit prefix, or check the exponent: numbers lie between 1e-300 and 1e300."
+    number: str
+
+
+@dataclass(frozen=True, slots=True)
+class TooDeep(Diagnostic):
+    """BG004: nesting beyond the limit."""
+
+    code = "BG004"
+    title = "This is nested more than {limit} deep"
+    advice = "Name a part of it with `signal` or `constant` and use the name."
+    limit: int
+
+
+@dataclass(frozen=True, slots=True)
+class TooLarge(Diagnostic):
+    """BG005: a file beyond the limit."""
+
+    code = "BG005"
+    title = "The file has {size} characters; the limit is {limit}"
+    advice = "Use `for` and models for what repeats, or split the file and import its parts."
+    size: int
+    limit: int
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignFile(Diagnostic):
+    """BG006: a BondGraphTools file, which uses the same ending."""
+
+    code = "BG006"
+    title = "This is a BondGraphTools model (YAML), not the language of this compiler"
+    advice = "Both use the ending .bg. Write the elements as declarations (`C c : e = q/C`) and the bonds as arrows (`a -> b`)."
