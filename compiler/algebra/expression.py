@@ -295,6 +295,8 @@ def call(operator: str, *operands: Expression) -> Expression:
             value = value_of(operator, [x.value for x in operands if isinstance(x, Number)])
         except (ArithmeticError, ValueError):
             return Apply(operator, operands)  # found again, with a place, when it is evaluated
+        if operator in ("sin", "cos") and abs(value) < 4e-16 and abs(operands[0].value) > 0.1:  # type: ignore[union-attr]
+            value = 0.0  # a multiple of 90 deg: what rounding leaves would couple what is not coupled
         if math.isfinite(value):
             return Number(value)
     return Apply(operator, operands)

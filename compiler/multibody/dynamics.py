@@ -118,8 +118,8 @@ class _Dynamics:
         return self.let(name, self.builder.folded(bound))
 
     def direction(self, angle: Expression, name: str) -> Vector:
-        """cos and sin of a constant angle; a right angle is exactly right."""
-        return self.let(f"cos({name})", _clean(call("cos", angle))), self.let(f"sin({name})", _clean(call("sin", angle)))
+        """cos and sin of an angle."""
+        return self.let(f"cos({name})", call("cos", angle)), self.let(f"sin({name})", call("sin", angle))
 
     def rotated(self, turn: Expression, arm: Vector, name: str) -> Vector:
         """A vector that is fixed to a body, after the body's turn from the reference."""
@@ -469,13 +469,6 @@ class _Dynamics:
             terms += [HALF * mass * (vx * vx + vy * vy), HALF * turning * state.spin * state.spin]
             terms.append(negate(mass * (g[0] * state.position[0] + g[1] * state.position[1])))
         self.result.energy = self._variable_of(add(*terms), "energy") if add(*terms) != ZERO else None
-
-
-def _clean(x: Expression) -> Expression:
-    """A cosine of 90 degrees is zero: what rounding left would only couple what is not coupled."""
-    if isinstance(x, Number) and abs(x.value) < 4e-16:
-        return ZERO
-    return x
 
 
 def _less(x: Expression, u: Expression, v: Expression, d: Expression) -> Expression:

@@ -1,6 +1,6 @@
 """Text to syntax tree."""
 
-from .parse import parse
+from .parse import parse, parse_expression
 from .tree import SyntaxTree
 
-__all__ = ["SyntaxTree", "parse"]
+__all__ = ["SyntaxTree", "parse", "parse_expression"]

@@ -87,6 +87,9 @@ class Builder(Transformer[Token, Any]):
     def start(self, parts: list[Any]) -> tuple[tree.Node, ...]:
         return tuple(parts)
 
+    def alone(self, parts: list[Any]) -> tree.Expression:
+        return _done(parts[0])  # type: ignore[no-any-return]
+
     def import_(self, parts: list[Any]) -> tree.Import:
         place = parts[-1]
         names = tuple((str(t), self._span([t])) for t in parts[:-1])

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path as FilePath
+from typing import Any
 
 import lark
 
@@ -15,7 +16,7 @@ from ..errors import CompilationFailed, Diagnostic
 from ..source import Source, Span
 from .build import Builder, Refused
 from .errors import ForeignFile, StrangeCharacter, TooDeep, TooLarge, Unexpected
-from .tree import SyntaxTree
+from .tree import Expression, SyntaxTree
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
 MAXIMUM_NESTING = 100  # brackets within brackets
@@ -54,7 +55,7 @@ def _parser() -> tuple[lark.Lark, Builder]:
     builder = Builder()
     grammar = FilePath(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
     # The builder is called while lark parses: no intermediate tree is made (half the time of a large file).
-    parser = lark.Lark(grammar, parser="lalr", transformer=builder, postlex=_Brackets(), propagate_positions=False)  # type: ignore[arg-type]
+    parser = lark.Lark(grammar, parser="lalr", start=["start", "alone"], transformer=builder, postlex=_Brackets(), propagate_positions=False)  # type: ignore[arg-type]
     return parser, builder
 
 
@@ -87,14 +88,24 @@ def parse(source: Source) -> SyntaxTree:
     return SyntaxTree(source, statements)
 
 
-def _parse_text(source: Source, text: str) -> tuple:  # type: ignore[type-arg]
+def parse_expression(source: Source) -> Expression:
+    """Parse a text that is one expression. Raises `CompilationFailed`."""
+    try:
+        return _parse_text(source, source.text, "alone")  # type: ignore[no-any-return]
+    except Refused as refused:
+        raise CompilationFailed([refused.diagnostic(source)]) from None
+    except lark.UnexpectedInput as problem:
+        raise CompilationFailed([_explain(source, problem)]) from None
+
+
+def _parse_text(source: Source, text: str, start: str = "start") -> Any:
     with _parser_lock:
         parser, builder = _parser()
         builder.source = source
         collecting = gc.isenabled()
         gc.disable()  # a tree has no cycles: collecting while it grows costs time that is not linear
         try:
-            result = parser.parse(text)
+            result = parser.parse(text, start=start)
         except lark.exceptions.VisitError as error:
             if isinstance(error.orig_exc, Refused):
                 raise error.orig_exc from None
@@ -102,7 +113,7 @@ def _parse_text(source: Source, text: str) -> tuple:  # type: ignore[type-arg]
         finally:
             if collecting:
                 gc.enable()
-    return result  # type: ignore[return-value]
+    return result
 
 
 def _explain(source: Source, problem: lark.UnexpectedInput) -> Diagnostic:

@@ -136,8 +136,9 @@ class Writer:
         parts.append(self._function("powers", full, "Power into each port, energies of mechanisms, stored quantities: for an energy balance.", powers, (len(powers),)))
         parts.append(self._function("instants", constant_arguments, "Known instants at which an expression of time jumps or bends.", lowered.instants, (len(lowered.instants),)))
         crossings = lowered.crossings
+        shape = (len(lowered.switches),)
         parts.append(self._function("crossings", "time, constants, mode", "Functions of time at whose zeros an expression jumps or bends.", crossings, (len(crossings),)))
-        parts.append(self._function("switches", "time, constants", "The truth of the conditions on time.", lowered.switches, (len(lowered.switches),)))
+        parts.append(self._function("switches", "time, constants", "The truth of the conditions on time.", lowered.switches, shape))
         return "\n".join(parts)
 
     def _constants(self) -> str:
@@ -180,6 +181,8 @@ class Writer:
         if wanted:
             lines.append("constants = np.asarray(constants).T")
             lines += [f"{n} = constants[{i}]" for i, n in wanted]
+        if "mode" in arguments and any(n.startswith("mode[") for n in used):
+            lines.append("mode = np.asarray(mode).T")
         if "time" in arguments and "time" in used:
             lines.append("time = np.asarray(time, dtype=float).T[()]")
         return lines
@@ -318,4 +321,5 @@ def _text(text: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    return printable(text).replace("\\", "\\\\").replace('"', "'")
+    lines = (printable(line).replace("\\", "\\\\").replace('"', "'") for line in text.split("\n"))
+    return "\n".join(lines)

@@ -1,0 +1,34 @@
+"""Bond graphs as text: load a model, look at its equations, simulate it.
+
+    import bondgraph
+    model = bondgraph.load("oscillator.bg")
+    result = model.simulate(to="10 s")
+    result["position"]          # a numpy array, in SI
+
+Nothing heavy is imported before it is used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .errors import RunFailed, UsageError
+    from .model import Model, check, load
+    from .results import Result
+
+__all__ = ["CompilationFailed", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
+_HOMES = {"load": "model", "check": "model", "Model": "model", "Result": "results", "RunFailed": "errors", "UsageError": "errors", "CompilationFailed": "door"}
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'bondgraph' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f".{home}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

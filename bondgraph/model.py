@@ -1,0 +1,161 @@
+"""A model: its text, its stages, its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .door import Compilation, Diagnostic, Override, Scene, Source, Span, check_source, parse_expression
+from .errors import UsageError
+
+if TYPE_CHECKING:
+    import networkx
+
+    from .results import Result
+
+LIBRARY = Path(__file__).with_name("library")
+STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter or constant of a model, nested ones by their path: value in SI, unit, description."""
+
+    value: float
+    unit: str
+    description: str
+
+
+def load(path_or_text: str | Path, model: str | None = None) -> Model:
+    """A model from a file, or from a text with at least one line break or brace.
+
+    `model` names one of several. Nothing is compiled yet: mistakes are told when something is asked of the model, or by
+    `check`. Raises OSError if the file cannot be read.
+    """
+    return Model(_source(path_or_text), model)
+
+
+def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
+    """Everything that is wrong with a file or text; empty if nothing is."""
+    return tuple(check_source(_source(path_or_text), model, LIBRARY))
+
+
+def _source(path_or_text: str | Path) -> Source:
+    if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
+        return Source("text", path_or_text)
+    path = Path(path_or_text)
+    return Source(str(path_or_text), path.read_text(encoding="utf-8-sig"), path)
+
+
+class Model:
+    """One model of a text. Compiled when it is first asked; raises `CompilationFailed` with all that is wrong."""
+
+    def __init__(self, source: Source, model: str | None = None) -> None:
+        self.source = source
+        self.model = model
+        self._compilations: dict[tuple[Scene, bool], Compilation] = {}
+
+    def __repr__(self) -> str:
+        return f"<bondgraph model {self.model or ''} of {self.source.name}>"
+
+    def compilation(self, scene: Scene | None = None, everything: bool = False) -> Compilation:
+        """The compiler's stages for one scene (default: no experiment)."""
+        scene = scene if scene is not None else Scene(self.model, None)
+        key = (scene, everything)
+        if key not in self._compilations:
+            compilation = Compilation(self.source, scene, LIBRARY, everything)
+            if self._compilations:  # the text is parsed once
+                compilation.__dict__["tree"] = next(iter(self._compilations.values())).tree
+            self._compilations[key] = compilation
+        return self._compilations[key]
+
+    @cached_property
+    def name(self) -> str:
+        """The model's name."""
+        return self.compilation().whole_graph.name
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """All parameters and constants by path, those of instances included, with their values in SI."""
+        quantities = self.compilation().whole_graph.quantities
+        return {n: Parameter(q.value, q.unit, q.description) for n, q in quantities.items() if q.value is not None and q.role in ("parameter", "constant")}
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs of the model itself."""
+        return tuple(n for n, q in self.compilation().whole_graph.quantities.items() if q.role == "input" and "." not in n)
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """The declared outputs."""
+        return tuple(self.compilation().whole_graph.outputs)
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """All states, whatever the outputs need."""
+        space = self.compilation(everything=True).state_space
+        return tuple(space.variables[s.variable].name for s in space.states)
+
+    @property
+    def graph(self) -> networkx.MultiDiGraph:
+        """The bond graph in networkx; nodes carry `node=`, edges (half arrows) `bond=`."""
+        return self.compilation().whole_graph.network
+
+    # ------------------------------------------------------------ equations and stages
+    def state_equations(self) -> Any:
+        """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs."""
+        from .views.equations import state_equations
+
+        return state_equations(self.compilation(everything=True).state_space)
+
+    def equations(self, latex: bool = False) -> str:
+        """The causally ordered equations as text, or as LaTeX."""
+        from .views.equations import equations_text
+
+        return equations_text(self.compilation(everything=True).state_space, latex)
+
+    def show(self, stage: str, experiment: str | None = "") -> str:
+        """One stage of the compiler as stable text; `STAGES` lists them."""
+        if stage not in STAGES:
+            raise UsageError(f"there is no stage `{stage}`; stages are {', '.join(STAGES)}")
+        from .views.stages import stage_text
+
+        return stage_text(self.compilation(Scene(self.model, experiment)), stage)
+
+    def compile(self, target: str = "numpy") -> str:
+        """The source of a program of its own, with every parameter and input as an argument."""
+        if target != "numpy":
+            raise UsageError(f"there is no target `{target}`; targets are numpy")
+        return self.compilation(Scene(self.model, None, free=frozenset({"*"}))).program.source
+
+    # ------------------------------------------------------------ runs
+    def scene(self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, free: tuple[str, ...] = (), outputs: tuple[str, ...] | None = None) -> Scene:
+        """What a run asks: an experiment ("" the first, None none), settings (texts are expressions with units, numbers SI)."""
+        overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
+        return Scene(self.model, experiment, overrides, frozenset(free), outputs)
+
+    def simulate(
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+        points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
+        outputs: tuple[str, ...] | None = None,
+    ) -> Result:  # fmt: skip
+        """Run an experiment ("" the first, None none); what is given here overrides what it says.
+
+        `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
+        `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
+        balance. Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail.
+        """
+        from .simulation.run import simulate
+
+        return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy)
+
+
+def _override(name: str, value: str | float) -> Override:
+    if isinstance(value, str):
+        source = Source(f"setting of {name}", value)
+        return Override(name.replace(" ", ""), parse_expression(source), Span(source, 0, len(value)))
+    source = Source(f"setting of {name}", repr(value))
+    return Override(name.replace(" ", ""), float(value), Span(source, 0, len(source.text)))

@@ -1,0 +1,70 @@
+"""The energy balance of a run: what sources gave, what resistors took, what storages hold more than before.
+
+Work is integrated; what is stored is computed from the state alone (the storage's energy, or the integral of its law), so
+that the residual is an independent measure of the error of the run.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..door import StateSpace, Storage, evaluate
+from ..results import ElementEnergy, EnergyBalance
+
+SOURCES, LOSSES = ("Se", "Sf"), ("R",)
+
+
+def energy_balance(space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float]) -> EnergyBalance:
+    """Balance from the integrated powers and the stored quantities before and after.
+
+    `work` has one item per port; `before` and `after` the mechanisms' energies and then the stored quantities, as the
+    program's `powers` gives them; `arguments` the values of the storages' parameters.
+    """
+    elements: list[ElementEnergy] = []
+    by_element: dict[str, tuple[str, float]] = {}
+    for port, joules in zip(space.ports, work[: len(space.ports)], strict=True):
+        kind, total = by_element.get(port.element, (port.kind, 0.0))
+        by_element[port.element] = (kind, total + float(joules))
+    for name, (kind, joules) in by_element.items():
+        if kind in SOURCES:
+            elements.append(ElementEnergy(name, kind, 0.0, -joules, 0.0))
+        elif kind in LOSSES:
+            elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
+    offset = len(space.ports)
+    for i, name in enumerate(space.stored):
+        change = float(after[offset + i] - before[offset + i])
+        elements.append(ElementEnergy(name, "multibody", change, 0.0, 0.0))
+    offset += len(space.stored)
+    for storage in space.storages:
+        count = len(storage.stored)
+        change = stored_change(storage, before[offset : offset + count], after[offset : offset + count], arguments)
+        elements.append(ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0))
+        offset += count
+    for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
+        if kind in ("C", "I") and not any(s.element == name for s in space.storages):
+            elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
+    stored, supplied, dissipated = (float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated"))
+    return EnergyBalance(tuple(elements), stored, supplied, dissipated, supplied - dissipated - stored)
+
+
+def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:
+    """The change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
+    count = len(before)
+    values = [a if isinstance(a, float) else arguments[a] for a in storage.arguments]
+
+    def at(expression: Any, stored: Any) -> float:
+        return evaluate(expression, lambda slot: float(stored[slot]) if slot < count else values[slot - count])  # type: ignore[operator, index]
+
+    if storage.energy is not None:
+        return at(storage.energy, after) - at(storage.energy, before)
+    change = np.asarray(after, dtype=float) - np.asarray(before, dtype=float)
+    if not change.any():
+        return 0.0
+    from scipy.integrate import quad
+
+    def slope(s: float) -> float:
+        return float(sum(at(law, before + s * change) * d for law, d in zip(storage.laws, change, strict=True)))
+
+    return float(quad(slope, 0.0, 1.0, epsrel=1e-12, epsabs=0.0, limit=200, full_output=1)[0])

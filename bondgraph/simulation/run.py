@@ -1,0 +1,166 @@
+"""One run: the plan and what overrides it, the program, the solver, the result."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import (
+    SECOND,
+    Assignment,
+    Compilation,
+    CompilationFailed,
+    Literal,
+    Plan,
+    Program,
+    Scene,
+    Source,
+    Unsupported,
+    evaluate,
+    parse_expression,
+    scale_of,
+)
+from ..errors import RunFailed, UsageError
+from ..results import Column, EnergyBalance, Result
+from .energy import energy_balance
+from .integrate import Trajectory, integrate
+from .nominal import nominal_magnitudes
+from .segments import mode_after, segments
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+DEFAULT_RTOL = 1e-6
+DEFAULT_POINTS = 501
+
+
+def simulate(model: Model, scene: Scene, to: str | float | None, points: int | None, rtol: float | None, atol: float | None, energy: bool) -> Result:
+    """Run a scene of a model; arguments that are not None override the experiment."""
+    began = clock.perf_counter()
+    compilation = model.compilation(scene, everything=energy)
+    plan = compilation.plan
+    if plan.unsupported:
+        raise CompilationFailed([Unsupported(span, f"`{word}` in an experiment", "Run another experiment with -e, or none with `-e none`.") for span, word in plan.unsupported])
+    stop = _stop(plan, to)
+    rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
+    count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
+    if count < 2 or count > 10_000_000:
+        raise UsageError("--points is a whole number from 2 to 10 000 000")
+    program = compilation.program
+    instants = np.linspace(plan.start, stop, count)
+    if atol is None:
+        atol = plan.settings.get("atol")
+    with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
+        run = _Run(compilation, program, plan, instants, rtol, atol, energy)
+        values, balance = run.go()
+    columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
+    return Result(
+        model.name, plan.experiment, instants, columns, values, plan.report, "Radau IIA 5 (scipy)" if program.states.names else "none", run.trajectory.steps,
+        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance,
+    )  # fmt: skip
+
+
+def _stop(plan: Plan, to: str | float | None) -> float:
+    stop = plan.stop if to is None else (seconds(to) if isinstance(to, str) else float(to))
+    if stop is None:
+        raise UsageError("nothing says how long to run: give an end with --to, or an experiment with `simulate 0 .. 1 s`")
+    if not plan.start < stop < float("inf"):
+        raise UsageError(f"the end of the run, {stop:g} s, does not lie after its start, {plan.start:g} s")
+    return stop
+
+
+def seconds(text: str) -> float:
+    """A time as text, `20 ms`, or a bare number of seconds."""
+    tree = parse_expression(Source("--to", text))
+    if isinstance(tree, Literal):
+        if tree.unit is None:
+            return float(tree.number)
+        scale = scale_of(tree.unit)
+        if scale.dimension == SECOND:
+            return scale.to_si(tree.number)
+    raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
+
+
+def _checked(name: str, value: float, low: float, high: float) -> float:
+    if not low <= value <= high:
+        raise UsageError(f"{name} = {value:g} is outside {low:g} to {high:g}")
+    return value
+
+
+class _Run:
+    """What one run holds while it goes."""
+
+    def __init__(self, compilation: Compilation, program: Program, plan: Plan, instants: Any, rtol: float, atol: float | None, energy: bool) -> None:
+        self.compilation, self.program, self.plan = compilation, program, plan
+        self.instants, self.rtol, self.energy = instants, rtol, energy
+        self.parameters = np.array(program.defaults, dtype=float)
+        self.constants = program.constants(self.parameters)
+        self.inputs = np.array(program.input_defaults, dtype=float)
+        self.state = np.asarray(program.start(self.constants), dtype=float)
+        self.stretches = segments(program, self.constants, instants[0], instants[-1])
+        self.magnitude = nominal_magnitudes(program, self.constants, self.state, self.inputs, self.stretches)
+        self.atol = self._tolerances(atol)
+        self.trajectory = Trajectory(np.empty((0, 0)))
+
+    def _tolerances(self, atol: float | None) -> Any:
+        """Absolute tolerances per state: what is given, else rtol times the magnitude."""
+        result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
+        outputs = self.compilation.state_space.outputs
+        variables = {self.compilation.state_space.variables[s.variable].name: i for i, s in enumerate(self.compilation.state_space.states)}
+        numbers = {s.variable: i for i, s in enumerate(self.compilation.state_space.states)}
+        for name, value in self.plan.tolerances.items():
+            index = variables.get(name, numbers.get(outputs.get(name, -1)))
+            if index is None:
+                raise UsageError(f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}")
+            result[index] = value
+        return result
+
+    def go(self) -> tuple[Any, EnergyBalance | None]:
+        """Integrate and evaluate the outputs; shape (points, outputs)."""
+        program = self.program
+        if not np.isfinite(self.state).all():
+            bad = [program.states.names[i] for i in np.flatnonzero(~np.isfinite(self.state))]
+            raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
+        powers = self._powers if self.energy else None
+        self.trajectory = integrate(
+            program, self.constants, self.inputs, self.state, self.stretches, self.instants, self.rtol, self.atol, self.magnitude, powers
+        )  # fmt: skip
+        values = self._outputs()
+        return values, self._balance() if self.energy else None
+
+    def _outputs(self) -> Any:
+        values = np.empty((len(self.instants), len(self.program.outputs.names)))
+        for stretch in self.stretches:
+            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
+            if chosen.any():
+                values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
+        last = self.stretches[-1]
+        mode = mode_after(self.program, self.constants, last.stop, last)
+        values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
+        return values
+
+    def _output(self, times: Any, states: Any, mode: Any) -> Any:
+        return self.program.output(times, states, self.inputs, self.constants, mode)
+
+    def _powers(self, times: Any, states: Any, mode: Any) -> Any:
+        return self.program.powers(times, states, self.inputs, self.constants, mode)
+
+    def _balance(self) -> EnergyBalance:
+        space, first, last = self.compilation.state_space, self.stretches[0], self.stretches[-1]
+        before = self._powers(first.start, self.state, first.mode)
+        after = self._powers(last.stop, self.trajectory.final, last.mode)
+        work = self.trajectory.work if self.trajectory.work is not None else np.zeros(len(before))
+        return energy_balance(space, work, before, after, self._arguments())
+
+    def _arguments(self) -> dict[int, float]:
+        """The values of the storages' parameters."""
+        space = self.compilation.state_space
+        known = dict(zip(self.program.parameters.names, self.parameters, strict=True))
+        values = {i: known.get(v.name, v.value) for i, v in enumerate(space.variables) if v.role == "parameter"}
+        for step in space.steps:
+            if isinstance(step, Assignment) and all(isinstance(a, float) or a in values for a in step.arguments):
+                numbers = [a if isinstance(a, float) else values[a] for a in step.arguments]
+                values[step.target] = evaluate(step.formula.expression, lambda slot, n=numbers: n[slot])
+        return values

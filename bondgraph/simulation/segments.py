@@ -1,0 +1,77 @@
+"""The stretches of time on which the right side is smooth: between the instants of steps, pulses, ramps and `if` on time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..door import Program
+
+GRID = 256  # places at which a stretch is searched for zeros that have no formula
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A stretch of time and the truth of the conditions on time within it."""
+
+    start: float
+    stop: float
+    mode: Any
+
+
+def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
+    """Cut [start, stop] where an expression of time jumps or bends."""
+    cuts = [t for t in np.atleast_1d(program.instants(constants)) if start < t < stop]
+    edges = _distinct([start, *sorted(cuts), stop])
+    edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
+    return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in zip(edges, edges[1:], strict=False)]
+
+
+def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
+    """The conditions just after the end of a run, which is what an output at a jump shows (values hold from the jump on)."""
+    return _mode(program, constants, instant + 1e-6 * (last.stop - last.start))
+
+
+def _mode(program: Program, constants: Any, time: float) -> Any:
+    return program.switches(time, constants)
+
+
+def _distinct(edges: list[float]) -> list[float]:
+    """Sorted instants without those that rounding has split."""
+    kept = [edges[0]]
+    for edge in edges[1:]:
+        if edge - kept[-1] > 4 * np.spacing(max(abs(edge), abs(kept[-1]))):
+            kept.append(edge)
+    if kept[-1] != edges[-1]:
+        kept[-1] = edges[-1]
+    return kept
+
+
+def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
+    """Zeros of the functions of time that are not linear in it: signs on a grid, then bisection.
+
+    Two zeros closer than 1/256 of a smooth stretch can be missed; the error control of the solver still sees the bend.
+    """
+    middle = 0.5 * (edges[0] + edges[-1])
+    if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
+        return []
+    from scipy.optimize import brentq
+
+    found: list[float] = []
+    for a, b in zip(edges, edges[1:], strict=False):
+        times = a + (b - a) * (np.arange(GRID) + 0.5) / GRID
+        values = np.array([program.crossings(t, constants, _mode(program, constants, t)) for t in times])
+        for column in range(values.shape[1]):
+            signs = np.sign(values[:, column])
+            for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):
+                mode = _mode(program, constants, times[i])
+
+                def g(t: float, column: int = column, mode: Any = mode) -> float:
+                    return float(program.crossings(t, constants, mode)[column])
+
+                if g(times[i]) * g(times[i + 1]) < 0:
+                    found.append(brentq(g, times[i], times[i + 1], xtol=4e-16 * max(abs(b), 1e-300), rtol=1e-15))
+            found += [times[i] for i in np.flatnonzero(signs[1:-1] == 0) + 1 if signs[i - 1] * signs[i + 1] < 0]
+    return found

@@ -1,0 +1,134 @@
+"""Equations for people: in sympy, as text, as LaTeX; under the author's names, in causal order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import PurePath
+from typing import Any
+
+from compiler.algebra.sympy_form import to_sympy
+
+from ..door import LinearLoop, StateSpace
+
+
+def state_equations(space: StateSpace) -> dict[str, Any]:
+    """State -> right side in sympy, over parameters, inputs, `time` and states; assignments are put in, in causal order.
+
+    A linear loop is solved symbolically for its cut variables.
+    """
+    import sympy
+
+    values: dict[int, Any] = {}
+
+    def value(entry: int | float) -> Any:
+        if isinstance(entry, float):
+            return sympy.Float(entry) if entry != int(entry) else sympy.Integer(int(entry))
+        if entry not in values:
+            values[entry] = sympy.Symbol(space.variables[entry].name, real=True)
+        return values[entry]
+
+    for step in space.steps:
+        if isinstance(step, LinearLoop):
+            matrix = sympy.Matrix([[value(e) for e in row] for row in step.matrix])
+            solution = matrix.LUsolve(sympy.Matrix([value(e) for e in step.right]))
+            values.update(zip(step.targets, solution, strict=True))
+        elif _is_parameter(space, step.target, step.arguments):
+            continue  # what depends on parameters alone keeps its name
+        else:
+            values[step.target] = to_sympy(step.formula.expression, lambda slot, a=step.arguments: value(a[slot]))
+    return {space.variables[s.variable].name: value(s.rate) for s in space.states}
+
+
+def _is_parameter(space: StateSpace, target: int, arguments: tuple[int | float, ...]) -> bool:
+    """Whether a variable depends on parameters alone and was named by the author."""
+    return target in space.quantities.values() and all(isinstance(a, float) or _static(space, a) for a in arguments)
+
+
+def _static(space: StateSpace, variable: int) -> bool:
+    role = space.variables[variable].role
+    if role != "computed":
+        return role == "parameter"
+    step = _steps(space).get(variable)
+    return step is not None and all(isinstance(a, float) or _static(space, a) for a in step.arguments)
+
+
+def _steps(space: StateSpace) -> dict[int, Any]:
+    return {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
+
+
+def equations_text(space: StateSpace, latex: bool) -> str:
+    """One equation a line, in the order in which they are computed; then the rates of the states."""
+    lines = list(_latex_lines(space) if latex else _text_lines(space))
+    if latex:
+        return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+    return "\n".join(lines)
+
+
+def _text_lines(space: StateSpace) -> Iterator[str]:
+    import sympy
+
+    def symbol(entry: int | float) -> Any:
+        return sympy.Symbol(space.variables[entry].name) if isinstance(entry, int) else to_number(entry)
+
+    width = 0
+    rows: list[tuple[str, str]] = []
+    for step in space.steps:
+        place = f"{PurePath(step.span.source.name).name}:{step.span.line}"
+        if isinstance(step, LinearLoop):
+            names = ", ".join(space.variables[t].name for t in step.targets)
+            matrix = "; ".join(" ".join(str(symbol(e)) for e in row) for row in step.matrix)
+            right = "; ".join(str(symbol(e)) for e in step.right)
+            rows.append((f"solve [{matrix}] [{names}] = [{right}]", f"{place} loop of {', '.join(step.members)}"))
+            continue
+        right_side = to_sympy(step.formula.expression, lambda slot, a=step.arguments: symbol(a[slot]))
+        rows.append((f"{space.variables[step.target].name} = {right_side}", place))
+    for state in space.states:
+        rate, start = space.variables[state.rate].name, symbol(state.start)
+        place = f"{PurePath(state.span.source.name).name}:{state.span.line}"
+        rows.append((f"d/dt {space.variables[state.variable].name} = {rate}", f"{place} starts at {start}"))
+    width = min(72, max((len(r[0]) for r in rows), default=0))
+    for text, place in rows:
+        yield f"{text.ljust(width)}  # {place}"
+
+
+def to_number(value: float) -> Any:
+    """A number as sympy prints it well."""
+    import sympy
+
+    return sympy.Integer(int(value)) if value == int(value) and abs(value) < 1e15 else sympy.Float(value, 15)
+
+
+def _latex_lines(space: StateSpace) -> Iterator[str]:
+    import sympy
+
+    names = {}
+
+    def symbol(entry: int | float) -> Any:
+        if isinstance(entry, float):
+            return to_number(entry)
+        made = sympy.Symbol(f"v{entry}")
+        names[made] = _latex_name(space.variables[entry].name)
+        return made
+
+    def text(expression: Any) -> str:
+        return str(sympy.latex(expression, symbol_names=names))
+
+    for step in space.steps:
+        if isinstance(step, LinearLoop):
+            matrix = sympy.Matrix([[symbol(e) for e in row] for row in step.matrix])
+            left = sympy.Matrix([symbol(t) for t in step.targets])
+            yield f"{text(matrix)} {text(left)} &= {text(sympy.Matrix([symbol(e) for e in step.right]))}"
+            continue
+        right_side = to_sympy(step.formula.expression, lambda slot, a=step.arguments: symbol(a[slot]))
+        yield f"{_latex_name(space.variables[step.target].name)} &= {text(right_side)}"
+    for state in space.states:
+        variable, rate = (_latex_name(space.variables[v].name) for v in (state.variable, state.rate))
+        yield f"\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {variable} &= {rate}"
+
+
+_ESCAPES = {"_": r"\_", "^": r"\hat{}", "%": r"\%", "#": r"\#", "&": r"\&", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\sim ", "\\": r"\backslash "}
+
+
+def _latex_name(name: str) -> str:
+    """A dotted name in upright letters; nothing in it can end its group."""
+    return r"\mathrm{" + "".join(_ESCAPES.get(c, c) for c in name.replace(" -> ", r">")) + "}"

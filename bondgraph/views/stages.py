@@ -1,0 +1,125 @@
+"""The stages of the compiler as stable text: a debugging aid, the golden files of the tests, the examples of the documents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import PurePath
+from typing import Any
+
+from ..door import Compilation
+
+
+def stage_text(compilation: Compilation, stage: str) -> str:
+    """The text of one stage."""
+    writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
+        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code,
+    }  # fmt: skip
+    return "\n".join(writers[stage](compilation))
+
+
+def _place(span: Any) -> str:
+    return f"{PurePath(span.source.name).name}:{span.line}"
+
+
+def _syntax(compilation: Compilation) -> Iterator[str]:
+    """The tree, a node a line."""
+    from dataclasses import fields, is_dataclass
+
+    def walk(node: Any, name: str, depth: int) -> Iterator[str]:
+        pad = "  " * depth
+        if is_dataclass(node) and not isinstance(node, type):
+            simple, inner = [], []
+            for item in fields(node):
+                value = getattr(node, item.name)
+                if item.name in ("span", "name_span", "depth", "source"):
+                    continue
+                (inner if is_dataclass(value) or isinstance(value, tuple) else simple).append((item.name, value))
+            words = " ".join(f"{n}={v}" for n, v in simple if v is not None)
+            yield f"{pad}{name}{type(node).__name__}{' ' + words if words else ''}"
+            for key, value in inner:
+                yield from walk(value, f"{key}: ", depth + 1)
+        elif isinstance(node, tuple):
+            for i, item in enumerate(node):
+                if is_dataclass(item) or isinstance(item, tuple):
+                    yield from walk(item, name if len(node) == 1 else f"{name}{i + 1}: ", depth)
+                elif item is not None:
+                    yield f"{pad}{name}{item}"
+
+    for statement in compilation.tree.statements:
+        yield from walk(statement, "", 0)
+
+
+def _end(graph: Any, end: Any) -> str:
+    node = graph.nodes[end.node]
+    ports = getattr(node, "ports", None)
+    name = ports[end.port].name if ports else ""
+    return f"{node.name}.{name}" if name else str(node.name)
+
+
+def _graph(compilation: Compilation) -> Iterator[str]:
+    """Nodes, bonds, quantities."""
+    graph = compilation.whole_graph
+    yield f"graph {graph.name}: {len(graph.nodes)} nodes, {len(graph.bonds)} bonds"
+    for node in graph.nodes:
+        ports = getattr(node, "ports", ())
+        listed = ", ".join(f"{p.name}: {p.domain}" if p.name else p.domain for p in ports) or getattr(node, "domain", "")
+        yield f"  {node.kind.value} {node.name} ({listed})  # {_place(node.span)} {node.definition}"
+    for bond in graph.bonds:
+        yield f"  {_end(graph, bond.tail)} -> {_end(graph, bond.head)} : {bond.domain}  # {_place(bond.span)}"
+    for named in graph.quantities.values():
+        value = f" = {named.value!r}" if named.value is not None else ""
+        yield f"  {named.role} {named.name} [{named.unit}]{value}  # {_place(named.span)}"
+    for named in graph.outputs.values():
+        yield f"  reported {named.name} [{named.unit}]  # {_place(named.span)}"
+
+
+def _causality(compilation: Compilation) -> Iterator[str]:
+    """Every bond with its stroke (|) at the end that is given the effort, and why it stands there."""
+    causal = compilation.causal
+    graph = causal.graph
+    gone = len(compilation.whole_graph.nodes) - len(graph.nodes)
+    yield f"causality {graph.name}: {len(graph.bonds)} bonds, {len(causal.derivative)} in derivative form, {gone} nodes left out because they give nothing"
+    for bond, effort_from, reason in zip(graph.bonds, causal.effort_from, causal.reasons, strict=True):
+        arrow = "--|>" if effort_from == 0 else "|-->"
+        source = graph.nodes[reason.node].name
+        yield f"  {_end(graph, bond.tail)} {arrow} {_end(graph, bond.head)}  # {reason.because.value}: {source}"
+
+
+def _equations(compilation: Compilation) -> Iterator[str]:
+    """All assignments, before anything is left out or ordered."""
+    from compiler.algebra.sympy_form import to_sympy
+
+    from .equations import to_number
+
+    system = compilation.equations
+
+    def symbol(entry: int | float) -> Any:
+        import sympy
+
+        return sympy.Symbol(system.variables[entry].name) if isinstance(entry, int) else to_number(entry)
+
+    formulas = {a.formula for a in system.assignments}
+    yield f"equations {system.name}: {len(system.assignments)} assignments of {len(formulas)} formulas, {len(system.states)} states"
+    for assignment in system.assignments:
+        right = to_sympy(assignment.formula.expression, lambda slot, a=assignment.arguments: symbol(a[slot]))
+        yield f"  {system.variables[assignment.target].name} = {right}  # {_place(assignment.span)} {assignment.owner}"
+    for item in system.derivatives:
+        yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {_place(item.span)} {item.owner}"
+    for state in system.states:
+        yield f"  d/dt {system.variables[state.variable].name} = {system.variables[state.rate].name}  # {_place(state.span)}"
+
+
+def _reduction(compilation: Compilation) -> Iterator[str]:
+    """What this run computes, in order."""
+    from .equations import equations_text
+
+    space = compilation.state_space
+    loops = sum(type(s).__name__ == "LinearLoop" for s in space.steps)
+    yield f"state space {space.name}: {len(space.states)} states, {len(space.steps) - loops} assignments, {loops} linear loops, outputs {', '.join(space.outputs)}"
+    if space.dependent:
+        yield f"in derivative form: {', '.join(space.dependent)}"
+    yield equations_text(space, latex=False)
+
+
+def _code(compilation: Compilation) -> Iterator[str]:
+    yield compilation.program.source
