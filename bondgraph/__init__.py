@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from .results import Result
 
 __all__ = ["CompilationFailed", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
-_HOMES = {"load": "model", "check": "model", "Model": "model", "Result": "results", "RunFailed": "errors", "UsageError": "errors", "CompilationFailed": "door"}
+_HOMES = {
+    "load": "model",
+    "check": "model",
+    "Model": "model",
+    "Result": "results",
+    "RunFailed": "errors",
+    "UsageError": "errors",
+    "CompilationFailed": "door",
+}
 
 
 def __getattr__(name: str) -> Any:

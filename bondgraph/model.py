@@ -81,12 +81,18 @@ class Model:
     def parameters(self) -> Mapping[str, Parameter]:
         """All parameters and constants by path, those of instances included, with their values in SI."""
         quantities = self.compilation().whole_graph.quantities
-        return {n: Parameter(q.value, q.unit, q.description) for n, q in quantities.items() if q.value is not None and q.role in ("parameter", "constant")}
+        return {
+            n: Parameter(q.value, q.unit, q.description)
+            for n, q in quantities.items()
+            if q.value is not None and q.role in ("parameter", "constant")
+        }
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """The inputs of the model itself."""
-        return tuple(n for n, q in self.compilation().whole_graph.quantities.items() if q.role == "input" and "." not in n)
+        return tuple(
+            n for n, q in self.compilation().whole_graph.quantities.items() if q.role == "input" and "." not in n
+        )
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
@@ -132,7 +138,13 @@ class Model:
         return self.compilation(Scene(self.model, None, free=frozenset({"*"}))).program.source
 
     # ------------------------------------------------------------ runs
-    def scene(self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, free: tuple[str, ...] = (), outputs: tuple[str, ...] | None = None) -> Scene:
+    def scene(
+        self,
+        experiment: str | None = "",
+        settings: Mapping[str, str | float] | None = None,
+        free: tuple[str, ...] = (),
+        outputs: tuple[str, ...] | None = None,
+    ) -> Scene:
         """What a run asks: an experiment ("" the first, None none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
         return Scene(self.model, experiment, overrides, frozenset(free), outputs)

@@ -45,7 +45,9 @@ def energy_balance(space: StateSpace, work: Any, before: Any, after: Any, argume
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
         if kind in ("C", "I") and not any(s.element == name for s in space.storages):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
-    stored, supplied, dissipated = (float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated"))
+    stored, supplied, dissipated = (
+        float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
+    )
     return EnergyBalance(tuple(elements), stored, supplied, dissipated, supplied - dissipated - stored)
 
 
@@ -55,7 +57,7 @@ def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int
     values = [a if isinstance(a, float) else arguments[a] for a in storage.arguments]
 
     def at(expression: Any, stored: Any) -> float:
-        return evaluate(expression, lambda slot: float(stored[slot]) if slot < count else values[slot - count])  # type: ignore[operator, index]
+        return evaluate(expression, lambda slot: float(stored[slot]) if slot < count else values[slot - count])
 
     if storage.energy is not None:
         return at(storage.energy, after) - at(storage.energy, before)

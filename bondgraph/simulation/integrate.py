@@ -22,6 +22,15 @@ STAGES = np.array([(4 - 6**0.5) / 10, (4 + 6**0.5) / 10, 1.0])
 WEIGHTS = np.array([(16 - 6**0.5) / 36, (16 + 6**0.5) / 36, 1 / 9])
 
 
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,)."""
+
+    relative: float
+    absolute: Any
+    magnitude: Any
+
+
 @dataclass(slots=True)
 class Trajectory:
     """States at the requested instants, and what the solver did."""
@@ -33,104 +42,147 @@ class Trajectory:
     final: Any = None
 
 
-class _NotFinite(Exception):
-    def __init__(self, time: float, state: Any, slope: Any) -> None:
-        self.time, self.state, self.slope = time, state, slope
+Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
 
 def integrate(
-    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], instants: Any, rtol: float,
-    atol: Any, magnitude: Any, powers: Callable[[Any, Any, Any], Any] | None,
-) -> Trajectory:  # fmt: skip
-    """Integrate over the stretches. `atol` (n,) and `magnitude` (n,) in SI. Raises `RunFailed` with time and variable.
+    program: Program,
+    constants: Any,
+    inputs: Any,
+    state: Any,
+    stretches: Sequence[Segment],
+    instants: Any,
+    tolerances: Tolerances,
+    powers: Powers | None,
+) -> Trajectory:
+    """Integrate over the stretches. Raises `RunFailed` with time and variable.
 
-    `powers(times, states, mode)` is integrated with the solver's own quadrature, outside its error control: its value is
-    that of further states which nothing depends on, so asking for it changes no step.
+    `powers` are integrated with the solver's own quadrature, outside its error control: the value is that of further states
+    which nothing depends on, so asking for it changes no step.
     """
-    result = Trajectory(np.empty((len(instants), len(state))))
+    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers)
     x = np.array(state, dtype=float)
-    position = 0
     for stretch in stretches:
-        position, x = _stretch(program, constants, inputs, x, stretch, instants, position, rtol, atol, magnitude, powers, result)
-    result.states[position:] = x
-    result.final = x
-    return result
+        x = stepper.run(stretch, x)
+    stepper.result.states[stepper.position :] = x
+    stepper.result.final = x
+    return stepper.result
 
 
-def _stretch(
-    program: Program, constants: Any, inputs: Any, x: Any, stretch: Segment, instants: Any, position: int, rtol: float, atol: Any,
-    magnitude: Any, powers: Callable[[Any, Any, Any], Any] | None, result: Trajectory,
-) -> tuple[int, Any]:  # fmt: skip
-    """One smooth stretch; returns the next instant's number and the state at the end."""
-    from scipy.integrate import Radau
+class _Stepper:
+    """Steps through one smooth stretch after another and keeps what was asked for."""
 
-    n = len(x)
-    while position < len(instants) and instants[position] <= stretch.start:
-        result.states[position] = x
-        position += 1
-    if n == 0:
-        return position, x
+    def __init__(
+        self,
+        program: Program,
+        constants: Any,
+        inputs: Any,
+        instants: Any,
+        tolerances: Tolerances,
+        powers: Powers | None,
+    ) -> None:
+        self.program, self.constants, self.inputs = program, constants, inputs
+        self.instants, self.tolerances, self.powers = instants, tolerances, powers
+        self.position = 0  # the next instant to be reported
+        self.result = Trajectory(np.empty((len(instants), len(program.states.names))))
 
-    def derivative(time: float, scaled: Any) -> Any:
-        return program.derivative(time, scaled * magnitude, inputs, constants, stretch.mode) / magnitude
+    def run(self, stretch: Segment, x: Any) -> Any:
+        """One stretch from state x; returns the state at its end."""
+        while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
+            self.result.states[self.position] = x
+            self.position += 1
+        if not len(x):
+            return x
+        solver = self._solver(stretch, x)
+        magnitude = self.tolerances.magnitude
+        relative = self.tolerances.absolute / magnitude
+        peak = np.maximum(np.abs(x) / magnitude, 1.0)
+        while solver.status == "running":
+            self._step(solver)
+            self._sample(solver, stretch)
+            if self.powers is not None:
+                self._add_work(solver, self.powers, stretch)
+            peak = np.maximum(peak, np.abs(solver.y))
+            solver.atol = relative * peak  # a state that grows beyond its magnitude sets a new one
+        for name, count in (("derivative", solver.nfev), ("jacobian", solver.njev), ("factorisation", solver.nlu)):
+            self.result.evaluations[name] += count
+        return solver.y * magnitude
 
-    def jacobian(time: float, scaled: Any) -> Any:
-        return program.jacobian(time, scaled * magnitude, inputs, constants, stretch.mode) * magnitude / magnitude[:, None]
+    def _solver(self, stretch: Segment, x: Any) -> Any:
+        """scipy's solver for the scaled states of one stretch."""
+        from scipy.integrate import Radau
 
-    first = derivative(stretch.start, x / magnitude)
-    if not np.isfinite(first).all():
-        raise RunFailed(_not_finite(program, stretch.start, first, x))
-    peak = np.maximum(np.abs(x) / magnitude, 1.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # scipy warns of a small rtol; the solver's status is checked below
+        magnitude = self.tolerances.magnitude
+        fixed = (self.inputs, self.constants, stretch.mode)
+
+        def derivative(time: float, scaled: Any) -> Any:
+            return self.program.derivative(time, scaled * magnitude, *fixed) / magnitude
+
+        def jacobian(time: float, scaled: Any) -> Any:
+            return self.program.jacobian(time, scaled * magnitude, *fixed) * magnitude / magnitude[:, None]
+
+        slope = derivative(stretch.start, x / magnitude)
+        if not np.isfinite(slope).all():
+            raise RunFailed(_not_finite(self.program, stretch.start, slope, x))
+        absolute = self.tolerances.absolute / magnitude
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # scipy warns of a small rtol; its status is looked at after each step
+            return Radau(
+                derivative, stretch.start, x / magnitude, stretch.stop, rtol=self.tolerances.relative, atol=absolute, jac=jacobian
+            )  # fmt: skip
+
+    def _step(self, solver: Any) -> None:
+        """One accepted step."""
         try:
-            solver = Radau(derivative, stretch.start, x / magnitude, stretch.stop, rtol=rtol, atol=atol / magnitude * peak, jac=jacobian)
-            while solver.status == "running":
-                message = solver.step()
-                if solver.status == "failed":
-                    raise RunFailed(_stuck(program, solver.t, solver.y * magnitude, derivative(solver.t, solver.y) * magnitude, magnitude, rtol, message))
-                result.steps += 1
-                position = _sample(solver, stretch, instants, position, magnitude, result)
-                if powers is not None:
-                    _add_work(solver, powers, magnitude, stretch, result)
-                peak = np.maximum(peak, np.abs(solver.y))
-                solver.atol = atol / magnitude * peak
+            solver.step()
         except (ValueError, np.linalg.LinAlgError) as error:  # scipy's factorisation refuses what is not finite
-            raise RunFailed(f"the linear algebra of a step failed near t = {solver.t:.9g} s ({error}); is the model singular there?") from error
-    result.evaluations["derivative"] += solver.nfev
-    result.evaluations["jacobian"] += solver.njev
-    result.evaluations["factorisation"] += solver.nlu
-    return position, solver.y * magnitude
+            message = (
+                f"the linear algebra of a step failed near t = {solver.t:.9g} s ({error}); is the model singular there?"
+            )
+            raise RunFailed(message) from error
+        if solver.status == "failed":
+            magnitude = self.tolerances.magnitude
+            slope = solver.fun(solver.t, solver.y) * magnitude
+            raise RunFailed(_stuck(self.program, solver.t, solver.y * magnitude, slope, self.tolerances))
+        self.result.steps += 1
 
+    def _sample(self, solver: Any, stretch: Segment) -> None:
+        """States at the instants that the last step passed."""
+        first = last = self.position
+        while last < len(self.instants) and self.instants[last] <= solver.t and self.instants[last] < stretch.stop:
+            last += 1
+        if last > first:
+            states = solver.dense_output()(self.instants[first:last]).T
+            self.result.states[first:last] = states * self.tolerances.magnitude
+            self.position = last
 
-def _sample(solver: Any, stretch: Segment, instants: Any, position: int, magnitude: Any, result: Trajectory) -> int:
-    """States at the instants that the last step passed."""
-    last = position
-    while last < len(instants) and instants[last] <= solver.t and instants[last] < stretch.stop:
-        last += 1
-    if last > position:
-        result.states[position:last] = solver.dense_output()(instants[position:last]).T * magnitude
-    return last
-
-
-def _add_work(solver: Any, powers: Callable[[Any, Any, Any], Any], magnitude: Any, stretch: Segment, result: Trajectory) -> None:
-    """Quadrature at the stages of the step: the collocation polynomial passes through them."""
-    step = solver.t - solver.t_old
-    times = solver.t_old + STAGES * step
-    values = powers(times, solver.dense_output()(times).T * magnitude, stretch.mode)
-    work = step * (WEIGHTS @ values)
-    result.work = work if result.work is None else result.work + work
+    def _add_work(self, solver: Any, powers: Powers, stretch: Segment) -> None:
+        """Quadrature at the stages of the step: the collocation polynomial passes through them."""
+        step = solver.t - solver.t_old
+        times = solver.t_old + STAGES * step
+        states = solver.dense_output()(times).T * self.tolerances.magnitude
+        work = step * (WEIGHTS @ powers(times, states, stretch.mode))
+        self.result.work = work if self.result.work is None else self.result.work + work
 
 
 def _not_finite(program: Program, time: float, slope: Any, state: Any) -> str:
     bad = [program.states.names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(program.states.names, state, strict=True))[:6])
-    return f"at t = {time:.9g} s the rate of {' and '.join(f'`{b}`' for b in bad)} is not finite (with {values}); look for a division by zero, or a root or logarithm of a negative number"
+    rates = " and ".join(f"`{b}`" for b in bad)
+    return (
+        f"at t = {time:.9g} s the rate of {rates} is not finite (with {values}); "
+        "look for a division by zero, or a root or logarithm of a negative number"
+    )
 
 
-def _stuck(program: Program, time: float, state: Any, slope: Any, magnitude: Any, rtol: float, message: str | None) -> str:
+def _stuck(program: Program, time: float, state: Any, slope: Any, tolerances: Tolerances) -> str:
     if not np.isfinite(slope).all():
         return _not_finite(program, time, slope, state)
-    worst = int(np.argmax(np.abs(slope) / magnitude))
+    worst = int(np.argmax(np.abs(slope) / tolerances.magnitude))
     name = program.states.names[worst]
-    return f"the solver cannot hold rtol = {rtol:g} at t = {time:.9g} s: its step fell below round-off; `{name}` changes fastest ({state[worst]:.6g} {program.states.units[worst]}). Likely causes: a jump in a law, a solution that grows without bound, or a tolerance below what doubles can hold"
+    value = f"{state[worst]:.6g} {program.states.units[worst]}"
+    return (
+        f"the solver cannot hold rtol = {tolerances.relative:g} at t = {time:.9g} s: its step fell below round-off; `{name}` changes fastest "
+        f"({value}). Likely causes: a jump in a law, a solution that grows without bound, or a tolerance below what doubles "
+        "can hold"
+    )

@@ -25,7 +25,7 @@ from ..door import (
 from ..errors import RunFailed, UsageError
 from ..results import Column, EnergyBalance, Result
 from .energy import energy_balance
-from .integrate import Trajectory, integrate
+from .integrate import Tolerances, Trajectory, integrate
 from .nominal import nominal_magnitudes
 from .segments import mode_after, segments
 
@@ -36,13 +36,28 @@ DEFAULT_RTOL = 1e-6
 DEFAULT_POINTS = 501
 
 
-def simulate(model: Model, scene: Scene, to: str | float | None, points: int | None, rtol: float | None, atol: float | None, energy: bool) -> Result:
+def simulate(
+    model: Model,
+    scene: Scene,
+    to: str | float | None,
+    points: int | None,
+    rtol: float | None,
+    atol: float | None,
+    energy: bool,
+) -> Result:
     """Run a scene of a model; arguments that are not None override the experiment."""
     began = clock.perf_counter()
     compilation = model.compilation(scene, everything=energy)
     plan = compilation.plan
     if plan.unsupported:
-        raise CompilationFailed([Unsupported(span, f"`{word}` in an experiment", "Run another experiment with -e, or none with `-e none`.") for span, word in plan.unsupported])
+        raise CompilationFailed(
+            [
+                Unsupported(
+                    span, f"`{word}` in an experiment", "Run another experiment with -e, or none with `-e none`."
+                )
+                for span, word in plan.unsupported
+            ]
+        )
     stop = _stop(plan, to)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
     count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
@@ -65,7 +80,9 @@ def simulate(model: Model, scene: Scene, to: str | float | None, points: int | N
 def _stop(plan: Plan, to: str | float | None) -> float:
     stop = plan.stop if to is None else (seconds(to) if isinstance(to, str) else float(to))
     if stop is None:
-        raise UsageError("nothing says how long to run: give an end with --to, or an experiment with `simulate 0 .. 1 s`")
+        raise UsageError(
+            "nothing says how long to run: give an end with --to, or an experiment with `simulate 0 .. 1 s`"
+        )
     if not plan.start < stop < float("inf"):
         raise UsageError(f"the end of the run, {stop:g} s, does not lie after its start, {plan.start:g} s")
     return stop
@@ -92,7 +109,16 @@ def _checked(name: str, value: float, low: float, high: float) -> float:
 class _Run:
     """What one run holds while it goes."""
 
-    def __init__(self, compilation: Compilation, program: Program, plan: Plan, instants: Any, rtol: float, atol: float | None, energy: bool) -> None:
+    def __init__(
+        self,
+        compilation: Compilation,
+        program: Program,
+        plan: Plan,
+        instants: Any,
+        rtol: float,
+        atol: float | None,
+        energy: bool,
+    ) -> None:
         self.compilation, self.program, self.plan = compilation, program, plan
         self.instants, self.rtol, self.energy = instants, rtol, energy
         self.parameters = np.array(program.defaults, dtype=float)
@@ -108,12 +134,17 @@ class _Run:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
         result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
         outputs = self.compilation.state_space.outputs
-        variables = {self.compilation.state_space.variables[s.variable].name: i for i, s in enumerate(self.compilation.state_space.states)}
+        variables = {
+            self.compilation.state_space.variables[s.variable].name: i
+            for i, s in enumerate(self.compilation.state_space.states)
+        }
         numbers = {s.variable: i for i, s in enumerate(self.compilation.state_space.states)}
         for name, value in self.plan.tolerances.items():
             index = variables.get(name, numbers.get(outputs.get(name, -1)))
             if index is None:
-                raise UsageError(f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}")
+                raise UsageError(
+                    f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
+                )
             result[index] = value
         return result
 
@@ -124,9 +155,10 @@ class _Run:
             bad = [program.states.names[i] for i in np.flatnonzero(~np.isfinite(self.state))]
             raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
         powers = self._powers if self.energy else None
+        tolerances = Tolerances(self.rtol, self.atol, self.magnitude)
         self.trajectory = integrate(
-            program, self.constants, self.inputs, self.state, self.stretches, self.instants, self.rtol, self.atol, self.magnitude, powers
-        )  # fmt: skip
+            program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances, powers
+        )
         values = self._outputs()
         return values, self._balance() if self.energy else None
 
@@ -158,9 +190,9 @@ class _Run:
         """The values of the storages' parameters."""
         space = self.compilation.state_space
         known = dict(zip(self.program.parameters.names, self.parameters, strict=True))
-        values = {i: known.get(v.name, v.value) for i, v in enumerate(space.variables) if v.role == "parameter"}
+        parameters = [(i, v) for i, v in enumerate(space.variables) if v.role == "parameter"]
+        values: dict[Any, float] = {i: known.get(v.name, v.value or 0.0) for i, v in parameters}
         for step in space.steps:
             if isinstance(step, Assignment) and all(isinstance(a, float) or a in values for a in step.arguments):
-                numbers = [a if isinstance(a, float) else values[a] for a in step.arguments]
-                values[step.target] = evaluate(step.formula.expression, lambda slot, n=numbers: n[slot])
+                values[step.target] = evaluate(step.expression, values.__getitem__)
         return values

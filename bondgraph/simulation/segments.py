@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def segments(program: Program, constants: Any, start: float, stop: float) -> lis
     cuts = [t for t in np.atleast_1d(program.instants(constants)) if start < t < stop]
     edges = _distinct([start, *sorted(cuts), stop])
     edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
-    return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in zip(edges, edges[1:], strict=False)]
+    return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in pairwise(edges)]
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
@@ -60,7 +61,7 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     from scipy.optimize import brentq
 
     found: list[float] = []
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         times = a + (b - a) * (np.arange(GRID) + 0.5) / GRID
         values = np.array([program.crossings(t, constants, _mode(program, constants, t)) for t in times])
         for column in range(values.shape[1]):

@@ -35,7 +35,7 @@ def state_equations(space: StateSpace) -> dict[str, Any]:
         elif _is_parameter(space, step.target, step.arguments):
             continue  # what depends on parameters alone keeps its name
         else:
-            values[step.target] = to_sympy(step.formula.expression, lambda slot, a=step.arguments: value(a[slot]))
+            values[step.target] = to_sympy(step.expression, value)
     return {space.variables[s.variable].name: value(s.rate) for s in space.states}
 
 
@@ -80,7 +80,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
             right = "; ".join(str(symbol(e)) for e in step.right)
             rows.append((f"solve [{matrix}] [{names}] = [{right}]", f"{place} loop of {', '.join(step.members)}"))
             continue
-        right_side = to_sympy(step.formula.expression, lambda slot, a=step.arguments: symbol(a[slot]))
+        right_side = to_sympy(step.expression, symbol)
         rows.append((f"{space.variables[step.target].name} = {right_side}", place))
     for state in space.states:
         rate, start = space.variables[state.rate].name, symbol(state.start)
@@ -119,14 +119,25 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
             left = sympy.Matrix([symbol(t) for t in step.targets])
             yield f"{text(matrix)} {text(left)} &= {text(sympy.Matrix([symbol(e) for e in step.right]))}"
             continue
-        right_side = to_sympy(step.formula.expression, lambda slot, a=step.arguments: symbol(a[slot]))
+        right_side = to_sympy(step.expression, symbol)
         yield f"{_latex_name(space.variables[step.target].name)} &= {text(right_side)}"
     for state in space.states:
         variable, rate = (_latex_name(space.variables[v].name) for v in (state.variable, state.rate))
         yield f"\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {variable} &= {rate}"
 
 
-_ESCAPES = {"_": r"\_", "^": r"\hat{}", "%": r"\%", "#": r"\#", "&": r"\&", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\sim ", "\\": r"\backslash "}
+_ESCAPES = {
+    "_": r"\_",
+    "^": r"\hat{}",
+    "%": r"\%",
+    "#": r"\#",
+    "&": r"\&",
+    "$": r"\$",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\sim ",
+    "\\": r"\backslash ",
+}
 
 
 def _latex_name(name: str) -> str:

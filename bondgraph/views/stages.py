@@ -28,7 +28,8 @@ def _syntax(compilation: Compilation) -> Iterator[str]:
     def walk(node: Any, name: str, depth: int) -> Iterator[str]:
         pad = "  " * depth
         if is_dataclass(node) and not isinstance(node, type):
-            simple, inner = [], []
+            simple: list[tuple[str, Any]] = []
+            inner: list[tuple[str, Any]] = []
             for item in fields(node):
                 value = getattr(node, item.name)
                 if item.name in ("span", "name_span", "depth", "source"):
@@ -62,7 +63,9 @@ def _graph(compilation: Compilation) -> Iterator[str]:
     yield f"graph {graph.name}: {len(graph.nodes)} nodes, {len(graph.bonds)} bonds"
     for node in graph.nodes:
         ports = getattr(node, "ports", ())
-        listed = ", ".join(f"{p.name}: {p.domain}" if p.name else p.domain for p in ports) or getattr(node, "domain", "")
+        listed = ", ".join(f"{p.name}: {p.domain}" if p.name else p.domain for p in ports) or getattr(
+            node, "domain", ""
+        )
         yield f"  {node.kind.value} {node.name} ({listed})  # {_place(node.span)} {node.definition}"
     for bond in graph.bonds:
         yield f"  {_end(graph, bond.tail)} -> {_end(graph, bond.head)} : {bond.domain}  # {_place(bond.span)}"
@@ -101,7 +104,7 @@ def _equations(compilation: Compilation) -> Iterator[str]:
     formulas = {a.formula for a in system.assignments}
     yield f"equations {system.name}: {len(system.assignments)} assignments of {len(formulas)} formulas, {len(system.states)} states"
     for assignment in system.assignments:
-        right = to_sympy(assignment.formula.expression, lambda slot, a=assignment.arguments: symbol(a[slot]))
+        right = to_sympy(assignment.expression, symbol)
         yield f"  {system.variables[assignment.target].name} = {right}  # {_place(assignment.span)} {assignment.owner}"
     for item in system.derivatives:
         yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {_place(item.span)} {item.owner}"
@@ -115,7 +118,8 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
 
     space = compilation.state_space
     loops = sum(type(s).__name__ == "LinearLoop" for s in space.steps)
-    yield f"state space {space.name}: {len(space.states)} states, {len(space.steps) - loops} assignments, {loops} linear loops, outputs {', '.join(space.outputs)}"
+    counts = f"{len(space.states)} states, {len(space.steps) - loops} assignments, {loops} linear loops"
+    yield f"state space {space.name}: {counts}, outputs {', '.join(space.outputs)}"
     if space.dependent:
         yield f"in derivative form: {', '.join(space.dependent)}"
     yield equations_text(space, latex=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 
 class Expression:
@@ -58,7 +59,7 @@ class Number(Expression):
 class Symbol(Expression):
     """Something to be known elsewhere: a slot number in a formula, a variable in a model."""
 
-    key: Hashable
+    key: Any
 
 
 class Apply(Expression):
@@ -290,12 +291,13 @@ def call(operator: str, *operands: Expression) -> Expression:
         return multiply(*operands)
     if operator == "select":
         return select(*operands)
-    if operator not in CONDITIONS and all(isinstance(x, Number) for x in operands):
+    numbers = [x.value for x in operands if isinstance(x, Number)]
+    if operator not in CONDITIONS and len(numbers) == len(operands):
         try:
-            value = value_of(operator, [x.value for x in operands if isinstance(x, Number)])
+            value = value_of(operator, numbers)
         except (ArithmeticError, ValueError):
             return Apply(operator, operands)  # found again, with a place, when it is evaluated
-        if operator in ("sin", "cos") and abs(value) < 4e-16 and abs(operands[0].value) > 0.1:  # type: ignore[union-attr]
+        if operator in ("sin", "cos") and abs(value) < 4e-16 and abs(numbers[0]) > 0.1:
             value = 0.0  # a multiple of 90 deg: what rounding leaves would couple what is not coupled
         if math.isfinite(value):
             return Number(value)
@@ -317,9 +319,13 @@ def truth_of(condition: Expression) -> bool | None:
     if any(True for _ in symbols(condition)):
         return None
     try:
-        return bool(evaluate(condition, {}.__getitem__))
+        return bool(evaluate(condition, _no_symbol))
     except (ArithmeticError, ValueError):
         return None
+
+
+def _no_symbol(key: Hashable) -> float:
+    raise AssertionError(key)
 
 
 # ---------------------------------------------------------------- walking
@@ -374,7 +380,7 @@ def rebuild(operator: str, operands: tuple[Expression, ...]) -> Expression:
     return call(operator, *operands)
 
 
-def evaluate(x: Expression, lookup: Callable[[Hashable], float]) -> float:
+def evaluate(x: Expression, lookup: Callable[[Any], float]) -> float:
     """The value for floats. Raises ArithmeticError or ValueError where there is none."""
     known: dict[Expression, float] = {}
 

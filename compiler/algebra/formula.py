@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
 
 from .expression import Expression, Symbol, substitute, symbols
 
@@ -21,12 +21,12 @@ class Bound:
     """A formula with what stands in its slots."""
 
     formula: Formula
-    arguments: tuple[Hashable, ...]
+    arguments: tuple[Any, ...]
 
     @property
     def expression(self) -> Expression:
         """The expression with the arguments in place of the slots."""
-        return substitute(self.formula.expression, lambda s: Symbol(self.arguments[s.key]))  # type: ignore[index]
+        return substitute(self.formula.expression, lambda s: Symbol(self.arguments[s.key]))
 
 
 def bind(x: Expression) -> Bound:

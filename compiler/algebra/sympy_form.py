@@ -18,7 +18,7 @@ _FUNCTIONS: dict[str, Any] = {
 }  # fmt: skip
 
 
-def to_sympy(x: Expression, name: Callable[[Hashable], Any]) -> Any:
+def to_sympy(x: Expression, name: Callable[[Any], Any]) -> Any:
     """The expression in sympy; `name` gives the sympy object for a symbol's key."""
     known: dict[Expression, Any] = {}
 

@@ -128,14 +128,20 @@ class _Assignment:
         for number, node in enumerate(self.graph.nodes):
             if isinstance(node, Element) and node.kind in (Kind.CAPACITOR, Kind.INERTIA):
                 integral = node.kind is Kind.CAPACITOR  # a C decides its effort, an I its flow
-                prefers_derivative = node.prefer == "derivative" or (node.prefer in ("effort", "flow") and _wants_effort(node, node.prefer) != integral)
+                prefers_derivative = node.prefer == "derivative" or (
+                    node.prefer in ("effort", "flow") and _wants_effort(node, node.prefer) != integral
+                )
                 if prefers_derivative is not first:
                     for port in range(len(node.ports)):
                         yield self.bond_of[End(number, port)], number, integral != prefers_derivative, Because.INTEGRAL
 
     def _resistors(self) -> Iterator[tuple[int, int, bool, Because]]:
         """Nonlinear laws first: they may not be invertible, a linear one always is."""
-        resistors = [(n, node) for n, node in enumerate(self.graph.nodes) if isinstance(node, Element) and node.kind is Kind.RESISTOR]
+        resistors = [
+            (n, node)
+            for n, node in enumerate(self.graph.nodes)
+            if isinstance(node, Element) and node.kind is Kind.RESISTOR
+        ]
         for wanted in (False, True):
             for number, node in resistors:
                 linear = _is_linear(node)
@@ -199,7 +205,9 @@ class _Assignment:
             return [(other, number, effort, reason)]
         return []
 
-    def _at_junction(self, number: int, node: Junction, bond: int, decides_effort: bool, reason: Reason) -> list[tuple[int, int, bool, Reason]]:
+    def _at_junction(
+        self, number: int, node: Junction, bond: int, decides_effort: bool, reason: Reason
+    ) -> list[tuple[int, int, bool, Reason]]:
         # At a 0 one bond brings the effort in; at a 1 one bond brings the flow in, so the junction decides its effort.
         brings = decides_effort is (node.kind is Kind.ONE)
         others = self.graph.incident[number]
@@ -211,7 +219,9 @@ class _Assignment:
             return [(b, number, default, reason) for b in others if b != bond and self.effort_from[b] is None]
         if self.decided[number] is None:
             if self.open[number] == 0:
-                raise _Conflict(bond, number, Reason(Because.FOLLOWS, number, next((b for b in others if b != bond), None)))
+                raise _Conflict(
+                    bond, number, Reason(Because.FOLLOWS, number, next((b for b in others if b != bond), None))
+                )
             if self.open[number] == 1:
                 last = next(b for b in others if self.effort_from[b] is None)
                 return [(last, number, not default, reason)]
@@ -258,8 +268,13 @@ class _Assignment:
                     break
                 current = reason.bond
         other = f" it meets {chain[0][1].split(':')[0]}" if chain else ""
-        what = f"`{name}` must decide the {decides} of its bond, but that is already decided{meeting}" + (f":{other}" if other else "")
-        hint = "A 0-junction takes its effort from one bond, a 1-junction its flow from one bond. Put a resistor or storage between the two, or make one of them the other kind of source."
+        what = f"`{name}` must decide the {decides} of its bond, but that is already decided{meeting}" + (
+            f":{other}" if other else ""
+        )
+        hint = (
+            "A 0-junction takes its effort from one bond, a 1-junction its flow from one bond. Put a resistor or storage "
+            "between the two, or make one of them the other kind of source."
+        )
         return StrokeConflict(self.graph.nodes[node].span, what, hint, tuple(chain))
 
 
@@ -273,7 +288,12 @@ def _written_effort(node: Element, port: int) -> bool:
     """Whether the law is written for the effort of a port, as in F = r*v."""
     for left, right in node.law.equations:
         for side, other in ((left, right), (right, left)):
-            if isinstance(side, Symbol) and isinstance(side.key, Own) and side.key.port == port and not depends_on(other, side):
+            if (
+                isinstance(side, Symbol)
+                and isinstance(side.key, Own)
+                and side.key.port == port
+                and not depends_on(other, side)
+            ):
                 return side.key.variable == "e"
     return True
 

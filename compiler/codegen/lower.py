@@ -30,8 +30,8 @@ from ..algebra.expression import (
     substitute,
 )
 from ..algebra.formula import Formula
-from ..errors import CompilationFailed
 from ..equations.system import Assignment
+from ..errors import CompilationFailed
 from ..reduction import LinearLoop, StateSpace
 from ..source import Span
 from .errors import JumpsWithoutEnd
@@ -143,11 +143,18 @@ def partials(formula: Formula) -> tuple[Expression, ...]:
     return tuple(derivative(formula.expression, Symbol(i)) for i in range(formula.arity))
 
 
-def _lower_assignment(result: Lowered, step: Assignment, slopes: dict[int, dict[int, Expression]], switching: _Switching, formulas: set[Formula]) -> None:
+def _lower_assignment(
+    result: Lowered,
+    step: Assignment,
+    slopes: dict[int, dict[int, Expression]],
+    switching: _Switching,
+    formulas: set[Formula],
+) -> None:
     arguments = [_entry(result, a) for a in step.arguments]
 
     def put(symbol: Symbol) -> Expression:
-        return arguments[symbol.key]  # type: ignore[index]
+        slot: int = symbol.key
+        return arguments[slot]
 
     value = switching.replaced(substitute(step.formula.expression, put), step.span)
     result.values[step.target] = value
@@ -176,7 +183,9 @@ def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, E
     for variable, value in zip(loop.targets, targets, strict=True):
         result.values[variable] = value
         if isinstance(value, Apply):
-            result.labels.setdefault(value, Label(result.space.variables[variable].name, loop.span, ", ".join(loop.members)))
+            result.labels.setdefault(
+                value, Label(result.space.variables[variable].name, loop.span, ", ".join(loop.members))
+            )
     # A t = r, so A dt = dr - dA t: the same matrix for every column of the Jacobian.
     columns = {c for row in (*loop.matrix, loop.right) for e in row if isinstance(e, int) for c in slopes.get(e, {})}
 
@@ -259,7 +268,9 @@ class _Switching:
             return self._mode(x, span)
         if alone and x.operator == "sign":
             g = x.operands[0]
-            return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)), span)
+            return self.replaced(
+                select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)), span
+            )
         if alone and x.operator in ("floor", "ceil"):
             raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
         operands = tuple(self.replaced(o, span) for o in x.operands)

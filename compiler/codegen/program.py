@@ -39,9 +39,13 @@ class Program:
     derivative: Callable[[float, Array, Array, Array, Array], Array]  # time, state, inputs, constants, mode -> (…, n)
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n)
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
-    powers: Callable[[float, Array, Array, Array, Array], Array]  # the same -> power into each port, then stored energies
+    powers: Callable[
+        [float, Array, Array, Array, Array], Array
+    ]  # the same -> power into each port, then stored energies
     instants: Callable[[Array], Array]  # constants -> instants of kinks and jumps
-    crossings: Callable[[Array, Array], Array]  # time, constants -> functions of time whose zeros are such instants
+    crossings: Callable[
+        [Array, Array, Array], Array
+    ]  # time, constants, mode -> functions of time whose zeros are such instants
     switches: Callable[[float, Array], Array]  # time, constants -> mode
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed

@@ -4,8 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..algebra.expression import ZERO, Expression, Number, Symbol, add, divide, multiply, negate, substitute
-from ..algebra.formula import Bound, Formula, bind
+from ..algebra.affine import affine_parts
+from ..algebra.expression import (
+    ZERO,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    depends_on,
+    divide,
+    multiply,
+    substitute,
+    symbols,
+)
+from ..algebra.formula import Bound, bind
 from ..causality import CausalGraph
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import DOMAINS
@@ -30,7 +42,10 @@ from .errors import DerivativeField, NotInvertible, StartOfDependent
 from .laws import ratio, solved
 from .system import Argument, Assignment, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
-STORED = {Kind.CAPACITOR: ("q", "e", "f"), Kind.INERTIA: ("p", "f", "e")}  # stored, what the law gives, what is integrated
+STORED = {
+    Kind.CAPACITOR: ("q", "e", "f"),
+    Kind.INERTIA: ("p", "f", "e"),
+}  # stored, what the law gives, what is integrated
 
 
 def derive_equations(causal: CausalGraph, zeros: frozenset[str], free: frozenset[str]) -> EquationSystem:
@@ -83,7 +98,11 @@ class EquationBuilder:
         for number, node in enumerate(self.graph.nodes):
             if isinstance(node, Element) and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR):
                 self._element(number, node)
-        outputs = {name: self._output(named.name, named.definition, named.unit, named.span) for name, named in self.graph.outputs.items() if named.definition is not None}
+        outputs = {
+            name: self._output(named.name, named.definition, named.unit, named.span)
+            for name, named in self.graph.outputs.items()
+            if named.definition is not None
+        }
         if self.diagnostics:
             raise CompilationFailed(self.diagnostics)
         return EquationSystem(
@@ -105,11 +124,11 @@ class EquationBuilder:
             self.alias[target] = expression.key
             return
         bound = bind(expression)
-        self._add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner))  # type: ignore[arg-type]
+        self._add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner))
 
     def apply(self, target: int, bound: Bound, span: Span, owner: str) -> None:
         """`target := formula(references)`, for what the text bound."""
-        arguments = tuple(self.reference(a) for a in bound.arguments)  # type: ignore[arg-type]
+        arguments = tuple(self.reference(a) for a in bound.arguments)
         expression = bound.formula.expression
         if isinstance(expression, Symbol) and isinstance(arguments[0], int):
             self.alias[target] = arguments[0]
@@ -128,7 +147,7 @@ class EquationBuilder:
         """What the text bound, over variable numbers, with known zeros put in."""
 
         def put(symbol: Symbol) -> Expression:
-            argument = self.reference(bound.arguments[symbol.key])  # type: ignore[index, arg-type]
+            argument = self.reference(bound.arguments[symbol.key])
             return Number(argument) if isinstance(argument, float) else Symbol(argument)
 
         return substitute(bound.formula.expression, put)
@@ -235,10 +254,10 @@ class EquationBuilder:
         """A law's expression with this element's variables and arguments put in."""
 
         def put(symbol: Symbol) -> Expression:
-            key = bound.arguments[symbol.key]  # type: ignore[index]
+            key = bound.arguments[symbol.key]
             if isinstance(key, Own):
                 return own[key]
-            argument = self.reference(node.arguments[key])  # type: ignore[index]
+            argument = self.reference(node.arguments[key])
             return Number(argument) if isinstance(argument, float) else Symbol(argument)
 
         return substitute(bound.formula.expression, put)
@@ -254,7 +273,9 @@ class EquationBuilder:
         decides = [self.causal.decides_effort(b, number) for b in bonds]
         wanted = tuple(Own(p, "e" if d else "f") for p, d in enumerate(decides))
         own = {Own(p, v): (self.efforts if v == "e" else self.flows)[b] for p, b in enumerate(bonds) for v in "ef"}
-        self._apply_law(node, wanted, own, [self.efforts[b] if d else self.flows[b] for b, d in zip(bonds, decides, strict=True)])
+        self._apply_law(
+            node, wanted, own, [self.efforts[b] if d else self.flows[b] for b, d in zip(bonds, decides, strict=True)]
+        )
 
     def _apply_law(self, node: Element, wanted: tuple[Own, ...], own: Mapping[Own, int], targets: list[int]) -> bool:
         """Assign the wanted variables by the element's law, solved once for all elements that share it."""
@@ -267,7 +288,9 @@ class EquationBuilder:
             self._not_invertible(node, wanted)
             return False
         for bound, target in zip(bounds, targets, strict=True):
-            arguments = tuple(own[k] if isinstance(k, Own) else self.reference(node.arguments[k]) for k in bound.arguments)  # type: ignore[index]
+            arguments = tuple(
+                own[k] if isinstance(k, Own) else self.reference(node.arguments[k]) for k in bound.arguments
+            )
             if isinstance(bound.formula.expression, Symbol) and isinstance(arguments[0], int):
                 self.alias[target] = arguments[0]
             else:
@@ -278,7 +301,9 @@ class EquationBuilder:
         words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
         effort = wanted[0].variable in "ep"
         hint = f"Write the law the other way round, say `require = {'flow' if effort else 'effort'}` to see what stands against it, or put a storage beside it."
-        self.diagnostics.append(NotInvertible(node.span, node.name, " and ".join(dict.fromkeys(words[w.variable] for w in wanted)), hint))
+        self.diagnostics.append(
+            NotInvertible(node.span, node.name, " and ".join(dict.fromkeys(words[w.variable] for w in wanted)), hint)
+        )
 
     # ------------------------------------------------------------ storage
     def _storage(self, number: int, node: Element, bonds: list[int]) -> None:
@@ -292,12 +317,16 @@ class EquationBuilder:
         if derivative_ports:
             if len(bonds) > 1:
                 what = "displacement" if node.kind is Kind.CAPACITOR else "momentum"
-                self.diagnostics.append(DerivativeField(node.span, node.name, node.ports[derivative_ports[0]].name, what))
+                self.diagnostics.append(
+                    DerivativeField(node.span, node.name, node.ports[derivative_ports[0]].name, what)
+                )
                 return
             if node.starts:
                 self.diagnostics.append(StartOfDependent(node.span, node.name))
             if self._apply_law(node, (Own(0, stored),), own, quantities):
-                self.derivatives.append(Derivative(variables[integrated][bonds[0]], quantities[0], node.span, node.name))
+                self.derivatives.append(
+                    Derivative(variables[integrated][bonds[0]], quantities[0], node.span, node.name)
+                )
             return
         wanted = tuple(Own(p, given) for p in ports)
         if not self._apply_law(node, wanted, own, [variables[given][b] for b in bonds]):
@@ -320,7 +349,15 @@ class EquationBuilder:
                 return
         nominal = self.folded(node.nominals[port][1]) if port in node.nominals else None
         self.variables[quantity] = Variable(self.variables[quantity].name, "state", self.variables[quantity].unit)
-        self.states.append(State(quantity, rate, start, None if nominal is None else self._static(nominal, f"nominal of {node.name}", node.span), node.span))
+        self.states.append(
+            State(
+                quantity,
+                rate,
+                start,
+                None if nominal is None else self._static(nominal, f"nominal of {node.name}", node.span),
+                node.span,
+            )
+        )
 
     def _static(self, expression: Expression, name: str, span: Span) -> Argument:
         """A number or variable that holds an expression of parameters."""
@@ -368,18 +405,18 @@ class EquationBuilder:
         """The same sum over integrals, if the flow is a sum of known flows with constant factors."""
         if not self._integrals:
             return None
-        expression = assignment.expression
-        terms = expression.operands if getattr(expression, "operator", "") == "add" else (expression,)  # type: ignore[attr-defined]
+        rest = assignment.expression
         parts = []
-        for term in terms:
-            factors = term.operands if getattr(term, "operator", "") == "multiply" else (term,)
-            moving = [f for f in factors if isinstance(f, Symbol) and not self._is_static(f.key)]  # type: ignore[arg-type]
-            if len(moving) != 1 or any(not isinstance(f, Symbol | Number) for f in factors):
+        moving = [s for s in symbols(rest) if not self._is_static(s.key)]
+        for symbol in moving:
+            found = affine_parts(rest, symbol)
+            inner = self.integral(symbol.key)
+            if found is None or inner is None or any(depends_on(found[0], other) for other in moving):
                 return None
-            inner = self.integral(moving[0].key)  # type: ignore[arg-type]
-            if inner is None:
-                return None
-            parts.append(multiply(*(Symbol(inner) if f is moving[0] else f for f in factors)))
+            parts.append(multiply(found[0], Symbol(inner)))
+            rest = found[1]
+        if rest != ZERO:
+            return None
         variable = self.variable(f"{self.variables[flow].name} integrated", "computed")
         self.assign(variable, add(*parts), assignment.span, assignment.owner)
         return variable
@@ -413,8 +450,20 @@ class EquationBuilder:
             bond = self.bond_of[End(number, port_number)]
             sign = 1.0 if self.graph.bonds[bond].head.node == number else -1.0
             efforts[port.name] = multiply(Number(sign), Symbol(self.efforts[bond]))
-        wanted = {a.port for named in (*self.graph.quantities.values(), *self.graph.outputs.values()) if named.definition for a in named.definition.arguments if isinstance(a, Reading) and a.node == node.name}
-        wanted |= {a.port for n in self.graph.nodes if isinstance(n, Element) for a in n.arguments if isinstance(a, Reading) and a.node == node.name}
+        wanted = {
+            a.port
+            for named in (*self.graph.quantities.values(), *self.graph.outputs.values())
+            if named.definition
+            for a in named.definition.arguments
+            if isinstance(a, Reading) and a.node == node.name
+        }
+        wanted |= {
+            a.port
+            for n in self.graph.nodes
+            if isinstance(n, Element)
+            for a in n.arguments
+            if isinstance(a, Reading) and a.node == node.name
+        }
         result = mechanism_equations(node.mechanism, efforts, wanted, self)
         self.diagnostics += result.diagnostics
         for port_number, port in enumerate(node.ports):
@@ -428,10 +477,19 @@ class EquationBuilder:
                 self.knows_integral(flow, motion.displacement)
         for port_name, motion in result.motions.items():
             domain = "rotation" if port_name.endswith("phi") else "translation"
-            self.readings[Reading(node.name, port_name, "q")] = self._held(motion.pose, f"{node.name}.{port_name}", _unit(domain, "q"), node.span)
-            self.readings[Reading(node.name, port_name, "f")] = self._held(motion.flow, f"{node.name}.{port_name}.{'omega' if domain == 'rotation' else 'v'}", _unit(domain, "f"), node.span)
+            self.readings[Reading(node.name, port_name, "q")] = self._held(
+                motion.pose, f"{node.name}.{port_name}", _unit(domain, "q"), node.span
+            )
+            self.readings[Reading(node.name, port_name, "f")] = self._held(
+                motion.flow,
+                f"{node.name}.{port_name}.{'omega' if domain == 'rotation' else 'v'}",
+                _unit(domain, "f"),
+                node.span,
+            )
             effort = efforts.get(port_name, ZERO)
-            self.readings[Reading(node.name, port_name, "e")] = self._held(effort, f"{node.name}.{port_name}.{'M' if domain == 'rotation' else 'F'}", _unit(domain, "e"), node.span)
+            self.readings[Reading(node.name, port_name, "e")] = self._held(
+                effort, f"{node.name}.{port_name}.{'M' if domain == 'rotation' else 'F'}", _unit(domain, "e"), node.span
+            )
         if result.energy is not None:
             self.stored[node.name] = result.energy
 
@@ -445,12 +503,34 @@ class EquationBuilder:
 
     def _resolved(self) -> list[Assignment]:
         """The assignments with aliases replaced by what they stand for."""
-        self.states = [State(self.root(s.variable), self.root(s.rate), self._through(s.start), None if s.nominal is None else self._through(s.nominal), s.span) for s in self.states]
+        self.states = [
+            State(
+                self.root(s.variable),
+                self.root(s.rate),
+                self._through(s.start),
+                None if s.nominal is None else self._through(s.nominal),
+                s.span,
+            )
+            for s in self.states
+        ]
         self.derivatives = [Derivative(self.root(d.target), self.root(d.of), d.span, d.owner) for d in self.derivatives]
         self.ports = [PowerPort(p.element, p.kind, self.root(p.effort), self.root(p.flow), p.sign) for p in self.ports]
-        self.storages = [Storage(s.element, s.kind, tuple(map(self.root, s.stored)), tuple(map(self._through, s.arguments)), s.energy, s.laws) for s in self.storages]
+        self.storages = [
+            Storage(
+                s.element,
+                s.kind,
+                tuple(map(self.root, s.stored)),
+                tuple(map(self._through, s.arguments)),
+                s.energy,
+                s.laws,
+            )
+            for s in self.storages
+        ]
         self.stored = {n: self.root(v) for n, v in self.stored.items()}
-        return [Assignment(a.target, a.formula, tuple(map(self._through, a.arguments)), a.span, a.owner) for a in self.assignments]
+        return [
+            Assignment(a.target, a.formula, tuple(map(self._through, a.arguments)), a.span, a.owner)
+            for a in self.assignments
+        ]
 
     def _through(self, argument: Argument) -> Argument:
         return argument if isinstance(argument, float) else self.root(argument)
@@ -471,7 +551,12 @@ def _bond_names(graph: BondGraph, number: int) -> tuple[str, str, str, str]:
     if isinstance(node, Element):
         return _port_name(node, ends[0].port, "e"), _port_name(node, ends[0].port, "f"), effort, flow
     tail, head = graph.nodes[bond.tail.node].name, graph.nodes[bond.head.node].name
-    return f"({tail} -> {head}).{_letter(bond.domain, 'e')}", f"({tail} -> {head}).{_letter(bond.domain, 'f')}", effort, flow
+    return (
+        f"({tail} -> {head}).{_letter(bond.domain, 'e')}",
+        f"({tail} -> {head}).{_letter(bond.domain, 'f')}",
+        effort,
+        flow,
+    )
 
 
 def _rank(graph: BondGraph, end: End) -> int:
@@ -499,5 +584,3 @@ def _unit(domain: str, variable: str) -> str:
     from ..graph.domains import DOMAINS
 
     return str(DOMAINS[domain].dimension(variable))
-
-

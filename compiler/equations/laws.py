@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 from ..algebra.affine import affine_parts, solve_affine
@@ -61,20 +62,23 @@ def _several(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None
         symbol, expression, equation = pivot
         equations.remove(equation)
         rest.remove(symbol)
-        replacement = {symbol: expression}
-        result = {s: substitute(x, lambda k: replacement.get(k, k)) for s, x in result.items()}
-        result[symbol] = expression
-        equations = [(substitute(a, lambda k: replacement.get(k, k)), substitute(b, lambda k: replacement.get(k, k))) for a, b in equations]
+        one = {symbol: expression}
+        result = {s: _put(x, one) for s, x in result.items()} | one
+        equations = [(_put(a, one), _put(b, one)) for a, b in equations]
     if any(depends_on(x, u) for x in result.values() for u in unknown):
         return None
     return tuple(result[s] for s in unknown)
+
+
+def _put(x: Expression, known: Mapping[Symbol, Expression]) -> Expression:
+    return substitute(x, lambda symbol: known.get(symbol, symbol))
 
 
 def _pivot(
     equations: list[tuple[Expression, Expression]], rest: list[Symbol], known: dict[Symbol, Expression]
 ) -> tuple[Symbol, Expression, tuple[Expression, Expression]] | None:
     for equation in equations:
-        put = (substitute(equation[0], lambda k: known.get(k, k)), substitute(equation[1], lambda k: known.get(k, k)))
+        put = (_put(equation[0], known), _put(equation[1], known))
         for symbol in rest:
             found = solve_affine(*put, symbol)
             if found is not None:

@@ -41,7 +41,7 @@ class Assignment:
         from ..algebra.expression import Number
 
         def put(symbol: Symbol) -> Expression:
-            argument = self.arguments[symbol.key]  # type: ignore[index]
+            argument = self.arguments[symbol.key]
             return Number(argument) if isinstance(argument, float) else Symbol(argument)
 
         return substitute(self.formula.expression, put)

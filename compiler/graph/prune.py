@@ -11,7 +11,22 @@ from dataclasses import replace
 
 from ..algebra.expression import ZERO, Expression, Symbol, substitute, symbols
 from ..algebra.formula import Bound
-from .network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Named, Node, Own, Port, Quantity, Reading
+from .network import (
+    Bond,
+    BondGraph,
+    Element,
+    End,
+    Junction,
+    Kind,
+    Law,
+    MechanismNode,
+    Named,
+    Node,
+    Own,
+    Port,
+    Quantity,
+    Reading,
+)
 
 Zeros = frozenset[str]
 
@@ -24,7 +39,12 @@ def known_zeros(graph: BondGraph, free: frozenset[str]) -> Zeros:
         if name not in zeros:
             zeros[name] = False  # a cycle would have been told before
             named = graph.quantities.get(name)
-            if named is not None and named.definition is not None and name not in free and not ("*" in free and adjustable(named)):
+            if (
+                named is not None
+                and named.definition is not None
+                and name not in free
+                and not ("*" in free and adjustable(named))
+            ):
                 zeros[name] = fold(named.definition, is_zero) == ZERO
         return zeros[name]
 
@@ -41,7 +61,7 @@ def fold(bound: Bound, is_zero: object) -> Expression:
     assert callable(is_zero)
 
     def value(symbol: Symbol) -> Expression:
-        reference = bound.arguments[symbol.key]  # type: ignore[index]
+        reference = bound.arguments[symbol.key]
         if isinstance(reference, Quantity) and is_zero(reference.name):
             return ZERO
         return Symbol(reference)
@@ -205,5 +225,3 @@ def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tup
             moved[End(number, old)] = End(number, len(kept))
             kept.append(port)
     return replace(node, ports=tuple(kept)), moved
-
-

@@ -60,7 +60,9 @@ class Scale:
             root = _root(self.number, power.denominator)
             if root is None or self.pi_power % power.denominator:
                 return None
-            return Scale(self.dimension**power, root**power.numerator, self.pi_power // power.denominator * power.numerator)
+            return Scale(
+                self.dimension**power, root**power.numerator, self.pi_power // power.denominator * power.numerator
+            )
         return Scale(self.dimension**power, self.number**power.numerator, self.pi_power * power.numerator)
 
     def to_si(self, value: Fraction) -> float:

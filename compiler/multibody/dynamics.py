@@ -69,7 +69,9 @@ class _State:
     drives: list[Expression] = field(default_factory=list)  # effort on each coordinate
 
 
-def mechanism_equations(mechanism: Mechanism, efforts: Mapping[str, Expression], wanted: Set[str], builder: Writer) -> MechanismEquations:
+def mechanism_equations(
+    mechanism: Mechanism, efforts: Mapping[str, Expression], wanted: Set[str], builder: Writer
+) -> MechanismEquations:
     """Write the equations of a mechanism. `efforts` drive its ports; `wanted` are the ports that are read elsewhere."""
     tree = spanning_tree(mechanism)
     result = MechanismEquations(diagnostics=list(tree.diagnostics))
@@ -135,7 +137,9 @@ class _Dynamics:
         half = call("sin", multiply(HALF, turn))
         less = self.let(f"{name}.versine", multiply(Number(2.0), half, half))
         s = self.sin(turn)
-        return self.let(f"{name}.dx", negate(less * arm[0]) - s * arm[1]), self.let(f"{name}.dy", s * arm[0] - less * arm[1])
+        return self.let(f"{name}.dx", negate(less * arm[0]) - s * arm[1]), self.let(
+            f"{name}.dy", s * arm[0] - less * arm[1]
+        )
 
     def cos(self, turn: Expression) -> Expression:
         return call("cos", turn)
@@ -144,12 +148,16 @@ class _Dynamics:
         return call("sin", turn)
 
     # ------------------------------------------------------------ outwards: poses and rates
-    def _coordinate(self, name: str, letter: str, start: Expression, start_rate: Expression, unit: tuple[str, str]) -> tuple[Expression, Expression]:
+    def _coordinate(
+        self, name: str, letter: str, start: Expression, start_rate: Expression, unit: tuple[str, str]
+    ) -> tuple[Expression, Expression]:
         """A coordinate and its rate as states; the rate's own rate is filled in by the last recursion."""
         full = f"{self.mechanism.name}.{name}"
         coordinate = self.builder.variable(full, "state", unit[0])
         rate = self.builder.variable(f"{full}.{letter}", "state", unit[1])
-        acceleration = self.builder.variable(f"{full}.{letter} rate", "computed", f"{unit[1]}^2" if unit[1] == "1/s" else "m/s^2")
+        acceleration = self.builder.variable(
+            f"{full}.{letter} rate", "computed", f"{unit[1]}^2" if unit[1] == "1/s" else "m/s^2"
+        )
         self.builder.state(coordinate, rate, start, full, self.span)
         self.builder.state(rate, acceleration, start_rate, f"{full}.{letter}", self.span)
         self.accelerations[name] = acceleration
@@ -167,7 +175,11 @@ class _Dynamics:
         if link.joint is None:
             return self._free_body(body, at)
         parent = None if link.parent is None else self.bodies[link.parent]
-        parent_at = (ZERO, ZERO) if link.parent is None else self._point(self.links[link.parent].body.position, f"{self.links[link.parent].body.name} at")
+        parent_at = (
+            (ZERO, ZERO)
+            if link.parent is None
+            else self._point(self.links[link.parent].body.position, f"{self.links[link.parent].body.name} at")
+        )
         turn, spin = (ZERO, ZERO) if parent is None else (parent.turn, parent.spin)
         match link.joint.kind:
             case "slide":
@@ -183,7 +195,11 @@ class _Dynamics:
     def _free_body(self, body: Body, at: Vector) -> _State:
         angle = self.geometry(body.angle, f"{body.name} angle")
         poses, rates = [], []
-        for letter, reference, rate_letter, unit in (("x", at[0], "v", ("m", "m/s")), ("y", at[1], "v", ("m", "m/s")), ("phi", angle, "omega", ("1", "1/s"))):
+        for letter, reference, rate_letter, unit in (
+            ("x", at[0], "v", ("m", "m/s")),
+            ("y", at[1], "v", ("m", "m/s")),
+            ("phi", angle, "omega", ("1", "1/s")),
+        ):
             start, start_rate = self._starts(body, letter, reference)
             pose, rate = self._coordinate(f"{body.name}.{letter}", rate_letter, start, start_rate, unit)
             poses.append(pose)
@@ -196,11 +212,16 @@ class _Dynamics:
         state.drives = [ZERO, ZERO, ZERO]
         return state
 
-    def _carried(self, name: str, arm: Vector, at: Vector, parent: _State | None, turn: Expression, spin: Expression) -> _State:
+    def _carried(
+        self, name: str, arm: Vector, at: Vector, parent: _State | None, turn: Expression, spin: Expression
+    ) -> _State:
         """Rigidly carried by the parent: the part that all joints share."""
         if parent is None:
             return _State(at, (ZERO, ZERO), ZERO, (ZERO, ZERO), ZERO, at)
-        position = self.let(f"{name}.px", parent.position[0] + arm[0]), self.let(f"{name}.py", parent.position[1] + arm[1])
+        position = (
+            self.let(f"{name}.px", parent.position[0] + arm[0]),
+            self.let(f"{name}.py", parent.position[1] + arm[1]),
+        )
         shift = self.let(f"{name}.dx", position[0] - at[0]), self.let(f"{name}.dy", position[1] - at[1])
         velocity = (
             self.let(f"{name}.vx", parent.velocity[0] - spin * arm[1]),
@@ -210,7 +231,9 @@ class _Dynamics:
         state.bias = [ZERO, negate(spin * spin * arm[0]), negate(spin * spin * arm[1])]
         return state
 
-    def _slide(self, link: Link, at: Vector, parent: _State | None, parent_at: Vector, turn: Expression, spin: Expression) -> _State:
+    def _slide(
+        self, link: Link, at: Vector, parent: _State | None, parent_at: Vector, turn: Expression, spin: Expression
+    ) -> _State:
         joint, name = link.joint, link.body.name
         assert joint is not None
         u = self.direction(self.builder.folded(joint.angle), f"{joint.name}.along")
@@ -235,7 +258,9 @@ class _Dynamics:
         self._joint_port(joint, "x", q, rate, state)
         return state
 
-    def _hinge(self, link: Link, at: Vector, parent: _State | None, parent_at: Vector, turn: Expression, spin: Expression) -> _State:
+    def _hinge(
+        self, link: Link, at: Vector, parent: _State | None, parent_at: Vector, turn: Expression, spin: Expression
+    ) -> _State:
         joint, name = link.joint, link.body.name
         assert joint is not None
         pin = self._point(joint.position, f"{joint.name} at")
@@ -268,9 +293,12 @@ class _Dynamics:
         self.result.motions[port] = Motion(rate, coordinate, coordinate.key)
 
     def _check_starts(self) -> None:
-        tree_parts = {link.joint.name for link in self.links if link.joint is not None} | {link.body.name for link in self.links if link.joint is None}
+        tree_parts = {link.joint.name for link in self.links if link.joint is not None} | {
+            link.body.name for link in self.links if link.joint is None
+        }
         known = [c for link in self.links for c in link.coordinates]
-        for part in (*self.mechanism.joints, *self.mechanism.bodies):
+        parts: tuple[Joint | Body, ...] = (*self.mechanism.joints, *self.mechanism.bodies)
+        for part in parts:
             if part.starts and part.name not in tree_parts:
                 shown = ", ".join(known[:8]) + ("…" if len(known) > 8 else "")
                 self.result.diagnostics.append(StartOfChord(part.span, part.name, shown))
@@ -297,9 +325,13 @@ class _Dynamics:
         for i, letter in ((1, "x"), (2, "y"), (0, "phi")):
             state.force[i] = state.force[i] + self.efforts.get(f"{body.name}.{letter}", ZERO)
 
-    def _pose_ports(self, name: str, poses: tuple[Expression, ...], rates: tuple[Expression, ...], shifts: tuple[Expression, ...]) -> None:
+    def _pose_ports(
+        self, name: str, poses: tuple[Expression, ...], rates: tuple[Expression, ...], shifts: tuple[Expression, ...]
+    ) -> None:
         for letter, pose, rate, shift in zip(("x", "y", "phi"), poses, rates, shifts, strict=True):
-            displacement = self._variable_of(shift, f"{name}.{letter} moved") if f"{name}.{letter}" in self.efforts else None
+            displacement = (
+                self._variable_of(shift, f"{name}.{letter} moved") if f"{name}.{letter}" in self.efforts else None
+            )
             self.result.motions[f"{name}.{letter}"] = Motion(rate, pose, displacement)
 
     def _frame_port(self, frame: Frame) -> None:
@@ -316,8 +348,16 @@ class _Dynamics:
         arm = self.rotated(state.turn, offset, f"{frame.name}.arm")
         swing = self.swung(state.turn, offset, frame.name)
         shift = (state.shift[0] + swing[0], state.shift[1] + swing[1])
-        rates = (self.let(f"{frame.name}.vx", state.velocity[0] - state.spin * arm[1]), self.let(f"{frame.name}.vy", state.velocity[1] + state.spin * arm[0]), state.spin)
-        poses = (self.let(f"{frame.name}.px", point[0] + shift[0]), self.let(f"{frame.name}.py", point[1] + shift[1]), state.turn)
+        rates = (
+            self.let(f"{frame.name}.vx", state.velocity[0] - state.spin * arm[1]),
+            self.let(f"{frame.name}.vy", state.velocity[1] + state.spin * arm[0]),
+            state.spin,
+        )
+        poses = (
+            self.let(f"{frame.name}.px", point[0] + shift[0]),
+            self.let(f"{frame.name}.py", point[1] + shift[1]),
+            state.turn,
+        )
         self._pose_ports(frame.name, poses, rates, (*shift, state.turn))
         force = [self.efforts.get(f"{frame.name}.{c}", ZERO) for c in ("x", "y")]
         torque = self.efforts.get(f"{frame.name}.phi", ZERO)
@@ -351,7 +391,10 @@ class _Dynamics:
         axes_turn = add(multiply(ONE - share, turns[0]), multiply(share, turns[1]))
         axes_spin = add(multiply(ONE - share, spins[0]), multiply(share, spins[1]))
         c, s = self.direction(self.builder.folded(joint.angle) + axes_turn, f"{name}.axes")
-        slip = (velocities[1][0] - velocities[0][0] + axes_spin * gap[1], velocities[1][1] - velocities[0][1] - axes_spin * gap[0])
+        slip = (
+            velocities[1][0] - velocities[0][0] + axes_spin * gap[1],
+            velocities[1][1] - velocities[0][1] - axes_spin * gap[0],
+        )
         slip = (self.let(f"{name}.slip.x", slip[0]), self.let(f"{name}.slip.y", slip[1]))
         coordinates = (c * gap[0] + s * gap[1], c * gap[1] - s * gap[0], turns[1] - turns[0])
         rates = (c * slip[0] + s * slip[1], c * slip[1] - s * slip[0], spins[1] - spins[0])
@@ -377,7 +420,10 @@ class _Dynamics:
         swing = self.swung(state.turn, offset, name)
         arm = (self.let(f"{name}.ax", offset[0] + swing[0]), self.let(f"{name}.ay", offset[1] + swing[1]))
         shift = (self.let(f"{name}.sx", state.shift[0] + swing[0]), self.let(f"{name}.sy", state.shift[1] + swing[1]))
-        velocity = (self.let(f"{name}.vx", state.velocity[0] - state.spin * arm[1]), self.let(f"{name}.vy", state.velocity[1] + state.spin * arm[0]))
+        velocity = (
+            self.let(f"{name}.vx", state.velocity[0] - state.spin * arm[1]),
+            self.let(f"{name}.vy", state.velocity[1] + state.spin * arm[0]),
+        )
         return state.turn, state.spin, arm, shift, velocity
 
     def _gravity(self) -> None:
@@ -404,12 +450,22 @@ class _Dynamics:
         for i in range(count):
             motion.append(self._outwards(i, motion, steps[i]))
 
-    def _inwards(self, i: int, inertia: list[list[list[Expression]]], bias: list[Wrench], steps: list[list[tuple[Wrench, Expression, Expression]]]) -> None:
+    def _inwards(
+        self,
+        i: int,
+        inertia: list[list[list[Expression]]],
+        bias: list[Wrench],
+        steps: list[list[tuple[Wrench, Expression, Expression]]],
+    ) -> None:
         """Project one body's articulated inertia through its joint onto its parent."""
         link, state = self.links[i], self.bodies[i]
         name = link.body.name
         matrix, load = inertia[i], bias[i]
-        biased = [add(load[r], *(matrix[r][k] * state.bias[k] for k in range(3))) for r in range(3)] if any(b != ZERO for b in state.bias) else load
+        biased = (
+            [add(load[r], *(matrix[r][k] * state.bias[k] for k in range(3))) for r in range(3)]
+            if any(b != ZERO for b in state.bias)
+            else load
+        )
         load = [self.let(f"{name}.bias{r}", biased[r]) for r in range(3)]
         for number, axis in enumerate(state.axes):
             u = [self.let(f"{name}.u{number}{r}", add(*(matrix[r][k] * axis[k] for k in range(3)))) for r in range(3)]
@@ -419,17 +475,24 @@ class _Dynamics:
                 what = "inertia" if coordinate.endswith("phi") else "mass"
                 self.result.diagnostics.append(NothingMoves(link.body.span, coordinate, name, what))
                 return
-            drive = self.let(f"{name}.drive{number}", state.drives[number] - add(*(axis[k] * load[k] for k in range(3))))
+            drive = self.let(
+                f"{name}.drive{number}", state.drives[number] - add(*(axis[k] * load[k] for k in range(3)))
+            )
             steps[i].append((u, d, drive))
             if number == len(state.axes) - 1 and link.parent is None:
                 return
-            matrix = [[self.let(f"{name}.i{number}{r}{k}", _less(matrix[r][k], u[r], u[k], d)) for k in range(3)] for r in range(3)]
+            matrix = [
+                [self.let(f"{name}.i{number}{r}{k}", _less(matrix[r][k], u[r], u[k], d)) for k in range(3)]
+                for r in range(3)
+            ]
             load = [self.let(f"{name}.b{number}{r}", load[r] + divide(u[r] * drive, d)) for r in range(3)]
         if link.parent is None:
             return
         p, arm = link.parent, state.arm
         moved = _shifted(matrix, arm)
-        inertia[p] = [[self.let(f"{name}.up{r}{k}", inertia[p][r][k] + moved[r][k]) for k in range(3)] for r in range(3)]
+        inertia[p] = [
+            [self.let(f"{name}.up{r}{k}", inertia[p][r][k] + moved[r][k]) for k in range(3)] for r in range(3)
+        ]
         torque = load[0] + arm[0] * load[2] - arm[1] * load[1]
         bias[p] = [self.let(f"{name}.down{r}", bias[p][r] + x) for r, x in enumerate((torque, load[1], load[2]))]
 
@@ -488,5 +551,3 @@ def _shifted(m: list[list[Expression]], arm: Vector) -> list[list[Expression]]:
     # acceleration at the far point: (a, ax - a y, ay + a x)
     col = [[m[r][0] - m[r][1] * y + m[r][2] * x, m[r][1], m[r][2]] for r in range(3)]
     return [[col[0][k] - y * col[1][k] + x * col[2][k] for k in range(3)], col[1], col[2]]
-
-

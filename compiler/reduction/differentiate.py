@@ -34,7 +34,7 @@ class Differentiator:
 
     def _assign(self, target: int, expression: Expression, owner: str) -> None:
         bound = bind(expression)
-        self.added.append(Assignment(target, bound.formula, tuple(bound.arguments), self._span, owner))  # type: ignore[arg-type]
+        self.added.append(Assignment(target, bound.formula, tuple(bound.arguments), self._span, owner))
 
     def _rate(self, variable: int) -> Expression | None:
         """The time derivative of a variable, as an expression over variables; None if it cannot be formed."""
@@ -85,7 +85,7 @@ class Differentiator:
     @staticmethod
     def _put(expression: Expression, assignment: Assignment) -> Expression:
         def value(symbol: Symbol) -> Expression:
-            argument = assignment.arguments[symbol.key]  # type: ignore[index]
+            argument = assignment.arguments[symbol.key]
             return Number(argument) if isinstance(argument, float) else Symbol(argument)
 
         return substitute(expression, value)

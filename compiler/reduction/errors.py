@@ -24,7 +24,9 @@ class SingularLoop(Diagnostic):
 
     code = "BG502"
     title = "The algebraic loop through {members} has no unique solution"
-    advice = "It contains neither loss nor storage that would decide the flow in it; put a resistor or a storage into it."
+    advice = (
+        "It contains neither loss nor storage that would decide the flow in it; put a resistor or a storage into it."
+    )
     members: str
 
 
@@ -45,7 +47,9 @@ class DerivativeThroughLoop(Diagnostic):
     """BG504."""
 
     code = "BG504"
-    title = "`{element}` is in derivative form behind an algebraic loop ({members}), which this version does not support"
+    title = (
+        "`{element}` is in derivative form behind an algebraic loop ({members}), which this version does not support"
+    )
     advice = "Put a storage into the loop, or a resistor before `{element}`."
     element: str
     members: str

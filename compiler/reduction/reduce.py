@@ -127,7 +127,9 @@ class _Reduction:
         return slopes, rest
 
     @staticmethod
-    def _combine(parts: tuple[dict[int, Expression], Expression], known: dict[int, tuple[dict[int, Expression], Expression]]) -> tuple[dict[int, Expression], Expression]:
+    def _combine(
+        parts: tuple[dict[int, Expression], Expression], known: dict[int, tuple[dict[int, Expression], Expression]]
+    ) -> tuple[dict[int, Expression], Expression]:
         total: dict[int, list[Expression]] = {}
         rest = [parts[1]]
         for variable, slope in parts[0].items():
@@ -137,7 +139,9 @@ class _Reduction:
             rest.append(multiply(slope, constant))
         return {v: add(*terms) for v, terms in total.items()}, add(*rest)
 
-    def _held(self, combined: tuple[dict[int, Expression], Expression], name: str, assignment: Assignment, steps: list[Step]) -> tuple[dict[int, Expression], Expression]:
+    def _held(
+        self, combined: tuple[dict[int, Expression], Expression], name: str, assignment: Assignment, steps: list[Step]
+    ) -> tuple[dict[int, Expression], Expression]:
         """The same with names for what is longer than one, so that nothing is written twice."""
         slopes, rest = combined
         held = {v: self._name(x, f"{name} per {self.variables[v].name}", assignment, steps) for v, x in slopes.items()}
@@ -156,5 +160,5 @@ class _Reduction:
         variable = len(self.variables)
         self.variables.append(Variable(name, "computed"))
         bound = bind(expression)
-        steps.append(Assignment(variable, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))  # type: ignore[arg-type]
+        steps.append(Assignment(variable, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
         return variable

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
+from ..graph.domains import Domain
 from ..graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Node, Port
 from ..scene import Plan, Scene
 from ..source import Span
 from ..syntax import SyntaxTree, tree
 from .connect import Connector
-from ..graph.domains import Domain
 from .elaborate import Elaborator
 from .errors import NoSingleModel, UnknownAttribute, UnknownName, Unsupported, WrongConnection, WrongLaw, WrongMechanism
 from .experiments import choose_experiment, experiment_overrides, read_plan
@@ -73,7 +73,9 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     if not free:  # all use each other: opening one finds the cycle
         return next(iter(own.values()))
     what = f"The file has several models to run: {', '.join(free)}"
-    raise CompilationFailed([*diagnostics, NoSingleModel(own[free[1]].model.name_span, what, f"Name one: `--model {free[0]}`.")])
+    raise CompilationFailed(
+        [*diagnostics, NoSingleModel(own[free[1]].model.name_span, what, f"Name one: `--model {free[0]}`.")]
+    )
 
 
 def _declarations(statements: tuple[tree.Node, ...]) -> list[tree.Declaration]:
@@ -86,7 +88,9 @@ def _declarations(statements: tuple[tree.Node, ...]) -> list[tree.Declaration]:
     return found
 
 
-def _build(definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool) -> tuple[Elaborator, Built]:
+def _build(
+    definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool
+) -> tuple[Elaborator, Built]:
     experiment, told = choose_experiment(definition, scene.experiment)
     overrides = [*experiment_overrides(experiment), *scene.overrides]  # what the command line sets comes last and wins
     elaborator = Elaborator(overrides, part)
@@ -98,7 +102,14 @@ def _build(definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnost
     nodes.build()
     plan, outputs = read_plan(elaborator, experiment, root, scene)
     _check_overrides(elaborator, scene)
-    graph = BondGraph(definition.name, tuple(nodes.nodes), tuple(nodes.bonds), elaborator.quantities, outputs, definition.model.name_span)
+    graph = BondGraph(
+        definition.name,
+        tuple(nodes.nodes),
+        tuple(nodes.bonds),
+        elaborator.quantities,
+        outputs,
+        definition.model.name_span,
+    )
     if not part and not elaborator.structure_broken:
         elaborator.diagnostics += _unconnected(graph)
     return elaborator, Built(graph, plan)
@@ -112,9 +123,20 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
         if path in elaborator.used_overrides:
             continue
         if path in roles and roles[path] not in ("parameter", "input"):
-            elaborator.tell(UnknownName(override.span, path, "what can be set", f"It is a {roles[path]}; only parameters and inputs are set from outside."))
+            elaborator.tell(
+                UnknownName(
+                    override.span,
+                    path,
+                    "what can be set",
+                    f"It is a {roles[path]}; only parameters and inputs are set from outside.",
+                )
+            )
         elif not elaborator.diagnostics:
-            hint = suggestion(path, [*settable, *lists], f"Parameters and inputs: {', '.join(settable[:12])}{'…' if len(settable) > 12 else ''}.")
+            hint = suggestion(
+                path,
+                [*settable, *lists],
+                f"Parameters and inputs: {', '.join(settable[:12])}{'…' if len(settable) > 12 else ''}.",
+            )
             elaborator.tell(UnknownName(override.span, path, f"`{elaborator.root.definition.name}`", hint))
     for name in scene.free - {"*"}:
         if name not in elaborator.quantities:
@@ -138,7 +160,9 @@ class _Nodes:
         for scope, declaration, entry in elaborator.elements:
             before = len(self.nodes)
             elaborator.guard(self._element, scope, declaration, entry)
-            if len(self.nodes) == before and declaration.kind != "splitter":  # its law is wrong: its bonds can still be checked
+            if (
+                len(self.nodes) == before and declaration.kind != "splitter"
+            ):  # its law is wrong: its bonds can still be checked
                 for number, port in enumerate(entry.ports):
                     self.ends[entry.name, port] = End(before, number)
                 self.nodes.append(_placeholder(entry))
@@ -158,7 +182,13 @@ class _Nodes:
         definition = f"{scope.definition.name}.{entry.name.removeprefix(scope.path).split('[')[0]}"
         if declaration.kind in ("0", "1"):
             if isinstance(declaration.definition, tree.Law):
-                raise Wrong(WrongLaw(declaration.definition.span, f"The junction `{entry.name}` has a law", "A junction has none: a 0-junction shares its effort, a 1-junction its flow."))
+                raise Wrong(
+                    WrongLaw(
+                        declaration.definition.span,
+                        f"The junction `{entry.name}` has a law",
+                        "A junction has none: a 0-junction shares its effort, a 1-junction its flow.",
+                    )
+                )
             for attribute in declaration.attributes:
                 if attribute.name == "active":
                     raise Wrong(Unsupported(attribute.span, "A switched junction", "Switches come with events."))
@@ -185,7 +215,9 @@ class _Nodes:
         found = self._laws.get(id(declaration))
         if found is None:
             elaborator = self.elaborator
-            compiled = compile_law(declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at)
+            compiled = compile_law(
+                declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
+            )
             found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots)
             self._laws[id(declaration)] = found
         return found
@@ -201,7 +233,14 @@ class _Nodes:
                 word = attribute.value.words if isinstance(attribute.value, tree.Path) else ""
                 allowed = ("integral", "derivative") if kind in STORED else ("effort", "flow")
                 if word not in (*allowed, "effort", "flow"):
-                    raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} = {attribute.value.span.text}", f"It can be: {', '.join(allowed)}."))
+                    raise Wrong(
+                        UnknownAttribute(
+                            attribute.span,
+                            entry.name,
+                            f"{attribute.name} = {attribute.value.span.text}",
+                            f"It can be: {', '.join(allowed)}.",
+                        )
+                    )
                 if attribute.name == "prefer":
                     result.prefer = word
                 else:
@@ -212,17 +251,39 @@ class _Nodes:
                 raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
         return result
 
-    def _stored_value(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry, ports: list[str], kind: str, result: _Attributes) -> None:
+    def _stored_value(
+        self,
+        scope: Scope,
+        attribute: tree.Attribute,
+        entry: ElementEntry,
+        ports: list[str],
+        kind: str,
+        result: _Attributes,
+    ) -> None:
         stored = STORED[kind]
         words = attribute.target.words if attribute.target is not None else ""
         port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
         domain: Domain | None = entry.ports.get(port)
         variable = None if domain is None else (domain.variable(letter) if letter else stored)
         allowed = stored + ("e" if kind == "C" else "f")
-        if domain is None or variable is None or variable not in allowed or (attribute.name == "nominal" and variable != stored):
+        if (
+            domain is None
+            or variable is None
+            or variable not in allowed
+            or (attribute.name == "nominal" and variable != stored)
+        ):
             names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}".strip(), f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}."))
-        (bound,) = static_bounds(self.elaborator, attribute.value, scope, domain.dimension(variable), f"`{attribute.name} {words}`", 1)
+            raise Wrong(
+                UnknownAttribute(
+                    attribute.span,
+                    entry.name,
+                    f"{attribute.name} {words}".strip(),
+                    f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}.",
+                )
+            )
+        (bound,) = static_bounds(
+            self.elaborator, attribute.value, scope, domain.dimension(variable), f"`{attribute.name} {words}`", 1
+        )
         target = result.starts if attribute.name == "start" else result.nominals
         number = ports.index(port)
         if number in target:
@@ -233,13 +294,30 @@ class _Nodes:
         elaborator = self.elaborator
         for scope, statement, entry in elaborator.mechanisms:
             mechanism = build_mechanism(elaborator, scope, statement, entry)
-            used = dict.fromkeys(t.port for s in connector.segments for t in (s.tail, s.head) if t.node == entry.name and not t.side)
+            used = dict.fromkeys(
+                t.port for s in connector.segments for t in (s.tail, s.head) if t.node == entry.name and not t.side
+            )
             ports = tuple(Port(p, elaborator.port_domain(entry.name, p).name) for p in used)
             for number, port in enumerate(ports):
                 self.ends[entry.name, port.name] = End(len(self.nodes), number)
             if not mechanism.bodies and not elaborator.diagnostics:
-                elaborator.tell(WrongMechanism(statement.span, f"The mechanism `{entry.name}` has no body", "Declare what moves: `body name { mass = … }`."))
-            self.nodes.append(MechanismNode(entry.name, Kind.MECHANISM, ports, mechanism, f"{scope.definition.name}.{statement.name}", entry.span))
+                elaborator.tell(
+                    WrongMechanism(
+                        statement.span,
+                        f"The mechanism `{entry.name}` has no body",
+                        "Declare what moves: `body name { mass = … }`.",
+                    )
+                )
+            self.nodes.append(
+                MechanismNode(
+                    entry.name,
+                    Kind.MECHANISM,
+                    ports,
+                    mechanism,
+                    f"{scope.definition.name}.{statement.name}",
+                    entry.span,
+                )
+            )
 
     def _share_ports(self) -> None:
         """A part of a mechanism takes any number of bonds, which share its flow: a 1-junction stands there if they are several."""
@@ -258,7 +336,11 @@ class _Nodes:
             self.nodes.append(Junction(f"{node.name}.{port.name}", Kind.ONE, port.domain, node.definition, node.span))
             for number in numbers:
                 bond = self.bonds[number]
-                moved = Bond(junction, bond.head, bond.domain, bond.span) if bond.tail == end else Bond(bond.tail, junction, bond.domain, bond.span)
+                moved = (
+                    Bond(junction, bond.head, bond.domain, bond.span)
+                    if bond.tail == end
+                    else Bond(bond.tail, junction, bond.domain, bond.span)
+                )
                 self.bonds[number] = moved
             first = self.bonds[numbers[0]]
             self.bonds.append(Bond(junction, end, port.domain, first.span))
@@ -288,19 +370,32 @@ def _unconnected(graph: BondGraph) -> list[Diagnostic]:
     for number, node in enumerate(graph.nodes):
         if isinstance(node, Junction):
             if End(number, 0) not in bonds:
-                result.append(WrongConnection(node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."))
+                result.append(
+                    WrongConnection(
+                        node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."
+                    )
+                )
             continue
         if isinstance(node, MechanismNode):
             continue
         for port_number, port in enumerate(node.ports):
             spans = bonds.get(End(number, port_number), [])
-            name = f"{node.name}.{port.name}" if port.name and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR) else node.name
+            name = (
+                f"{node.name}.{port.name}"
+                if port.name and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR)
+                else node.name
+            )
             if len(spans) > 1:
                 hint = "Every port has one bond; put a 0- or 1-junction between."
-                result.append(WrongConnection(spans[1], f"`{name}` has {len(spans)} bonds", hint, ((spans[0], "one of them"),)))
+                result.append(
+                    WrongConnection(spans[1], f"`{name}` has {len(spans)} bonds", hint, ((spans[0], "one of them"),))
+                )
             elif not spans:
                 side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
-                what = f"No bond goes {side} of `{name}`" if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR) else f"No bond reaches `{name}`"
+                what = (
+                    f"No bond goes {side} of `{name}`"
+                    if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
+                    else f"No bond reaches `{name}`"
+                )
                 result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
     return result
-

@@ -5,13 +5,25 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import NamedTuple
 
+from ..graph.domains import Domain
 from ..graph.network import Bond, End
 from ..source import Span
 from ..syntax import tree
-from ..graph.domains import Domain
 from .elaborate import Elaborator
 from .errors import DomainConflict, UnknownDomain, UnknownName, WrongConnection, WrongType
-from .scope import AlreadyTold, Array, Broken, ElementEntry, Entry, InstanceEntry, PartEntry, Scope, WallEntry, Wrong, suggestion
+from .scope import (
+    AlreadyTold,
+    Array,
+    Broken,
+    ElementEntry,
+    Entry,
+    InstanceEntry,
+    PartEntry,
+    Scope,
+    WallEntry,
+    Wrong,
+    suggestion,
+)
 
 
 class Terminal(NamedTuple):
@@ -47,7 +59,9 @@ class Connector:
     def __init__(self, elaborator: Elaborator) -> None:
         self.elaborator = elaborator
         self.segments: list[Segment] = []
-        self.anonymous: list[tuple[str, str, str, Scope, Span]] = []  # junctions in place: name, kind, domain, scope, span
+        self.anonymous: list[
+            tuple[str, str, str, Scope, Span]
+        ] = []  # junctions in place: name, kind, domain, scope, span
         self.names: dict[str, int] = {}
         self.nests: dict[tuple[int, str, str], str] = {}
 
@@ -78,18 +92,40 @@ class Connector:
         span = head.span
         if source.kind in ("C", "I", "R", "MR"):
             word = source.words
-            raise Wrong(WrongConnection(tail.span, f"An arrow out of `{word}`", f"Power counts as positive into C, I and R: turn the arrow, `{target.words} -> {word}`."))
+            raise Wrong(
+                WrongConnection(
+                    tail.span,
+                    f"An arrow out of `{word}`",
+                    f"Power counts as positive into C, I and R: turn the arrow, `{target.words} -> {word}`.",
+                )
+            )
         multi = source.multi or target.multi
         if arrow == "->" and multi:
             word = source.words if source.multi else target.words
-            raise Wrong(WrongConnection(span, f"`{word}` is a multibond", f"Use `=>` for all its ports, or name one: `{word}.{next(iter((source if source.multi else target).terminals))}`."))
+            raise Wrong(
+                WrongConnection(
+                    span,
+                    f"`{word}` is a multibond",
+                    f"Use `=>` for all its ports, or name one: `{word}.{next(iter((source if source.multi else target).terminals))}`.",
+                )
+            )
         if arrow == "=>" and not (source.multi and target.multi):
             word = target.words if source.multi else source.words
-            raise Wrong(WrongConnection(span, f"`{word}` is not a multibond", "`=>` joins multibonds port by port; a single bond is `->`."))
+            raise Wrong(
+                WrongConnection(
+                    span, f"`{word}` is not a multibond", "`=>` joins multibonds port by port; a single bond is `->`."
+                )
+            )
         missing = source.terminals.keys() ^ target.terminals.keys()
         if missing:
             first, second = ", ".join(source.terminals), ", ".join(target.terminals)
-            raise Wrong(WrongConnection(span, f"The multibonds `{source.words}` ({first}) and `{target.words}` ({second}) have different ports", "`=>` joins ports of equal names."))
+            raise Wrong(
+                WrongConnection(
+                    span,
+                    f"The multibonds `{source.words}` ({first}) and `{target.words}` ({second}) have different ports",
+                    "`=>` joins ports of equal names.",
+                )
+            )
         for component, terminal in source.terminals.items():
             self.segments.append(Segment(terminal, target.terminals[component], span))
 
@@ -103,7 +139,13 @@ class Connector:
             from_source = isinstance(entry, ElementEntry) and entry.kind in ("Se", "Sf", "MSe", "MSf")
             other = self._place(scope, member, is_head=not from_source)
             if other.multi:
-                raise Wrong(WrongConnection(member.span, f"`{other.words}` is a multibond", f"Name one of its ports: `{other.words}.{next(iter(other.terminals))}`."))
+                raise Wrong(
+                    WrongConnection(
+                        member.span,
+                        f"`{other.words}` is a multibond",
+                        f"Name one of its ports: `{other.words}.{next(iter(other.terminals))}`.",
+                    )
+                )
             (terminal,) = other.terminals.values()
             tail, head = (terminal, junction) if from_source else (junction, terminal)
             self.segments.append(Segment(tail, head, member.span))
@@ -112,7 +154,9 @@ class Connector:
     def _entry(self, scope: Scope, path: tree.Path) -> Entry:
         entry = scope.find(path.head)
         if entry is None:
-            hint = suggestion(path.head, list(scope.names()), "Declare it first: `C name : law`, `1 name`, `ModelName name`.")
+            hint = suggestion(
+                path.head, list(scope.names()), "Declare it first: `C name : law`, `1 name`, `ModelName name`."
+            )
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         if isinstance(entry, Broken):
             raise AlreadyTold
@@ -133,19 +177,30 @@ class Connector:
                 index = self.elaborator.index_of(step, scope)
                 assert index is not None
                 if index not in entry.items:
-                    raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", f"`{entry.name}` has the items {_some(entry)}."))
+                    raise Wrong(
+                        UnknownName(
+                            place.span,
+                            place.words,
+                            f"`{scope.definition.name}`",
+                            f"`{entry.name}` has the items {_some(entry)}.",
+                        )
+                    )
                 entry = entry.items[index]
             elif isinstance(entry, InstanceEntry):
                 inner = entry.scope.entries.get(step.name)
                 if not isinstance(inner, WallEntry):
                     walls = [n for n, e in entry.scope.entries.items() if isinstance(e, WallEntry)]
-                    hint = suggestion(step.name, walls, f"Its ports: {', '.join(walls) or 'none'}. Bonds reach the inside of an instance only through its ports.")
+                    hint = suggestion(
+                        step.name,
+                        walls,
+                        f"Its ports: {', '.join(walls) or 'none'}. Bonds reach the inside of an instance only through its ports.",
+                    )
                     raise Wrong(UnknownName(place.span, step.name, f"the ports of `{name}`", hint))
                 entry = inner
             elif hasattr(entry, "parts"):
-                inner_part = entry.parts.entries.get(step.name)  # type: ignore[union-attr]
+                inner_part = entry.parts.entries.get(step.name)
                 if inner_part is None:
-                    hint = suggestion(step.name, list(entry.parts.entries))  # type: ignore[union-attr]
+                    hint = suggestion(step.name, list(entry.parts.entries))
                     raise Wrong(UnknownName(place.span, step.name, f"the mechanism `{name}`", hint))
                 entry = inner_part
             else:
@@ -158,26 +213,52 @@ class Connector:
         if steps:
             step = steps[0]
             if len(steps) > 1 or isinstance(step, tree.Index):
-                raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", "A bond reaches an element, a junction, or a port of one."))
+                raise Wrong(
+                    UnknownName(
+                        place.span,
+                        place.words,
+                        f"`{scope.definition.name}`",
+                        "A bond reaches an element, a junction, or a port of one.",
+                    )
+                )
             component = step.name
         return self._finish(entry, component, place, is_head, own_wall, scope)
 
-    def _finish(self, entry: Entry, component: str | None, place: tree.Path, is_head: bool, own_wall: bool, scope: Scope) -> Place:
+    def _finish(
+        self, entry: Entry, component: str | None, place: tree.Path, is_head: bool, own_wall: bool, scope: Scope
+    ) -> Place:
         words = place.words
         match entry:
             case ElementEntry(kind=("TF" | "GY" | "MTF" | "MGY")):
                 side = "1" if is_head else "2"
                 if component is not None:
-                    raise Wrong(UnknownName(place.span, component, f"`{entry.name}`", "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2."))
-                return Place({"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place.span, words)
+                    raise Wrong(
+                        UnknownName(
+                            place.span,
+                            component,
+                            f"`{entry.name}`",
+                            "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2.",
+                        )
+                    )
+                return Place(
+                    {"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place.span, words
+                )
             case ElementEntry():
                 side = "" if entry.kind != "splitter" else ("single" if component is not None else "many")
                 return self._ports(entry.name, entry.ports, component, side, entry.kind, place)
             case WallEntry():
-                return self._ports(entry.name, entry.ports, component, "inside" if own_wall else "outside", "wall", place)
+                return self._ports(
+                    entry.name, entry.ports, component, "inside" if own_wall else "outside", "wall", place
+                )
             case PartEntry():
                 if entry.kind == "weld" or not entry.ports:
-                    raise Wrong(WrongConnection(place.span, f"`{words}` has no freedom, so no bond can reach it", "A bond moves a joint with a freedom, or a body."))
+                    raise Wrong(
+                        WrongConnection(
+                            place.span,
+                            f"`{words}` has no freedom, so no bond can reach it",
+                            "A bond moves a joint with a freedom, or a body.",
+                        )
+                    )
                 prefixed = self._ports(entry.mechanism, entry.ports, component, "", "part", place)
                 terminals = {c: t._replace(port=f"{entry.name}.{t.port}") for c, t in prefixed.terminals.items()}
                 if len(entry.ports) == 1:
@@ -186,21 +267,44 @@ class Connector:
                 return prefixed._replace(terminals=terminals)
             case InstanceEntry():
                 walls = [n for n, e in entry.scope.entries.items() if isinstance(e, WallEntry)]
-                raise Wrong(WrongConnection(place.span, f"`{words}` is an instance of `{entry.scope.definition.name}`", f"Name its port: {', '.join(f'`{words}.{w}`' for w in walls) or 'it has none'}."))
+                raise Wrong(
+                    WrongConnection(
+                        place.span,
+                        f"`{words}` is an instance of `{entry.scope.definition.name}`",
+                        f"Name its port: {', '.join(f'`{words}.{w}`' for w in walls) or 'it has none'}.",
+                    )
+                )
             case Array():
-                raise Wrong(WrongConnection(place.span, f"`{words}` is an array", f"Say which: `{words}[…]` with {_some(entry)}."))
+                raise Wrong(
+                    WrongConnection(
+                        place.span, f"`{words}` is an array", f"Say which: `{words}[…]` with {_some(entry)}."
+                    )
+                )
         if getattr(entry, "state", "") == "broken":
             raise AlreadyTold
-        raise Wrong(WrongConnection(place.span, f"`{words}` is no place for a bond", "Bonds join elements, junctions, ports and the parts of mechanisms."))
+        raise Wrong(
+            WrongConnection(
+                place.span,
+                f"`{words}` is no place for a bond",
+                "Bonds join elements, junctions, ports and the parts of mechanisms.",
+            )
+        )
 
     def _ports(self, node: str, ports: object, component: str | None, side: str, kind: str, place: tree.Path) -> Place:
         assert isinstance(ports, dict) or hasattr(ports, "items")
-        known: dict[str, Domain] = dict(ports.items())  # type: ignore[attr-defined]
+        known: dict[str, Domain] = dict(ports.items())
         words = place.words
         if component is not None:
             if component not in known or component == "":
                 names = [n for n in known if n]
-                raise Wrong(UnknownName(place.span, component, f"the ports of `{node}`", suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}.")))
+                raise Wrong(
+                    UnknownName(
+                        place.span,
+                        component,
+                        f"the ports of `{node}`",
+                        suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}."),
+                    )
+                )
             return Place({"": Terminal(node, component, side, known[component])}, False, kind, place.span, words)
         if list(known) == [""]:
             return Place({"": Terminal(node, "", side, known[""])}, False, kind, place.span, words)
@@ -244,23 +348,48 @@ class Connector:
         for side, segments in sides.items():
             if len(segments) > 1:
                 hint = "A port passes one bond on each side; put a junction there for more."
-                self.elaborator.tell(WrongConnection(segments[1].span, f"Two bonds on one side of `{name}`", hint, ((segments[0].span, "the other one"),)))
+                self.elaborator.tell(
+                    WrongConnection(
+                        segments[1].span,
+                        f"Two bonds on one side of `{name}`",
+                        hint,
+                        ((segments[0].span, "the other one"),),
+                    )
+                )
             if side in ("inside", "outside") and len(sides) < 2 and not self.elaborator.part:
                 where = "inside its model" if side == "outside" else "outside"
                 hint = "Connect it on both sides; a port that is not needed is left out."
-                self.elaborator.tell(WrongConnection(segments[0].span, f"The port `{name}` is not connected {where}", hint))
+                self.elaborator.tell(
+                    WrongConnection(segments[0].span, f"The port `{name}` is not connected {where}", hint)
+                )
             if side in ("single", "many") and len(sides) < 2:
                 hint = "A splitter passes every bond through: `name =>` on one side, `name.x` on the other."
-                self.elaborator.tell(WrongConnection(segments[0].span, f"The splitter's port `{name}` is connected on one side only", hint))
+                self.elaborator.tell(
+                    WrongConnection(
+                        segments[0].span, f"The splitter's port `{name}` is connected on one side only", hint
+                    )
+                )
         if len(sides) == 2 and all(len(s) == 1 for s in sides.values()):
             (first,), (second,) = sides.values()
             arrives = [s for s in (first, second) if s.head.side and _name(s.head) == name]
             if len(arrives) != 1:
                 how = "head-on" if len(arrives) == 2 else "tail to tail"
                 other = ((first.span, "the other arrow"),)
-                self.elaborator.tell(WrongConnection(second.span, f"Two arrows meet {how} in `{name}`", "The arrows on both sides of a port must agree: turn one of them.", other))
+                self.elaborator.tell(
+                    WrongConnection(
+                        second.span,
+                        f"Two arrows meet {how} in `{name}`",
+                        "The arrows on both sides of a port must agree: turn one of them.",
+                        other,
+                    )
+                )
 
-    def _follow(self, segment: Segment, holes: dict[tuple[str, str], dict[str, list[Segment]]], numbers: dict[tuple[str, str], End]) -> Bond | None:
+    def _follow(
+        self,
+        segment: Segment,
+        holes: dict[tuple[str, str], dict[str, list[Segment]]],
+        numbers: dict[tuple[str, str], End],
+    ) -> Bond | None:
         current = segment
         for _ in range(len(self.segments) + 1):
             head = current.head

@@ -6,13 +6,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from ..errors import Diagnostic
+from ..graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC, Domain
 from ..source import Span
 from ..syntax import tree
-from ..graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC, Domain
 from .errors import DomainConflict, UnknownName
 from .scope import ModelDefinition, suggestion
 
-ELEMENT_KINDS = frozenset("Se Sf MSe MSf C I IC R MR RS TF GY MTF MGY 0 1 splitter".split())
+ELEMENT_KINDS = frozenset(
+    ["Se", "Sf", "MSe", "MSf", "C", "I", "IC", "R", "MR", "RS", "TF", "GY", "MTF", "MGY", "0", "1", "splitter"]
+)
 TWO_SIDED = frozenset({"TF", "GY", "MTF", "MGY"})
 
 Key = tuple[str, ...]  # ("spring", "x"), ("body", ""), ("comb", "shuttle", "")
@@ -80,7 +82,9 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
                     if domain is not None and domain in DOMAINS:
                         table.learn((item.name, component), domain, item.span)
                     elif domain is not None:
-                        hint = suggestion(domain, [*DOMAINS, *BUNDLES], "Domains: " + ", ".join(DOMAINS) + ", planar, spatial.")
+                        hint = suggestion(
+                            domain, [*DOMAINS, *BUNDLES], "Domains: " + ", ".join(DOMAINS) + ", planar, spatial."
+                        )
                         table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
     mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
 
@@ -109,11 +113,20 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
         if inner is None or not members:
             return {}
         inner_table = table_of(inner)
-        item = next((i for s in _flat(inner.model.statements) if isinstance(s, tree.Ports) for i in s.items if i.name == members[0]), None)
+        item = next(
+            (
+                i
+                for s in _flat(inner.model.statements)
+                if isinstance(s, tree.Ports)
+                for i in s.items
+                if i.name == members[0]
+            ),
+            None,
+        )
         if item is None:
             return {}
         wanted = members[1:2] or list(wall_components(item))
-        result = {}
+        result: dict[str, Key] = {}
         for component in wanted:
             key = (place.head, members[0], component)
             domain = inner_table.of(members[0], component)
@@ -146,7 +159,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
 
 def wall_components(item: tree.PortItem) -> dict[str, str | None]:
     """The scalar ports of a port of a model, with their declared domains."""
-    if item.domain in BUNDLES:
+    if item.domain is not None and item.domain in BUNDLES:
         return dict(BUNDLES[item.domain])
     if item.components:
         return {c.name: c.domain or COMPONENT_DOMAINS.get(c.name) for c in item.components}
@@ -194,7 +207,7 @@ def _mechanism_ends(table: DomainTable, parts: dict[str, str], place: tree.Path,
     kind = parts.get(members[0])
     freedoms = FREEDOMS.get(kind or "", ("x", "y", "phi"))
     wanted = members[1:2] or list(freedoms)
-    result = {}
+    result: dict[str, Key] = {}
     for component in wanted:
         if component not in freedoms:
             continue
@@ -208,7 +221,9 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
     definition = declaration.definition
     for declared in declaration.names:
         for component in declared.components:
-            domain = component.domain or (COMPONENT_DOMAINS.get(component.name) if declaration.kind == "splitter" else None)
+            domain = component.domain or (
+                COMPONENT_DOMAINS.get(component.name) if declaration.kind == "splitter" else None
+            )
             if domain is not None:
                 if domain in DOMAINS:
                     table.learn((declared.name, component.name), domain, component.span)
@@ -226,7 +241,11 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
             ports = element_ports(declaration, declared.name)
             for port in ports:
                 letters = _letters(definition, declaration, port, names)
-                fitting = [d for d in DOMAINS.values() if d.typed and letters and all(w in d.letters or w in GENERIC for w in letters)]
+                fitting = [
+                    d
+                    for d in DOMAINS.values()
+                    if d.typed and letters and all(w in d.letters or w in GENERIC for w in letters)
+                ]
                 if len(fitting) == 1:
                     table.learn((declared.name, port), fitting[0].name, definition.span)
 

@@ -110,7 +110,7 @@ class MissingValue(Diagnostic):
 
     code = "BG110"
     title = "{role} `{name}` has no value"
-    advice = "Give it one where it is declared, or set it: in an instance `{{ {short} = … }}`, on the command line `--set \"{name}=…\"`."
+    advice = 'Give it one where it is declared, or set it: in an instance `{{ {short} = … }}`, on the command line `--set "{name}=…"`.'
     role: str
     name: str
     short: str
@@ -146,7 +146,7 @@ class UnknownDomain(Diagnostic):
 
     code = "BG114"
     title = "The domain of `{name}` is not known"
-    advice = "Give it after a colon, as in `1 body : translation`, on it or on anything that it is bonded to; or use a domain's letters in the law (F v x, M omega phi, u i q, P Q V, T S_dot S)."
+    advice = "Give it after a colon, as in `1 body : translation`, on it or on what it is bonded to, or write the law in a domain's letters."
     name: str
 
 

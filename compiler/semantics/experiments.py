@@ -9,6 +9,7 @@ from ..algebra.expression import Symbol
 from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
 from ..graph.network import Named
+from ..graph.units import ONE, SECOND
 from ..scene import Override, Plan, Reported, Scene
 from ..source import Span
 from ..syntax import tree
@@ -16,7 +17,6 @@ from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from .scope import ModelDefinition, Pending, Scalar, Scope, Wrong, describe, suggestion
 from .typed import scale_of
-from ..graph.units import ONE, SECOND
 
 SETTINGS = ("rtol", "atol", "points")
 
@@ -26,7 +26,9 @@ def experiments_of(definition: ModelDefinition) -> dict[str, tree.Experiment]:
     return {s.name: s for s in definition.model.statements if isinstance(s, tree.Experiment)}
 
 
-def choose_experiment(definition: ModelDefinition, wanted: str | None) -> tuple[tree.Experiment | None, list[Diagnostic]]:
+def choose_experiment(
+    definition: ModelDefinition, wanted: str | None
+) -> tuple[tree.Experiment | None, list[Diagnostic]]:
     """The experiment of that name; "" is the first, None is none."""
     known: dict[str, tree.Experiment] = {}
     told: list[Diagnostic] = []
@@ -49,10 +51,16 @@ def experiment_overrides(experiment: tree.Experiment | None) -> list[Override]:
     """What an experiment sets."""
     if experiment is None:
         return []
-    return [Override(s.target.words, s.value, s.target.span, s.role) for s in experiment.steps if isinstance(s, tree.Set) and s.role == "set"]
+    return [
+        Override(s.target.words, s.value, s.target.span, s.role)
+        for s in experiment.steps
+        if isinstance(s, tree.Set) and s.role == "set"
+    ]
 
 
-def read_plan(elaborator: Elaborator, experiment: tree.Experiment | None, root: Scope, scene: Scene) -> tuple[Plan, Mapping[str, Named]]:
+def read_plan(
+    elaborator: Elaborator, experiment: tree.Experiment | None, root: Scope, scene: Scene
+) -> tuple[Plan, Mapping[str, Named]]:
     """The plan of the run, and the outputs that it needs."""
     declared = {p.name: p for p in elaborator.pending if p.role == "output" and p.owner.base() is root}
     outputs: dict[str, Named] = {}
@@ -60,7 +68,11 @@ def read_plan(elaborator: Elaborator, experiment: tree.Experiment | None, root: 
         found = elaborator.guard(elaborator.quantity, pending)
         for scalar in getattr(found, "items", (found,)):
             if isinstance(scalar, Scalar):
-                outputs[scalar.name] = elaborator.quantities[scalar.name] if scalar.name in elaborator.quantities else _alias(scalar, name, pending)
+                outputs[scalar.name] = (
+                    elaborator.quantities[scalar.name]
+                    if scalar.name in elaborator.quantities
+                    else _alias(scalar, name, pending)
+                )
     plan = Plan(None if experiment is None else experiment.name)
     report: list[Reported] = []
     for step in experiment.steps if experiment is not None else ():
@@ -87,7 +99,9 @@ def _study_span(step: tree.Study, experiment: tree.Experiment | None) -> Span:
 def _alias(scalar: Scalar, name: str, pending: Pending) -> Named:
     reference = scalar.reference
     bound = Bound(Formula(1, Symbol(0)), (reference,))
-    return Named(name, "output", str(scalar.dimension or ONE), bound, None, pending.item.span, pending.item.description or "")
+    return Named(
+        name, "output", str(scalar.dimension or ONE), bound, None, pending.item.span, pending.item.description or ""
+    )
 
 
 def _wanted(elaborator: Elaborator, outputs: dict[str, Named], plan: Plan, scene: Scene) -> Mapping[str, Named]:
@@ -107,7 +121,9 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
     start = elaborator.static(step.range.first, root, "The start of a simulation", dimension)
     stop = elaborator.static(step.range.last, root, "The end of a simulation", dimension)
     if stop <= start:
-        raise Wrong(WrongExperiment(step.range.span, "The simulation ends before it begins", "Write `simulate 0 .. 1 s`."))
+        raise Wrong(
+            WrongExperiment(step.range.span, "The simulation ends before it begins", "Write `simulate 0 .. 1 s`.")
+        )
     if plan.stop is not None:
         raise Wrong(WrongExperiment(step.span, "A second `simulate` in one experiment", "Write a second experiment."))
     settings: dict[str, float] = {}
@@ -117,17 +133,37 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
             scalar = elaborator.lookup(attribute.target, root)
             if not isinstance(scalar, Scalar):
                 raise Wrong(WrongType(attribute.target.span, "One quantity", "a list"))
-            value = elaborator.static(attribute.value, root, f"The tolerance of `{attribute.target.words}`", scalar.dimension or ONE)
+            value = elaborator.static(
+                attribute.value, root, f"The tolerance of `{attribute.target.words}`", scalar.dimension or ONE
+            )
             if value <= 0:
-                raise Wrong(WrongExperiment(attribute.span, "A tolerance is positive", "Write how large an error is allowed, in the unit of the quantity."))
+                raise Wrong(
+                    WrongExperiment(
+                        attribute.span,
+                        "A tolerance is positive",
+                        "Write how large an error is allowed, in the unit of the quantity.",
+                    )
+                )
             tolerances[attribute.target.words] = value
         elif attribute.name in SETTINGS and attribute.target is None:
             value = elaborator.static(attribute.value, root, f"`{attribute.name}`")
             settings[attribute.name] = value
-            if value <= 0 or (attribute.name == "rtol" and value >= 1) or (attribute.name == "points" and (value < 2 or value != round(value))):
-                raise Wrong(WrongExperiment(attribute.span, f"`{attribute.name} = {value:g}` makes no sense", "rtol lies between 1e-13 and 1, points is a whole number from 2."))
+            if (
+                value <= 0
+                or (attribute.name == "rtol" and value >= 1)
+                or (attribute.name == "points" and (value < 2 or value != round(value)))
+            ):
+                raise Wrong(
+                    WrongExperiment(
+                        attribute.span,
+                        f"`{attribute.name} = {value:g}` makes no sense",
+                        "rtol lies between 1e-13 and 1, points is a whole number from 2.",
+                    )
+                )
         else:
-            hint = suggestion(attribute.name, [*SETTINGS, "tolerance"], "It has: rtol, atol, points, and `tolerance NAME = …`.")
+            hint = suggestion(
+                attribute.name, [*SETTINGS, "tolerance"], "It has: rtol, atol, points, and `tolerance NAME = …`."
+            )
             raise Wrong(UnknownAttribute(attribute.span, "simulate", attribute.name, hint))
     return replace(plan, start=start, stop=stop, settings=settings, tolerances=tolerances)
 
@@ -142,7 +178,15 @@ def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs
     if reading.unit is not None:
         wanted = scale_of(reading.unit)
         if dimension is not None and wanted.dimension != dimension:
-            raise Wrong(DimensionMismatch(reading.unit.span, f"`{name}` cannot be reported in {reading.unit.span.text}", describe(dimension), describe(wanted.dimension), ""))
+            raise Wrong(
+                DimensionMismatch(
+                    reading.unit.span,
+                    f"`{name}` cannot be reported in {reading.unit.span.text}",
+                    describe(dimension),
+                    describe(wanted.dimension),
+                    "",
+                )
+            )
         unit = reading.unit.span.text
         offset = wanted.from_si(0.0)
         scale = wanted.from_si(1.0) - offset
@@ -151,4 +195,3 @@ def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs
         bound = elaborator.bind(template, formula, root)
         outputs[name] = Named(name, "output", str(dimension or ONE), bound, None, reading.value.span)
     return Reported(name, unit, scale, offset)
-

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ..algebra.expression import ZERO, Expression, Symbol, symbols
+from ..graph.domains import Domain
 from ..graph.network import Law, Own
+from ..source import Span
 from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of
-from ..graph.domains import Domain
 from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
 from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
 from .typed import ExpressionCompiler, OwnVariable, Resolve, Slot
@@ -50,17 +51,38 @@ def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dic
                 if variable == STORED.get(kind):
                     own[port] = found
             else:
-                own.update({letter: found for letter in letters})
+                own.update(dict.fromkeys(letters, found))
     return own
 
 
-def compile_law(declaration: tree.Declaration, name: str, ports: Mapping[str, Domain], scope: Scope, resolve: Resolve, role_of: RoleOf) -> CompiledLaw:
+def compile_law(
+    declaration: tree.Declaration,
+    name: str,
+    ports: Mapping[str, Domain],
+    scope: Scope,
+    resolve: Resolve,
+    role_of: RoleOf,
+) -> CompiledLaw:
     """Compile the law of one declared element. Raises `Wrong`."""
     definition = declaration.definition
     kind = plain_kind(declaration.kind)
     if not isinstance(definition, tree.Law):
-        example = {"C": "F = k*x", "I": "p = m*v", "R": "F = r*v", "Se": "F = 1 N", "Sf": "v = 1 [m/s]", "TF": "F2 = n*F1", "GY": "u1 = K*omega2"}
-        raise Wrong(WrongLaw(declaration.span, f"`{declaration.kind} {name}` has no law", f"Write it after a colon, as in `{declaration.kind} {name} : {example.get(kind, 'e = …')}`."))
+        example = {
+            "C": "F = k*x",
+            "I": "p = m*v",
+            "R": "F = r*v",
+            "Se": "F = 1 N",
+            "Sf": "v = 1 [m/s]",
+            "TF": "F2 = n*F1",
+            "GY": "u1 = K*omega2",
+        }
+        raise Wrong(
+            WrongLaw(
+                declaration.span,
+                f"`{declaration.kind} {name}` has no law",
+                f"Write it after a colon, as in `{declaration.kind} {name} : {example.get(kind, 'e = …')}`.",
+            )
+        )
     own = own_variables(kind, ports, LAW_VARIABLES[kind])
     forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in LAW_VARIABLES[kind]))
     _check_names(declaration, name, own, forbidden, scope, resolve)
@@ -75,7 +97,15 @@ def compile_law(declaration: tree.Declaration, name: str, ports: Mapping[str, Do
             left, right = compiler.scalar(equation.left), compiler.scalar(equation.right)
             if left.dimension is not None and right.dimension is not None and left.dimension != right.dimension:
                 hint = "A parameter's unit stands where it is declared: `k: N/m = 100`."
-                raise Wrong(DimensionMismatch(equation.span, f"The two sides of the law of `{name}` differ", f"`{equation.left.span.text}` is {describe(left.dimension)}", f"`{equation.right.span.text}` is {describe(right.dimension)}", hint))
+                raise Wrong(
+                    DimensionMismatch(
+                        equation.span,
+                        f"The two sides of the law of `{name}` differ",
+                        f"`{equation.left.span.text}` is {describe(left.dimension)}",
+                        f"`{equation.right.span.text}` is {describe(right.dimension)}",
+                        hint,
+                    )
+                )
             equations.append((left.expression, right.expression))
         _check_form(declaration, kind, name, equations, len(ports))
     slots = tuple(compiler.slot_list)
@@ -83,28 +113,69 @@ def compile_law(declaration: tree.Declaration, name: str, ports: Mapping[str, Do
     return CompiledLaw(Law(tuple(equations), energy, len(slots)), slots)
 
 
-def _energy(definition: tree.Law, kind: str, declaration: tree.Declaration, name: str, compiler: ExpressionCompiler, ports: Mapping[str, Domain], scope: Scope) -> Expression:
+def _energy(
+    definition: tree.Law,
+    kind: str,
+    declaration: tree.Declaration,
+    name: str,
+    compiler: ExpressionCompiler,
+    ports: Mapping[str, Domain],
+    scope: Scope,
+) -> Expression:
     from ..graph.units import JOULE
 
     if kind not in STORED:
-        raise Wrong(WrongLaw(definition.span, f"`{name}` is {declaration.kind}: only C and I store energy", "Write its law as an equation."))
+        raise Wrong(
+            WrongLaw(
+                definition.span,
+                f"`{name}` is {declaration.kind}: only C and I store energy",
+                "Write its law as an equation.",
+            )
+        )
     if len(definition.equations) != 1:
-        raise Wrong(WrongLaw(definition.span, f"`{name}` has an energy and further equations", "The energy alone gives all efforts."))
+        raise Wrong(
+            WrongLaw(
+                definition.span, f"`{name}` has an energy and further equations", "The energy alone gives all efforts."
+            )
+        )
     typed = compiler.scalar(definition.equations[0].right)
     stored = STORED[kind]
     for symbol in symbols(typed.expression):
         if isinstance(symbol.key, Own) and symbol.key.variable != stored:
             word = "displacement" if kind == "C" else "momentum"
-            raise Wrong(WrongLaw(definition.span, f"The energy of `{name}` reads `{symbol.key.variable}`", f"An energy is a function of what is stored, its {word}, alone."))
+            raise Wrong(
+                WrongLaw(
+                    definition.span,
+                    f"The energy of `{name}` reads `{symbol.key.variable}`",
+                    f"An energy is a function of what is stored, its {word}, alone.",
+                )
+            )
     typed_port = next(iter(ports.values())).typed
     if typed_port and typed.dimension not in (None, JOULE):
-        raise Wrong(DimensionMismatch(definition.span, f"The energy of `{name}` must be in N*m", "[N*m]", describe(typed.dimension), ""))
+        raise Wrong(
+            DimensionMismatch(
+                definition.span, f"The energy of `{name}` must be in N*m", "[N*m]", describe(typed.dimension), ""
+            )
+        )
     if not any(isinstance(s.key, Own) for s in symbols(typed.expression)):
-        raise Wrong(WrongLaw(definition.span, f"The energy of `{name}` does not depend on its own {'displacement' if kind == 'C' else 'momentum'}", "It would give no effort."))
+        raise Wrong(
+            WrongLaw(
+                definition.span,
+                f"The energy of `{name}` does not depend on its own {'displacement' if kind == 'C' else 'momentum'}",
+                "It would give no effort.",
+            )
+        )
     return typed.expression
 
 
-def _check_names(declaration: tree.Declaration, name: str, own: Mapping[str, OwnVariable], forbidden: Mapping[str, OwnVariable], scope: Scope, resolve: Resolve) -> None:
+def _check_names(
+    declaration: tree.Declaration,
+    name: str,
+    own: Mapping[str, OwnVariable],
+    forbidden: Mapping[str, OwnVariable],
+    scope: Scope,
+    resolve: Resolve,
+) -> None:
     kind = plain_kind(declaration.kind)
     assert isinstance(declaration.definition, tree.Law)
     for path in paths_of(declaration.definition):
@@ -117,26 +188,56 @@ def _check_names(declaration: tree.Declaration, name: str, own: Mapping[str, Own
             generic = variable.variable if kind not in TWO_SIDED else words
             raise Wrong(NameClash(path.span, words, name, str(role), generic))
         if words in forbidden and scope.find(path.head) is None:
-            relates = {"C": "effort and displacement", "I": "flow and momentum", "R": "effort and flow", "Se": "its effort alone", "Sf": "its flow alone"}
-            hint = {"C": "Loss belongs in an R beside it, mass in an I.", "I": "Loss belongs in an R beside it, stiffness in a C.", "R": "What depends on displacement belongs in a C, or in an MR that reads it."}
-            raise Wrong(WrongLaw(path.span, f"The law of `{declaration.kind} {name}` uses `{words}`; {kind} relates {relates.get(kind, 'efforts and flows')}", hint.get(kind, "Write the equation in these.")))
+            relates = {
+                "C": "effort and displacement",
+                "I": "flow and momentum",
+                "R": "effort and flow",
+                "Se": "its effort alone",
+                "Sf": "its flow alone",
+            }
+            hint = {
+                "C": "Loss belongs in an R beside it, mass in an I.",
+                "I": "Loss belongs in an R beside it, stiffness in a C.",
+                "R": "What depends on displacement belongs in a C, or in an MR that reads it.",
+            }
+            raise Wrong(
+                WrongLaw(
+                    path.span,
+                    f"The law of `{declaration.kind} {name}` uses `{words}`; {kind} relates {relates.get(kind, 'efforts and flows')}",
+                    hint.get(kind, "Write the equation in these."),
+                )
+            )
 
 
 def _own(x: Expression) -> set[Own]:
     return {s.key for s in symbols(x) if isinstance(s.key, Own)}
 
 
-def _check_form(declaration: tree.Declaration, kind: str, name: str, equations: list[tuple[Expression, Expression]], ports: int) -> None:
+def _check_form(
+    declaration: tree.Declaration, kind: str, name: str, equations: list[tuple[Expression, Expression]], ports: int
+) -> None:
     span = declaration.definition.span if declaration.definition else declaration.span
     expected = 1 if kind in ("TF", "GY") else ports
     if len(equations) != expected:
-        raise Wrong(WrongLaw(span, f"`{name}` has {len(equations)} equation{'s' * (len(equations) != 1)}; {kind} with {ports} port{'s' * (ports != 1)} needs {expected}", "Equations are separated by commas."))
+        raise Wrong(
+            WrongLaw(
+                span,
+                f"`{name}` has {len(equations)} equation{'s' * (len(equations) != 1)}; {kind} with {ports} port{'s' * (ports != 1)} needs {expected}",
+                "Equations are separated by commas.",
+            )
+        )
     used = [_own(left) | _own(right) for left, right in equations]
     if kind in ("Se", "Sf"):
         for (left, right), _ in zip(equations, used, strict=True):
             if not (isinstance(left, Symbol) and isinstance(left.key, Own) and not _own(right)):
                 letter = "effort" if kind == "Se" else "flow"
-                raise Wrong(WrongLaw(span, f"The law of the source `{name}` must give its {letter}", f"Write `{'F = …' if kind == 'Se' else 'v = …'}` with what it gives on the right."))
+                raise Wrong(
+                    WrongLaw(
+                        span,
+                        f"The law of the source `{name}` must give its {letter}",
+                        f"Write `{'F = …' if kind == 'Se' else 'v = …'}` with what it gives on the right.",
+                    )
+                )
         return
     if kind in ("TF", "GY"):
         _check_transducer(kind, name, equations[0], used[0], span)
@@ -146,29 +247,68 @@ def _check_form(declaration: tree.Declaration, kind: str, name: str, equations: 
             wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in LAW_VARIABLES[kind]}
             if not any(wanted & u for u in used):
                 words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}[variable]
-                raise Wrong(WrongLaw(span, f"The law of `{name}` does not use the {words} of its port{f' number {port + 1}' * (ports > 1)}", "A source gives an effort or flow by itself; C relates e and q, I relates f and p, R relates e and f."))
+                raise Wrong(
+                    WrongLaw(
+                        span,
+                        f"The law of `{name}` does not use the {words} of its port{f' number {port + 1}' * (ports > 1)}",
+                        "A source gives an effort or flow by itself; C relates e and q, I relates f and p, R relates e and f.",
+                    )
+                )
 
 
-def _check_transducer(kind: str, name: str, equation: tuple[Expression, Expression], used: set[Own], span: tree.Span) -> None:
+def _check_transducer(
+    kind: str, name: str, equation: tuple[Expression, Expression], used: set[Own], span: Span
+) -> None:
     from ..algebra.affine import affine_parts
 
-    pairs = {"TF": ({Own(0, "e"), Own(1, "e")}, {Own(0, "f"), Own(1, "f")}), "GY": ({Own(0, "e"), Own(1, "f")}, {Own(0, "f"), Own(1, "e")})}
+    pairs = {
+        "TF": ({Own(0, "e"), Own(1, "e")}, {Own(0, "f"), Own(1, "f")}),
+        "GY": ({Own(0, "e"), Own(1, "f")}, {Own(0, "f"), Own(1, "e")}),
+    }
     if used not in pairs[kind]:
         usage = "`omega1 = 20*omega2` or `M2 = 20*M1`" if kind == "TF" else "`u1 = K*omega2` or `M2 = K*i1`"
-        raise Wrong(WrongLaw(span, f"The law of `{name}` must relate {'two efforts or two flows' if kind == 'TF' else 'the effort of one side and the flow of the other'}", f"For example {usage}; power gives the other equation."))
+        raise Wrong(
+            WrongLaw(
+                span,
+                f"The law of `{name}` must relate {'two efforts or two flows' if kind == 'TF' else 'the effort of one side and the flow of the other'}",
+                f"For example {usage}; power gives the other equation.",
+            )
+        )
     rest = equation[0] - equation[1]
     for own in used:
         parts = affine_parts(rest, Symbol(own))
         if parts is None:
-            raise Wrong(WrongLaw(span, f"The law of `{name}` is not linear in its variables", "A transducer passes power on: one side is a ratio times the other. The ratio may depend on anything else with MTF or MGY."))
+            raise Wrong(
+                WrongLaw(
+                    span,
+                    f"The law of `{name}` is not linear in its variables",
+                    "A transducer passes power on: one side is a ratio times the other. The ratio may depend on anything else with MTF or MGY.",
+                )
+            )
         rest = parts[1]
     if rest != ZERO:
-        raise Wrong(WrongLaw(span, f"The law of `{name}` has a part that does not vanish with its variables", "It would create energy; put a source beside it."))
+        raise Wrong(
+            WrongLaw(
+                span,
+                f"The law of `{name}` has a part that does not vanish with its variables",
+                "It would create energy; put a source beside it.",
+            )
+        )
 
 
-def _check_modulation(declaration: tree.Declaration, kind: str, name: str, slots: tuple[Slot, ...], scope: Scope, role_of: RoleOf, energy: bool) -> None:
+def _check_modulation(
+    declaration: tree.Declaration,
+    kind: str,
+    name: str,
+    slots: tuple[Slot, ...],
+    scope: Scope,
+    role_of: RoleOf,
+    energy: bool,
+) -> None:
     modulated = declaration.kind != kind
-    foreign: Iterator[tuple[Slot, Scalar]] = ((s, r) for s in slots if (r := role_of(s, scope)).role not in STATIC_ROLES)
+    foreign: Iterator[tuple[Slot, Scalar]] = (
+        (s, r) for s in slots if (r := role_of(s, scope)).role not in STATIC_ROLES
+    )
     changing = [(s, r) for s, r in foreign if not (r.role == "time" and kind in ("Se", "Sf"))]
     if modulated and not changing:
         raise Wrong(NeedlessM(declaration.span, declaration.kind, name, kind))
@@ -176,7 +316,10 @@ def _check_modulation(declaration: tree.Declaration, kind: str, name: str, slots
         slot, role = changing[0]
         if kind in STORED:
             what = "displacement" if kind == "C" else "momentum"
-            hint = f"A storage depends on its own {what} and on parameters. What moves it is one of its ports: `{kind} {name}(…, …)` with a port for `{role.name}`."
+            hint = (
+                f"A storage depends on its own {what} and on parameters. What moves it is one of its ports: "
+                f"`{kind} {name}(…, …)` with a port for `{role.name}`."
+            )
         else:
             hint = f"Say so with an M before the letter: `M{kind} {name}`."
         raise Wrong(ForeignVariable(slot.path.span, name, slot.path.words, hint))

@@ -71,7 +71,14 @@ class Loader:
         seen[name] = span
         return True
 
-    def _import(self, statement: tree.Import, scope: FileScope, root: Path | None, chain: tuple[Path, ...], seen: dict[str, Span]) -> None:
+    def _import(
+        self,
+        statement: tree.Import,
+        scope: FileScope,
+        root: Path | None,
+        chain: tuple[Path, ...],
+        seen: dict[str, Span],
+    ) -> None:
         target = self._locate(statement, scope, root)
         if target is None:
             return
@@ -88,10 +95,16 @@ class Loader:
                 source = Source(_shown(target, scope.source), target.read_text(encoding="utf-8-sig"), target)
                 loaded = self._file(parse(source), root, chain)
             except OSError as error:
-                self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` cannot be read", str(error.strerror or error)))
+                self.diagnostics.append(
+                    WrongImport(statement.span, f"`{statement.place}` cannot be read", str(error.strerror or error))
+                )
                 return
             except UnicodeDecodeError:
-                self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` is not a text in UTF-8", "Only .bg files can be imported."))
+                self.diagnostics.append(
+                    WrongImport(
+                        statement.span, f"`{statement.place}` is not a text in UTF-8", "Only .bg files can be imported."
+                    )
+                )
                 return
             except CompilationFailed as failed:
                 self.diagnostics += failed.diagnostics
@@ -109,18 +122,30 @@ class Loader:
             target = (self.library / f"{statement.place}.bg").resolve() if self.library is not None else None
             if target is None or not target.is_file():
                 known = sorted(p.stem for p in self.library.glob("*.bg")) if self.library is not None else []
-                hint = suggestion(statement.place, known, "A file beside this one stands in quotation marks: `from \"parts.bg\"`.")
+                hint = suggestion(
+                    statement.place, known, 'A file beside this one stands in quotation marks: `from "parts.bg"`.'
+                )
                 self.diagnostics.append(WrongImport(statement.span, f"There is no library `{statement.place}`", hint))
                 return None
             return target
         if scope.source.path is None or root is None:
-            self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` cannot be found: this text is no file", "Save the model as a file to import from files beside it."))
+            self.diagnostics.append(
+                WrongImport(
+                    statement.span,
+                    f"`{statement.place}` cannot be found: this text is no file",
+                    "Save the model as a file to import from files beside it.",
+                )
+            )
             return None
         target = (scope.source.path.parent / statement.place).resolve()  # links are resolved before the check
-        inside = target.is_relative_to(root) or (self.library is not None and target.is_relative_to(self.library.resolve()))
+        inside = target.is_relative_to(root) or (
+            self.library is not None and target.is_relative_to(self.library.resolve())
+        )
         if not inside:
             hint = "Only files below the project folder are read: that of the nearest `bondgraph.toml` or `pyproject.toml` above the file, else its own."
-            self.diagnostics.append(WrongImport(statement.span, f"`{statement.place}` lies outside the project folder", hint))
+            self.diagnostics.append(
+                WrongImport(statement.span, f"`{statement.place}` lies outside the project folder", hint)
+            )
             return None
         if target.suffix != ".bg" or not target.is_file():
             near = [p.name for p in scope.source.path.parent.glob("*.bg")]

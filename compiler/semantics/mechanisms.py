@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from ..algebra.expression import ZERO
 from ..algebra.formula import Bound, Formula
-from ..graph.mechanism import FREEDOMS, GROUND, Body, Frame, Joint, Mechanism
-from ..syntax import tree
 from ..graph.domains import BUNDLES, DOMAINS, Domain
+from ..graph.mechanism import FREEDOMS, GROUND, Body, Frame, Joint, Mechanism
+from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
+from ..syntax import tree
 from .errors import (
     DimensionMismatch,
     NotStatic,
@@ -22,13 +23,12 @@ from .errors import (
     WrongType,
 )
 from .scope import STATIC_ROLES, Array, MechanismEntry, PartEntry, Scope, Wrong, describe, suggestion
-from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
 
 if TYPE_CHECKING:
     from .elaborate import Elaborator
 
 JOINTS = frozenset(FREEDOMS)
-LATER_JOINTS = frozenset("distance ball cylinder universal screw planar rod gear rack".split())
+LATER_JOINTS = frozenset(["distance", "ball", "cylinder", "universal", "screw", "planar", "rod", "gear", "rack"])
 PLANAR = {name: DOMAINS[domain] for name, domain in BUNDLES["planar"].items()}
 ATTRIBUTES = {
     "body": ("mass", "inertia", "at", "angle", "start"),
@@ -55,8 +55,14 @@ def declare_mechanism(elaborator: Elaborator, scope: Scope, statement: tree.Mech
     """Declare the names of a mechanism's parts."""
     if statement.space not in (None, "planar"):
         if statement.space == "spatial":
-            raise Wrong(Unsupported(statement.span, "A spatial mechanism", "Planar mechanisms are: `multibody name : planar`."))
-        raise Wrong(UnknownName(statement.span, str(statement.space), "the kinds of mechanism", "Write `multibody name : planar`."))
+            raise Wrong(
+                Unsupported(statement.span, "A spatial mechanism", "Planar mechanisms are: `multibody name : planar`.")
+            )
+        raise Wrong(
+            UnknownName(
+                statement.span, str(statement.space), "the kinds of mechanism", "Write `multibody name : planar`."
+            )
+        )
     parts = Scope(scope.definition, scope.path, scope.suffix, scope)
     entry = MechanismEntry(scope.full(statement.name), parts, statement.span)
     declared: list[_Part] = []
@@ -65,49 +71,71 @@ def declare_mechanism(elaborator: Elaborator, scope: Scope, statement: tree.Mech
     return entry
 
 
-def _declare(elaborator: Elaborator, scope: Scope, statements: tuple[tree.Node, ...], entry: MechanismEntry, declared: list[_Part]) -> None:
+def _declare(
+    elaborator: Elaborator,
+    scope: Scope,
+    statements: tuple[tree.Node, ...],
+    entry: MechanismEntry,
+    declared: list[_Part],
+) -> None:
     for statement in statements:
         if isinstance(statement, tree.Quantities):
-            elaborator._declare_quantities(scope, statement, {})
+            elaborator.declare_quantities(scope, statement, {})
     for statement in statements:
         if isinstance(statement, tree.Declaration):
             elaborator.guard(_declare_part, elaborator, scope, statement, entry, declared)
         elif isinstance(statement, tree.Loop):
             for number in elaborator.rounds(statement, scope):
-                _declare(elaborator, elaborator.round_scope(scope, statement.name, number), statement.statements, entry, declared)
+                _declare(
+                    elaborator,
+                    elaborator.round_scope(scope, statement.name, number),
+                    statement.statements,
+                    entry,
+                    declared,
+                )
 
 
-def _declare_part(elaborator: Elaborator, scope: Scope, statement: tree.Declaration, entry: MechanismEntry, declared: list[_Part]) -> None:
+def _declare_part(
+    elaborator: Elaborator, scope: Scope, statement: tree.Declaration, entry: MechanismEntry, declared: list[_Part]
+) -> None:
     kind = statement.kind
     if kind in LATER_JOINTS:
         raise Wrong(Unsupported(statement.span, f"The joint `{kind}`", "Joints are slide, hinge, free and weld."))
     if kind not in ATTRIBUTES:
-        hint = suggestion(kind, list(ATTRIBUTES), "In a mechanism stand body, frame, and the joints slide, hinge, free, weld.")
+        hint = suggestion(
+            kind, list(ATTRIBUTES), "In a mechanism stand body, frame, and the joints slide, hinge, free, weld."
+        )
         raise Wrong(UnknownKind(statement.span, kind, hint))
     freedoms: tuple[str, ...] = FREEDOMS.get(kind, ("x", "y", "phi"))
     ports: dict[str, Domain] = {f: PLANAR[f] for f in freedoms}
     for name in statement.names:
-        elaborator._counted(name.span)
+        elaborator.counted(name.span)
         index = elaborator.index_of(name.index, scope)
         local = name.name if index is None else f"{name.name}[{', '.join(map(str, index))}]"
         if index is None and scope.suffix:
-            raise Wrong(WrongType(name.span, "An index", "a name alone", f"What stands in a `for` carries an index: `{name.name}[…]`."))
+            raise Wrong(
+                WrongType(
+                    name.span, "An index", "a name alone", f"What stands in a `for` carries an index: `{name.name}[…]`."
+                )
+            )
         part = PartEntry(entry.name, local, kind, ports, name.span)
         home = entry.parts
         if index is None:
-            elaborator._enter(home, name.name, part, name.span)
+            elaborator.enter(home, name.name, part, name.span)
         else:
             array = home.entries.get(name.name)
             if array is None:
                 array = Array(name.name, name.span)
-                elaborator._enter(home, name.name, array, name.span)
+                elaborator.enter(home, name.name, array, name.span)
             if not isinstance(array, Array) or index in array.items:
                 raise Wrong(WrongMechanism(name.span, f"`{local}` is declared twice", "Rename one of the two."))
             array.items[index] = part
         declared.append(_Part(part, statement, scope))
 
 
-def build_mechanism(elaborator: Elaborator, scope: Scope, statement: tree.Mechanism, entry: MechanismEntry) -> Mechanism:
+def build_mechanism(
+    elaborator: Elaborator, scope: Scope, statement: tree.Mechanism, entry: MechanismEntry
+) -> Mechanism:
     """Read the attributes of all parts."""
     bodies: list[Body] = []
     frames: list[Frame] = []
@@ -180,16 +208,22 @@ class _Attributes:
                 self.elaborator.tell(UnknownAttribute(attribute.span, self.part.entry.name, f"start {words}", hint))
                 continue
             key = port if variable == "q" else f"{port}.f"
-            (result[key],) = static_bounds(self.elaborator, attribute.value, self.part.scope, domain.dimension(variable), f"`start {words}`", 1)
+            (result[key],) = static_bounds(
+                self.elaborator, attribute.value, self.part.scope, domain.dimension(variable), f"`start {words}`", 1
+            )
         return result
 
 
-def _vector(elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str) -> tuple[Bound, Bound]:
+def _vector(
+    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str
+) -> tuple[Bound, Bound]:
     x, y = static_bounds(elaborator, value, scope, dimension, what, 2)
     return x, y
 
 
-def static_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int) -> list[Bound]:
+def static_bounds(
+    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int
+) -> list[Bound]:
     template = elaborator.template(value, scope)
     parts = template.value if isinstance(template.value, tuple) else (template.value,)
     if len(parts) != count:
@@ -197,7 +231,15 @@ def static_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scope, 
         raise Wrong(WrongType(value.span, expected, f"{len(parts)} numbers" if len(parts) > 1 else "a single number"))
     for part in parts:
         if not scope.plain and part.dimension not in (None, dimension):
-            raise Wrong(DimensionMismatch(value.span, f"{what} is in {describe(dimension)}", describe(dimension), f"`{value.span.text}` is {describe(part.dimension)}", ""))
+            raise Wrong(
+                DimensionMismatch(
+                    value.span,
+                    f"{what} is in {describe(dimension)}",
+                    describe(dimension),
+                    f"`{value.span.text}` is {describe(part.dimension)}",
+                    "",
+                )
+            )
     for slot in template.slots:
         scalar = elaborator.scalar_at(slot, scope)
         if scalar.role not in STATIC_ROLES:
@@ -205,33 +247,65 @@ def static_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scope, 
     return [elaborator.bind(template, formula, scope) for formula in template.formulas]
 
 
-def _read_part(elaborator: Elaborator, part: _Part, reader: _Attributes, entry: MechanismEntry) -> Body | Frame | Joint | None:
+def _read_part(
+    elaborator: Elaborator, part: _Part, reader: _Attributes, entry: MechanismEntry
+) -> Body | Frame | Joint | None:
     name, kind, span = part.entry.name, part.entry.kind, part.entry.span
     definition = part.declaration.definition
     if kind == "body":
         if definition is not None:
-            raise Wrong(WrongMechanism(definition.span, f"The body `{name}` has a definition", "A body has attributes in braces: mass, inertia, at, angle."))
+            raise Wrong(
+                WrongMechanism(
+                    definition.span,
+                    f"The body `{name}` has a definition",
+                    "A body has attributes in braces: mass, inertia, at, angle.",
+                )
+            )
         mass, inertia = reader.scalar("mass", KILOGRAM), reader.scalar("inertia", KILOGRAM * METRE**2)
         for word, bound in (("mass", mass), ("inertia", inertia)):
             value = elaborator.value_of(bound, span)
             if value is not None and value < 0:
-                raise Wrong(WrongMechanism(span, f"The {word} of `{name}` is negative: {value:g}", "Masses and inertias are zero or positive."))
+                raise Wrong(
+                    WrongMechanism(
+                        span,
+                        f"The {word} of `{name}` is negative: {value:g}",
+                        "Masses and inertias are zero or positive.",
+                    )
+                )
         return Body(name, mass, inertia, reader.point("at"), reader.scalar("angle", ONE), reader.start_values(), span)
     if kind == "frame":
         if not isinstance(definition, tree.Path):
-            raise Wrong(WrongMechanism(span, f"The frame `{name}` is on no body", "Write `frame name : body { at = (x, y) }`."))
+            raise Wrong(
+                WrongMechanism(span, f"The frame `{name}` is on no body", "Write `frame name : body { at = (x, y) }`.")
+            )
         if reader.starts:
             raise Wrong(Unsupported(span, "`start` on a frame", "Put it on the body or on a joint."))
         return Frame(name, _body(elaborator, definition, part.scope, entry), reader.point("at"), span)
     if not isinstance(definition, tree.Link):
-        raise Wrong(WrongMechanism(part.declaration.span, f"The joint `{name}` joins nothing", f"Write `{kind} {name} : A to B`."))
+        raise Wrong(
+            WrongMechanism(
+                part.declaration.span, f"The joint `{name}` joins nothing", f"Write `{kind} {name} : A to B`."
+            )
+        )
     first, second = (_body(elaborator, end, part.scope, entry) for end in (definition.first, definition.second))
     if first == second:
-        raise Wrong(WrongMechanism(definition.span, f"The joint `{name}` joins `{first}` to itself", "A joint joins two bodies, or `ground` and a body."))
+        raise Wrong(
+            WrongMechanism(
+                definition.span,
+                f"The joint `{name}` joins `{first}` to itself",
+                "A joint joins two bodies, or `ground` and a body.",
+            )
+        )
     angle = reader.scalar("along" if kind == "slide" or "along" in reader.given else "angle", ONE)
     if kind == "slide" and "along" not in reader.given:
-        raise Wrong(WrongMechanism(part.declaration.span, f"The slide `{name}` has no direction", "Give it: `{ along = 90 deg }`."))
-    return Joint(name, kind, first, second, reader.point("at"), angle, _axes(elaborator, reader), reader.start_values(), span)
+        raise Wrong(
+            WrongMechanism(
+                part.declaration.span, f"The slide `{name}` has no direction", "Give it: `{ along = 90 deg }`."
+            )
+        )
+    return Joint(
+        name, kind, first, second, reader.point("at"), angle, _axes(elaborator, reader), reader.start_values(), span
+    )
 
 
 def _axes(elaborator: Elaborator, reader: _Attributes) -> str:
@@ -240,8 +314,12 @@ def _axes(elaborator: Elaborator, reader: _Attributes) -> str:
         return "from"
     word = attribute.value.words if isinstance(attribute.value, tree.Path) else ""
     if word not in ("from", "to", "middle"):
-        hint = suggestion(word, ["from", "to", "middle"], "`axes = from`, `to` or `middle`: in whose axes x and y are measured.")
-        raise Wrong(UnknownAttribute(attribute.span, reader.part.entry.name, f"axes = {attribute.value.span.text}", hint))
+        hint = suggestion(
+            word, ["from", "to", "middle"], "`axes = from`, `to` or `middle`: in whose axes x and y are measured."
+        )
+        raise Wrong(
+            UnknownAttribute(attribute.span, reader.part.entry.name, f"axes = {attribute.value.span.text}", hint)
+        )
     return word
 
 
@@ -258,11 +336,14 @@ def _body(elaborator: Elaborator, place: tree.Expression, scope: Scope, entry: M
     elif place.steps:
         found = None
     if not isinstance(found, PartEntry):
-        hint = suggestion(place.head, [n for n, e in entry.parts.entries.items() if isinstance(e, PartEntry | Array)], "Bodies are declared in the same block.")
+        hint = suggestion(
+            place.head,
+            [n for n, e in entry.parts.entries.items() if isinstance(e, PartEntry | Array)],
+            "Bodies are declared in the same block.",
+        )
         raise Wrong(UnknownName(place.span, place.words, f"the mechanism `{entry.name}`", hint))
     if found.kind not in ("body", "frame"):
         raise Wrong(WrongMechanism(place.span, f"`{place.words}` is a {found.kind}, not a body", "Joints join bodies."))
     if found.kind == "frame":
         raise Wrong(Unsupported(place.span, "A joint on a frame", "Name the body and give the place with `at`."))
     return found.name
-

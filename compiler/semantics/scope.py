@@ -8,19 +8,48 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
+from ..graph.domains import DOMAINS, Domain
 from ..graph.network import Reference
+from ..graph.units import ONE, Dimension
 from ..source import Source, Span
 from ..syntax import tree
-from ..graph.domains import DOMAINS, Domain
-from ..graph.units import ONE, Dimension
 
 if TYPE_CHECKING:
     from .domain_table import DomainTable
 
 STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
 RESERVED = frozenset(
-    "model plain import from parameter constant input output signal mode port multibody for when experiment function "
-    "if else and or not in to over true false time pi ground".split()
+    [
+        "model",
+        "plain",
+        "import",
+        "from",
+        "parameter",
+        "constant",
+        "input",
+        "output",
+        "signal",
+        "mode",
+        "port",
+        "multibody",
+        "for",
+        "when",
+        "experiment",
+        "function",
+        "if",
+        "else",
+        "and",
+        "or",
+        "not",
+        "in",
+        "to",
+        "over",
+        "true",
+        "false",
+        "time",
+        "pi",
+        "ground",
+    ]
 )
 
 
@@ -134,7 +163,9 @@ class Broken:
     span: Span
 
 
-Entry = Broken | Scalar | Items | Pending | Array | ElementEntry | WallEntry | InstanceEntry | PartEntry | MechanismEntry
+Entry = (
+    Broken | Scalar | Items | Pending | Array | ElementEntry | WallEntry | InstanceEntry | PartEntry | MechanismEntry
+)
 
 
 @dataclass(slots=True, eq=False)
@@ -201,7 +232,7 @@ class Scope:
 
 
 def suggestion(name: str, known: Iterator[str] | list[str], otherwise: str = "") -> str:
-    """"Did you mean …?", if something is close."""
+    """ "Did you mean …?", if something is close."""
     close = get_close_matches(name, list(known), n=2, cutoff=0.6)
     if not close:
         return otherwise

@@ -12,6 +12,8 @@ from fractions import Fraction
 
 from ..algebra.expression import (
     ONE as NUMBER_ONE,
+)  # fmt: skip
+from ..algebra.expression import (
     ZERO,
     Expression,
     Number,
@@ -25,14 +27,14 @@ from ..algebra.expression import (
     select,
     substitute,
     symbols,
-)  # fmt: skip
+)
 from ..algebra.formula import Bound, Formula
 from ..graph.network import Own, Reference
+from ..graph.units import ONE, UNITS, Dimension, Scale
 from ..source import Span
 from ..syntax import tree
 from .errors import Cycle, DimensionMismatch, TooMany, UnknownName, UnknownUnit, Unsupported, WrongArguments, WrongType
 from .scope import Scope, Wrong, describe, suggestion
-from ..graph.units import ONE, UNITS, Dimension, Scale
 
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 
@@ -97,7 +99,9 @@ def scale_of(unit: tree.Unit) -> Scale:
     for symbol, exponent, span in unit.factors:
         scale = UNITS.get(symbol)
         if scale is None:
-            hint = suggestion(symbol, list(UNITS), "See the list of units in the language reference; a product is written `[N*m]`.")
+            hint = suggestion(
+                symbol, list(UNITS), "See the list of units in the language reference; a product is written `[N*m]`."
+            )
             raise Wrong(UnknownUnit(span, symbol, hint))
         if scale.offset and (len(unit.factors) > 1 or exponent != 1):
             raise Wrong(UnknownUnit(span, symbol, f"`{symbol}` is an absolute temperature; in a product use K."))
@@ -118,7 +122,9 @@ def bare(expression: tree.Expression) -> bool:
 class ExpressionCompiler:
     """Compiles one place of the text."""
 
-    def __init__(self, scope: Scope, resolve: Resolve, own: Mapping[str, OwnVariable] | None = None, unit: Scale | None = None) -> None:
+    def __init__(
+        self, scope: Scope, resolve: Resolve, own: Mapping[str, OwnVariable] | None = None, unit: Scale | None = None
+    ) -> None:
         self.scope, self.resolve, self.own = scope, resolve, own or {}
         self.unit = unit  # what bare numbers stand in, after `name : unit =`
         self.slots: dict[tuple[str, int | None], int] = {}
@@ -145,7 +151,10 @@ class ExpressionCompiler:
             case tree.Product():
                 return self._product(node)
             case tree.Negative():
-                return _each(lambda t: Typed(negate(t.expression), self._number(t, node.span).dimension), self.value(node.operand))
+                return _each(
+                    lambda t: Typed(negate(t.expression), self._number(t, node.span).dimension),
+                    self.value(node.operand),
+                )
             case tree.Power():
                 return self._power(node)
             case tree.Vector():
@@ -186,7 +195,14 @@ class ExpressionCompiler:
     def _literal(self, node: tree.Literal) -> Typed:
         if node.unit is not None:
             if self.scope.plain:
-                raise Wrong(WrongType(node.unit.span, "A bare number", "a unit", "A `plain model` has no units; drop the word `plain` to use them."))
+                raise Wrong(
+                    WrongType(
+                        node.unit.span,
+                        "A bare number",
+                        "a unit",
+                        "A `plain model` has no units; drop the word `plain` to use them.",
+                    )
+                )
             scale = scale_of(node.unit)
             return Typed(Number(scale.to_si(node.number)), scale.dimension)
         if self.unit is not None:
@@ -225,16 +241,24 @@ class ExpressionCompiler:
         if length is None:
             scalars = [(sign, term, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
             dimension = self._common([(t, term.span) for _, term, t in scalars], "These cannot be added")
-            return Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension)
+            return Typed(
+                add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension
+            )
         result = []
         for i in range(length):
             terms = []
             for sign, term, v in values:
                 if not isinstance(v, tuple) or len(v) != length:
-                    raise Wrong(WrongType(term.span, f"A list of {length}", "something else", "Only lists of one length can be added."))
+                    raise Wrong(
+                        WrongType(
+                            term.span, f"A list of {length}", "something else", "Only lists of one length can be added."
+                        )
+                    )
                 terms.append((sign, term, v[i]))
             dimension = self._common([(t, term.span) for _, term, t in terms], "These cannot be added")
-            result.append(Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension))
+            result.append(
+                Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
+            )
         return tuple(result)
 
     def _common(self, parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
@@ -246,8 +270,14 @@ class ExpressionCompiler:
                 known = (value.dimension, span)
             elif value.dimension != known[0]:
                 first, second = describe(known[0]), describe(value.dimension)
-                hint = "A number in an equation needs its unit too: `2 [N/m]`; only zero needs none." if ONE in (known[0], value.dimension) else "Check the units of the names on both sides."
-                raise Wrong(DimensionMismatch(span, what, f"`{known[1].text}` is {first}", f"`{span.text}` is {second}", hint))
+                hint = (
+                    "A number in an equation needs its unit too: `2 [N/m]`; only zero needs none."
+                    if ONE in (known[0], value.dimension)
+                    else "Check the units of the names on both sides."
+                )
+                raise Wrong(
+                    DimensionMismatch(span, what, f"`{known[1].text}` is {first}", f"`{span.text}` is {second}", hint)
+                )
         return None if known is None else known[0]
 
     def _product(self, node: tree.Product) -> Value:
@@ -256,7 +286,11 @@ class ExpressionCompiler:
             value = self.value(factor)
             if isinstance(value, tuple):
                 if isinstance(result, tuple) or direction < 0:
-                    raise Wrong(WrongType(factor.span, "A single number", "a list", "Lists can be added, and multiplied by numbers."))
+                    raise Wrong(
+                        WrongType(
+                            factor.span, "A single number", "a list", "Lists can be added, and multiplied by numbers."
+                        )
+                    )
                 scalar = result
                 result = tuple(_times(scalar, self._number(v, factor.span), 1) for v in value)
             else:
@@ -267,12 +301,23 @@ class ExpressionCompiler:
     def _power(self, node: tree.Power) -> Typed:
         base, exponent = self.scalar(node.base), self.scalar(node.exponent)
         if exponent.dimension not in (None, ONE):
-            raise Wrong(DimensionMismatch(node.exponent.span, "An exponent is a bare number", "[1]", describe(exponent.dimension), ""))
+            raise Wrong(
+                DimensionMismatch(
+                    node.exponent.span, "An exponent is a bare number", "[1]", describe(exponent.dimension), ""
+                )
+            )
         dimension: Dimension | None = ONE
         if base.dimension not in (None, ONE):
             if not isinstance(exponent.expression, Number):
-                raise Wrong(WrongType(node.exponent.span, "A number as exponent", "an expression", f"The base is {describe(base.dimension)}, so the exponent decides the unit of the result: only a number can stand here."))
-            dimension = base.dimension ** Fraction(exponent.expression.value).limit_denominator(60)  # type: ignore[operator]
+                raise Wrong(
+                    WrongType(
+                        node.exponent.span,
+                        "A number as exponent",
+                        "an expression",
+                        f"The base is {describe(base.dimension)}, so the exponent decides the unit of the result: only a number can stand here.",
+                    )
+                )
+            dimension = base.dimension ** Fraction(exponent.expression.value).limit_denominator(60)
         if isinstance(exponent.expression, Number) and abs(exponent.expression.value) > 1000:
             raise Wrong(WrongType(node.exponent.span, "An exponent up to 1000", "a larger one", "Use exp() and log()."))
         return Typed(power(base.expression, exponent.expression), dimension)
@@ -301,7 +346,9 @@ class ExpressionCompiler:
         value, otherwise = self.value(node.value), self.value(node.otherwise)
         if isinstance(value, tuple) or isinstance(otherwise, tuple):
             raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
-        dimension = self._common([(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit")
+        dimension = self._common(
+            [(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit"
+        )
         return Typed(select(condition, value.expression, otherwise.expression), dimension)
 
     def _call(self, node: tree.Call) -> Value:
@@ -311,12 +358,24 @@ class ExpressionCompiler:
         rule = FUNCTIONS.get(node.function)
         if rule is None:
             if node.function in ("integral", "chirp", "noise", "table"):
-                raise Wrong(Unsupported(node.span, f"`{node.function}`", "A storage element integrates its flow: read its displacement or momentum."))
-            hint = suggestion(node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`.")
+                raise Wrong(
+                    Unsupported(
+                        node.span,
+                        f"`{node.function}`",
+                        "A storage element integrates its flow: read its displacement or momentum.",
+                    )
+                )
+            hint = suggestion(
+                node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`."
+            )
             raise Wrong(UnknownName(node.span, f"{node.function}(…)", "the list of functions", hint))
         count, usage, build = rule
         if len(node.arguments) != count:
-            raise Wrong(WrongArguments(node.span, node.function, f"{count} argument{'s' * (count != 1)}", len(node.arguments), usage))
+            raise Wrong(
+                WrongArguments(
+                    node.span, node.function, f"{count} argument{'s' * (count != 1)}", len(node.arguments), usage
+                )
+            )
         if node.function == "rotate":
             vector = self.value(node.arguments[0])
             if not isinstance(vector, tuple) or len(vector) != 2:
@@ -331,7 +390,11 @@ class ExpressionCompiler:
     def _open(self, function: tree.Function, node: tree.Call) -> Value:
         if len(node.arguments) != len(function.parameters):
             usage = f"{function.name}({', '.join(function.parameters)})"
-            raise Wrong(WrongArguments(node.span, function.name, f"{len(function.parameters)} arguments", len(node.arguments), usage))
+            raise Wrong(
+                WrongArguments(
+                    node.span, function.name, f"{len(function.parameters)} arguments", len(node.arguments), usage
+                )
+            )
         self.opened += 1
         if function.name in self.opening:
             raise Wrong(Cycle(node.span, "A function cannot call itself", " -> ".join([*self.opening, function.name])))
@@ -372,7 +435,15 @@ def _pure(operator: str) -> Builder:
         for argument, place in zip(arguments, node.arguments, strict=True):
             if argument.dimension not in (None, ONE):
                 hint = "Divide by a reference of the same unit first."
-                raise Wrong(DimensionMismatch(place.span, f"`{node.function}` takes a bare number", "[1]", f"`{place.span.text}` is {describe(argument.dimension)}", hint))
+                raise Wrong(
+                    DimensionMismatch(
+                        place.span,
+                        f"`{node.function}` takes a bare number",
+                        "[1]",
+                        f"`{place.span.text}` is {describe(argument.dimension)}",
+                        hint,
+                    )
+                )
         return Typed(call(operator, *(a.expression for a in arguments)), ONE)
 
     return build
@@ -439,14 +510,39 @@ def _smooth5(u: Expression) -> Expression:
 def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Value:
     r, angle = arguments
     if angle.dimension not in (None, ONE):
-        raise Wrong(DimensionMismatch(node.arguments[1].span, "An angle is a bare number", "[1]", describe(angle.dimension), "Write it in deg or rad."))
+        raise Wrong(
+            DimensionMismatch(
+                node.arguments[1].span,
+                "An angle is a bare number",
+                "[1]",
+                describe(angle.dimension),
+                "Write it in deg or rad.",
+            )
+        )
     return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
 
 
 FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     **{
         name: (1, f"{name}(x)", _pure(name))
-        for name in "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log10 floor ceil".split()
+        for name in [
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "asinh",
+            "acosh",
+            "atanh",
+            "exp",
+            "log10",
+            "floor",
+            "ceil",
+        ]
     },
     "log": (1, "log(x)", _pure("log")),
     "ln": (1, "ln(x)", _pure("log")),
@@ -472,10 +568,9 @@ def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot],
     if used == list(range(len(template.slots))):
         return Bound(formula, tuple(lookup(s) for s in template.slots))
     renumbered = {old: new for new, old in enumerate(used)}
-    expression = substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))  # type: ignore[index]
+    expression = substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))
     return Bound(Formula(len(used), expression), tuple(lookup(template.slots[i]) for i in used))
 
 
 def _slots(x: Expression) -> list[Symbol]:
     return [s for s in symbols(x) if isinstance(s.key, int)]
-

@@ -30,11 +30,11 @@ class Refused(Exception):
 
 
 def _start(part: Any) -> int:
-    return part.start_pos if isinstance(part, Token) else part.span.start  # type: ignore[no-any-return]
+    return int(part.start_pos or 0) if isinstance(part, Token) else int(part.span.start)
 
 
 def _end(part: Any) -> int:
-    return part.end_pos if isinstance(part, Token) else part.span.end  # type: ignore[no-any-return]
+    return int(part.end_pos or 0) if isinstance(part, Token) else int(part.span.end)
 
 
 def _text(token: Token | None) -> str | None:
@@ -131,7 +131,9 @@ class Builder(Transformer[Token, Any]):
 
     def item(self, parts: list[Any]) -> tree.Item:
         name, index, unit, value, description = parts
-        return tree.Item(self._span([name, value or unit or name]), str(name), _items(index), unit, _done(value), _text(description))
+        return tree.Item(
+            self._span([name, value or unit or name]), str(name), _items(index), unit, _done(value), _text(description)
+        )
 
     def function(self, parts: list[Any]) -> tree.Function:
         body = _done(parts[-1])

@@ -55,7 +55,14 @@ def _parser() -> tuple[lark.Lark, Builder]:
     builder = Builder()
     grammar = FilePath(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
     # The builder is called while lark parses: no intermediate tree is made (half the time of a large file).
-    parser = lark.Lark(grammar, parser="lalr", start=["start", "alone"], transformer=builder, postlex=_Brackets(), propagate_positions=False)  # type: ignore[arg-type]
+    parser = lark.Lark(
+        grammar,
+        parser="lalr",
+        start=["start", "alone"],
+        transformer=builder,
+        postlex=_Brackets(),
+        propagate_positions=False,
+    )
     return parser, builder
 
 
@@ -117,7 +124,9 @@ def _parse_text(source: Source, text: str, start: str = "start") -> Any:
 
 
 def _explain(source: Source, problem: lark.UnexpectedInput) -> Diagnostic:
-    start = problem.pos_in_stream if problem.pos_in_stream is not None and problem.pos_in_stream >= 0 else len(source.text)
+    start = (
+        problem.pos_in_stream if problem.pos_in_stream is not None and problem.pos_in_stream >= 0 else len(source.text)
+    )
     if isinstance(problem, lark.UnexpectedCharacters):
         character = source.text[start] if start < len(source.text) else ""
         span = Span(source, start, start + 1)
@@ -130,12 +139,18 @@ def _explain(source: Source, problem: lark.UnexpectedInput) -> Diagnostic:
         if character in hints or character.isalnum() or character in "()[]{},;:.+-*/^<>_":
             return Unexpected(span, f"`{character}`", hints.get(character, _hint(problem, source)))
         shown = f"U+{ord(character):04X}" if not character.isprintable() else f"`{character}`"
-        advice = "Powers are written with `^`." if character in "²³" else "Names are made of the letters a to z, A to Z, digits and `_`."
+        advice = (
+            "Powers are written with `^`."
+            if character in "²³"
+            else "Names are made of the letters a to z, A to Z, digits and `_`."
+        )
         return StrangeCharacter(span, shown, advice)
     token = getattr(problem, "token", None)
     if token is None or token.type == "$END":
         end = len(source.text.rstrip())
-        return Unexpected(Span(source, max(0, end - 1), max(1, end)), "The end of the file", "A `{`, `(` or `[` is still open.")
+        return Unexpected(
+            Span(source, max(0, end - 1), max(1, end)), "The end of the file", "A `{`, `(` or `[` is still open."
+        )
     start = token.start_pos if token.start_pos is not None else start
     text = "The end of the line" if token.type == "_NL" else f"`{str(token).strip()}`"
     end = start + 1 if token.type == "_NL" else start + len(token)
@@ -150,11 +165,20 @@ _WORDS = {
 
 
 def _hint(problem: lark.UnexpectedInput, source: Source) -> str:
-    expected = set(getattr(problem, "accepts", None) or getattr(problem, "expected", None) or getattr(problem, "allowed", None) or ())
+    expected = set(
+        getattr(problem, "accepts", None)
+        or getattr(problem, "expected", None)
+        or getattr(problem, "allowed", None)
+        or ()
+    )
     token = getattr(problem, "token", None)
     if token is not None and token.type in ("NAME", "NUMBER") and {"RPAR", "_NL"} & expected and "NAME" not in expected:
         before = source.text[: token.start_pos].rstrip(" \t")
-        if re.search(r"(?<![A-Za-z_])[0-9.eE+-]+$", before) is None and token.type == "NAME" and before.endswith(("]", ")")):
+        if (
+            re.search(r"(?<![A-Za-z_])[0-9.eE+-]+$", before) is None
+            and token.type == "NAME"
+            and before.endswith(("]", ")"))
+        ):
             return "Is an operator missing? A unit follows its number directly: `2 um`, or in brackets: `2 [N/m]`."
         return "Is an operator, a comma or a line break missing before it?"
     if token is not None and str(token) == "=" and "COMPARE" in expected:

@@ -48,7 +48,12 @@ def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
         return [(variables[v].name, variables[v].unit) for v in numbers]  # type: ignore[attr-defined]
 
     outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
-    return [("STATES", rows([s.variable for s in lowered.space.states])), ("OUTPUTS", outputs), ("INPUTS", rows(lowered.inputs)), ("PARAMETERS", rows(lowered.parameters))]
+    return [
+        ("STATES", rows([s.variable for s in lowered.space.states])),
+        ("OUTPUTS", outputs),
+        ("INPUTS", rows(lowered.inputs)),
+        ("PARAMETERS", rows(lowered.parameters)),
+    ]
 
 
 class _Generated(InspectLoader):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import keyword
 import re
 
-RESERVED = frozenset({*keyword.kwlist, *keyword.softkwlist, "np", "time", "state", "inputs", "constants", "mode", "parameters", "out"})
+RESERVED = frozenset(
+    {*keyword.kwlist, *keyword.softkwlist, "np", "time", "state", "inputs", "constants", "mode", "parameters", "out"}
+)
 
 
 class Identifiers:

@@ -76,13 +76,23 @@ class Writer:
     # ------------------------------------------------------------ what is constant
     def _roots(self) -> list[Expression]:
         lowered = self.lowered
-        roots = [*lowered.rates, *lowered.jacobian.values(), *lowered.outputs.values(), *lowered.switches, *lowered.crossings]
+        roots = [
+            *lowered.rates,
+            *lowered.jacobian.values(),
+            *lowered.outputs.values(),
+            *lowered.switches,
+            *lowered.crossings,
+        ]
         return [*roots, *self._power_nodes()]
 
     def _power_nodes(self) -> list[Expression]:
         space, values = self.lowered.space, self.lowered.values
         powers = [multiply(Number(float(p.sign)), values[p.effort], values[p.flow]) for p in space.ports]
-        return [*powers, *(values[v] for v in space.stored.values()), *(values[v] for s in space.storages for v in s.stored)]
+        return [
+            *powers,
+            *(values[v] for v in space.stored.values()),
+            *(values[v] for s in space.storages for v in s.stored),
+        ]
 
     def _constant_nodes(self) -> list[Expression]:
         """The largest expressions of parameters alone that anything else reads."""
@@ -90,8 +100,15 @@ class Writer:
         seen: set[Expression] = set()
         moving = TIME | INPUT | STATE | MODE
         stack = [*reversed(self._roots())]
-        argument_values = [self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)]
-        starts = [*self.lowered.starts, *(n for n in self.lowered.nominals if n is not None), *self.lowered.instants, *argument_values]
+        argument_values = [
+            self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
+        ]
+        starts = [
+            *self.lowered.starts,
+            *(n for n in self.lowered.nominals if n is not None),
+            *self.lowered.instants,
+            *argument_values,
+        ]
         for node in starts:
             if not isinstance(node, Number):
                 found[node] = None
@@ -100,10 +117,10 @@ class Writer:
             if node in seen or isinstance(node, Number):
                 continue
             seen.add(node)
-            if not self.lowered.dependence(node) & moving:
-                if not (isinstance(node, Apply) and node.operator == "solve"):  # a vector; its items are numbers
-                    found[node] = None
-                    continue
+            vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
+            if not vector and not self.lowered.dependence(node) & moving:
+                found[node] = None
+                continue
             if isinstance(node, Apply):
                 stack.extend(reversed(node.operands))
         return list(found)
@@ -114,7 +131,13 @@ class Writer:
         lowered = self.lowered
         parts = [f'"""{_quoted(note)}"""', _HEADER]
         for heading, rows in units:
-            parts.append(f"{heading} = (  # (name, SI unit)\n" + "".join(f"    ({_text(n)}, {_text(u)}),\n" for n, u in rows) + ")\n" if rows else f"{heading} = ()\n")
+            parts.append(
+                f"{heading} = (  # (name, SI unit)\n"
+                + "".join(f"    ({_text(n)}, {_text(u)}),\n" for n, u in rows)
+                + ")\n"
+                if rows
+                else f"{heading} = ()\n"
+            )
         defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.parameters)
         input_defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.inputs)
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
@@ -122,23 +145,67 @@ class Writer:
         n = len(lowered.rates)
         parts.append(self._constants())
         constant_arguments = "constants"
-        parts.append(self._function("start", constant_arguments, "The state at the start, from the constants.", lowered.starts, (n,)))
+        parts.append(
+            self._function(
+                "start", constant_arguments, "The state at the start, from the constants.", lowered.starts, (n,)
+            )
+        )
         zero = Number(0.0)
         nominals = [x or zero for x in lowered.nominals]
-        parts.append(self._function("nominal", constant_arguments, "Nominal magnitudes that the author gave; 0 where there is none.", nominals, (n,)))
+        parts.append(
+            self._function(
+                "nominal",
+                constant_arguments,
+                "Nominal magnitudes that the author gave; 0 where there is none.",
+                nominals,
+                (n,),
+            )
+        )
         full = "time, state, inputs, constants, mode"
         parts.append(self._function("derivative", full, "The rates of the states.", lowered.rates, (n,)))
         entries = [lowered.jacobian.get((i, j), zero) for i in range(n) for j in range(n)]
-        parts.append(self._function("jacobian", full, "The derivatives of the rates (rows) by the states (columns).", entries, (n, n)))
+        parts.append(
+            self._function(
+                "jacobian", full, "The derivatives of the rates (rows) by the states (columns).", entries, (n, n)
+            )
+        )
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
         powers = self._power_nodes()
-        parts.append(self._function("powers", full, "Power into each port, energies of mechanisms, stored quantities: for an energy balance.", powers, (len(powers),)))
-        parts.append(self._function("instants", constant_arguments, "Known instants at which an expression of time jumps or bends.", lowered.instants, (len(lowered.instants),)))
+        parts.append(
+            self._function(
+                "powers",
+                full,
+                "Power into each port, energies of mechanisms, stored quantities: for an energy balance.",
+                powers,
+                (len(powers),),
+            )
+        )
+        parts.append(
+            self._function(
+                "instants",
+                constant_arguments,
+                "Known instants at which an expression of time jumps or bends.",
+                lowered.instants,
+                (len(lowered.instants),),
+            )
+        )
         crossings = lowered.crossings
         shape = (len(lowered.switches),)
-        parts.append(self._function("crossings", "time, constants, mode", "Functions of time at whose zeros an expression jumps or bends.", crossings, (len(crossings),)))
-        parts.append(self._function("switches", "time, constants", "The truth of the conditions on time.", lowered.switches, shape))
+        parts.append(
+            self._function(
+                "crossings",
+                "time, constants, mode",
+                "Functions of time at whose zeros an expression jumps or bends.",
+                crossings,
+                (len(crossings),),
+            )
+        )
+        parts.append(
+            self._function(
+                "switches", "time, constants", "The truth of the conditions on time.", lowered.switches, shape
+            )
+        )
         return "\n".join(parts)
 
     def _constants(self) -> str:
@@ -149,11 +216,17 @@ class Writer:
             body.known[leaf] = name
             body.lines.append(f"{name} = parameters.T[{position}]")
         results = body.write(self.constants, self.constant_names)
-        lines = ["def constants(parameters):", '    """All that depends on parameters alone."""', *_indented(body.lines)]
+        lines = [
+            "def constants(parameters):",
+            '    """All that depends on parameters alone."""',
+            *_indented(body.lines),
+        ]
         lines.append(_return(results, (len(self.constants),)))
         return "\n" + "\n".join(lines) + "\n"
 
-    def _function(self, name: str, arguments: str, note: str, roots: Sequence[Expression], shape: tuple[int, ...]) -> str:
+    def _function(
+        self, name: str, arguments: str, note: str, roots: Sequence[Expression], shape: tuple[int, ...]
+    ) -> str:
         body = _Body(self, dict(self.constant_names), set(self.taken))
         for position, leaf_name in enumerate(self.state_names):
             body.known[Symbol(Leaf("state", position))] = leaf_name
@@ -176,7 +249,10 @@ class Writer:
             names = ", ".join(n if n in used else "_" for n in self.state_names)
             lines.append(f"{names}{',' if len(self.state_names) == 1 else ''} = np.asarray(state).T")
         if "inputs" in arguments and any(n in used for n in self.input_names):
-            lines.append(", ".join(self.input_names) + f"{',' if len(self.input_names) == 1 else ''} = np.asarray(inputs, dtype=float).T")
+            lines.append(
+                ", ".join(self.input_names)
+                + f"{',' if len(self.input_names) == 1 else ''} = np.asarray(inputs, dtype=float).T"
+            )
         wanted = [(i, n) for i, n in enumerate(self.constant_names.values()) if n in used]
         if wanted:
             lines.append("constants = np.asarray(constants).T")
@@ -307,6 +383,7 @@ def _return(results: Sequence[str], shape: tuple[int, ...]) -> str:
         return f"    return np.zeros({shape})"
     items = "".join(f"            {r},\n" for r in results)
     return f"    return _pack(\n        (\n{items}        ),\n        {', '.join(map(str, shape))},\n    )"
+
 
 def _bracketed(text: str, needed: bool) -> str:
     return f"({text})" if needed else text
