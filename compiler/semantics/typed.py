@@ -15,6 +15,7 @@ from ..algebra.expression import (
 )  # fmt: skip
 from ..algebra.expression import (
     ZERO,
+    Apply,
     Expression,
     Number,
     Symbol,
@@ -33,7 +34,17 @@ from ..graph.network import Own, Reference
 from ..graph.units import ONE, UNITS, Dimension, Scale
 from ..source import Span
 from ..syntax import tree
-from .errors import Cycle, DimensionMismatch, TooMany, UnknownName, UnknownUnit, Unsupported, WrongArguments, WrongType
+from .errors import (
+    Cycle,
+    DimensionMismatch,
+    NoValue,
+    TooMany,
+    UnknownName,
+    UnknownUnit,
+    Unsupported,
+    WrongArguments,
+    WrongType,
+)
 from .scope import Scope, Wrong, describe, suggestion
 
 MAXIMUM_CALLS = 1000  # functions opened in one expression
@@ -141,6 +152,18 @@ class ExpressionCompiler:
 
     # ------------------------------------------------------------ the cases
     def value(self, node: tree.Expression) -> Value:
+        """The node compiled; what is a number must be a finite one."""
+        value = self._value(node)
+        for part in value if isinstance(value, tuple) else (value,):
+            if not part.truth and not _has_value(part.expression):
+                raise Wrong(
+                    NoValue(
+                        node.span, "a division by zero, an overflow, or a root or logarithm of a negative number", ""
+                    )
+                )
+        return value
+
+    def _value(self, node: tree.Expression) -> Value:
         match node:
             case tree.Literal():
                 return self._literal(node)
@@ -408,6 +431,13 @@ class ExpressionCompiler:
         finally:
             self.local = saved
             self.opening.pop()
+
+
+def _has_value(x: Expression) -> bool:
+    """Not an operation on numbers that could not be folded, nor a number beyond doubles."""
+    if isinstance(x, Number):
+        return math.isfinite(x.value)
+    return not (isinstance(x, Apply) and all(isinstance(o, Number) for o in x.operands))
 
 
 def _each(f: Callable[[Typed], Typed], value: Value) -> Value:

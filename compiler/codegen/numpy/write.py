@@ -6,6 +6,7 @@ states and batches: every array is turned so that its last axis comes first, and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
@@ -313,7 +314,12 @@ class _Body:
                     return _bracketed("-" + " * ".join(self._text(o, 3) for o in operands[1:]), strength > 1)
                 return _bracketed(" * ".join(self._text(o, 2) for o in operands), strength > 2)
             case "divide":
-                return _bracketed(f"{self._text(operands[0], 2)} / {self._text(operands[1], 4)}", strength > 2)
+                bottom = self._text(operands[1], 4)
+                if isinstance(
+                    operands[1], Number
+                ):  # numpy's division by zero is told by the run; Python's would end it
+                    bottom = f"np.float64({bottom})" if operands[1].value == 0.0 else bottom
+                return _bracketed(f"{self._text(operands[0], 2)} / {bottom}", strength > 2)
             case "power" if isinstance(operands[1], Number) and operands[1].value == int(operands[1].value):
                 return _bracketed(f"{self._text(operands[0], 4)} ** {int(operands[1].value)}", strength > 3)
             case "less" | "less_equal" | "equal":
@@ -390,7 +396,9 @@ def _bracketed(text: str, needed: bool) -> str:
 
 
 def _float(value: float | None) -> str:
-    return "float('nan')" if value is None else repr(float(value))
+    if value is None or not math.isfinite(value):
+        return f"float('{value if value is not None else 'nan'}')"
+    return repr(float(value))
 
 
 def _text(text: str) -> str:
