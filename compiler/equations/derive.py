@@ -465,7 +465,8 @@ class EquationBuilder:
             if isinstance(a, Reading) and a.node == node.name
         }
         result = mechanism_equations(node.mechanism, efforts, wanted, self)
-        self.diagnostics += result.diagnostics
+        if result.diagnostics:  # without its motion nothing that reads it can be written
+            raise CompilationFailed([*self.diagnostics, *result.diagnostics])
         for port_number, port in enumerate(node.ports):
             motion = result.motions.get(port.name)
             if motion is None:

@@ -28,6 +28,7 @@ class Differentiator:
     def run(self) -> None:
         for item in self.system.derivatives:
             self._element, self._span = item.owner, item.span
+            self._via, self._target = item.owner, self.variables[item.target].name
             found = self._rate(item.of)
             if found is not None:
                 self._assign(item.target, found, item.owner)
@@ -47,7 +48,7 @@ class Differentiator:
         if kind.role == "parameter":
             result: Expression | None = ZERO
         elif kind.role in ("time", "input"):
-            self.diagnostics.append(ForcedStorage(self._span, self._element, f"`{kind.name}`", "flow or effort"))
+            self.diagnostics.append(ForcedStorage(self._span, self._element, self._via, self._target))
             result = None
         else:
             result = self._chain(variable)
@@ -59,6 +60,7 @@ class Differentiator:
         if assignment is None:
             return None
         terms = []
+        self._via = assignment.owner  # what is named if it turns out to change with time
         for slot, argument in enumerate(assignment.arguments):
             if isinstance(argument, float):
                 continue

@@ -24,9 +24,7 @@ class SingularLoop(Diagnostic):
 
     code = "BG502"
     title = "The algebraic loop through {members} has no unique solution"
-    advice = (
-        "It contains neither loss nor storage that would decide the flow in it; put a resistor or a storage into it."
-    )
+    advice = "Nothing in it decides its flow: it has no loss and no storage, or they add up to nothing. Put a resistor or a storage into it."
     members: str
 
 
@@ -35,7 +33,7 @@ class ForcedStorage(Diagnostic):
     """BG503."""
 
     code = "BG503"
-    title = "`{element}` is forced by {source}, which changes with time: its {what} would be a derivative that this version does not form"
+    title = "`{element}` is forced by `{source}`, which changes with time: `{what}` would be a derivative that this version does not form"
     advice = "Put a resistor or a storage of the other kind between the two, as every real source has one."
     element: str
     source: str

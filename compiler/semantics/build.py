@@ -15,8 +15,17 @@ from ..source import Span
 from ..syntax import SyntaxTree, tree
 from .connect import Connector
 from .elaborate import Elaborator
-from .errors import NoSingleModel, UnknownAttribute, UnknownName, Unsupported, WrongConnection, WrongLaw, WrongMechanism
-from .experiments import choose_experiment, experiment_overrides, read_plan
+from .errors import (
+    NoSingleModel,
+    UnknownAttribute,
+    UnknownName,
+    Unsupported,
+    WrongConnection,
+    WrongLaw,
+    WrongMechanism,
+    WrongValue,
+)
+from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
 from .laws import STORED, CompiledLaw, compile_law, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
@@ -43,13 +52,17 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
 
 
 def check_parts(syntax: SyntaxTree, library: Path | None = None) -> list[Diagnostic]:
-    """What is wrong in any model of a file, each looked at by itself: ports may be open and parameters without value."""
+    """What is wrong in any model of a file and its experiments, each looked at by itself.
+
+    Ports may be open and parameters without value.
+    """
     loader = Loader(library)
     file = loader.load(syntax)
     diagnostics = list(loader.diagnostics)
     for definition in [d for d in file.models.values() if d.file is file]:
-        elaborator, _ = _build(definition, Scene(experiment=None), [], part=True)
-        diagnostics += elaborator.diagnostics
+        for experiment in [None, *experiments_of(definition)]:
+            elaborator, _ = _build(definition, Scene(experiment=experiment), [], part=True)
+            diagnostics += elaborator.diagnostics
     return diagnostics
 
 
@@ -227,29 +240,35 @@ class _Nodes:
         ports = list(entry.ports)
         kind = plain_kind(declaration.kind)
         for attribute in declaration.attributes:
-            if attribute.name in ("start", "nominal") and kind in STORED:
-                self._stored_value(scope, attribute, entry, ports, kind, result)
-            elif attribute.name in ("prefer", "require"):
-                word = attribute.value.words if isinstance(attribute.value, tree.Path) else ""
-                allowed = ("integral", "derivative") if kind in STORED else ("effort", "flow")
-                if word not in (*allowed, "effort", "flow"):
-                    raise Wrong(
-                        UnknownAttribute(
-                            attribute.span,
-                            entry.name,
-                            f"{attribute.name} = {attribute.value.span.text}",
-                            f"It can be: {', '.join(allowed)}.",
-                        )
-                    )
-                if attribute.name == "prefer":
-                    result.prefer = word
-                else:
-                    result.require = word
-            else:
-                known = (["start", "nominal"] if kind in STORED else []) + ["prefer", "require"]
-                hint = suggestion(attribute.name, known, f"{declaration.kind} has: {', '.join(known)}.")
-                raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
+            self.elaborator.guard(self._attribute, scope, attribute, entry, ports, kind, result)
         return result
+
+    def _attribute(
+        self,
+        scope: Scope,
+        attribute: tree.Attribute,
+        entry: ElementEntry,
+        ports: list[str],
+        kind: str,
+        result: _Attributes,
+    ) -> None:
+        """One attribute of an element."""
+        if attribute.name in ("start", "nominal") and kind in STORED:
+            self._stored_value(scope, attribute, entry, ports, kind, result)
+            return
+        if attribute.name not in ("prefer", "require"):
+            known = (["start", "nominal"] if kind in STORED else []) + ["prefer", "require"]
+            hint = suggestion(attribute.name, known, f"A {entry.kind} has: {', '.join(known)}.")
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
+        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.text
+        allowed = ["integral", "derivative", "effort", "flow"] if kind in STORED else ["effort", "flow"]
+        if word not in allowed:
+            hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
+            raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
+        if attribute.name == "prefer":
+            result.prefer = word
+        else:
+            result.require = word
 
     def _stored_value(
         self,
@@ -354,7 +373,10 @@ class _Attributes:
     require: str | None
 
 
-def _placeholder(entry: ElementEntry) -> Element:
+def _placeholder(entry: ElementEntry) -> Node:
+    """Stands for what is wrong, so that its bonds can be checked; the graph is never used."""
+    if entry.kind in ("0", "1"):
+        return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
     kind = Kind(plain_kind(entry.kind))
     return Element(entry.name, kind, False, ports, Law((), None, 0), (), {}, {}, None, None, "", entry.span)

@@ -10,7 +10,7 @@ from ..graph.network import Bond, End
 from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
-from .errors import DomainConflict, UnknownDomain, UnknownName, WrongConnection, WrongType
+from .errors import DomainConflict, UnknownName, WrongConnection, WrongType
 from .scope import (
     AlreadyTold,
     Array,
@@ -96,7 +96,7 @@ class Connector:
                 WrongConnection(
                     tail.span,
                     f"An arrow out of `{word}`",
-                    f"Power counts as positive into C, I and R: turn the arrow, `{target.words} -> {word}`.",
+                    f"Power counts as positive into C, I and R: turn the arrow, `{target.words} {arrow} {word}`.",
                 )
             )
         multi = source.multi or target.multi
@@ -314,7 +314,7 @@ class Connector:
         key = (nest.span.start, scope.path, scope.suffix)
         domain = self.elaborator.domain_of(scope, (f"@{nest.span.start}", ""))
         if domain is None:
-            raise Wrong(UnknownDomain(nest.span, f"{nest.kind}(…)"))
+            raise self.elaborator.unknown_domain(scope, nest.span, f"{nest.kind}(…)")
         if key not in self.nests:
             first = nest.members[0]
             label = first.words if isinstance(first, tree.Path) else "…"

@@ -27,6 +27,7 @@ class DomainTable:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     parents: dict[Key, Key] = field(default_factory=dict)
     known: dict[Key, tuple[str, Span]] = field(default_factory=dict)
+    told: set[Key] = field(default_factory=set)  # classes that met another domain: once is enough
 
     def root(self, key: Key) -> Key:
         parent = self.parents.setdefault(key, key)
@@ -51,7 +52,9 @@ class DomainTable:
         one, two = self.known.get(first), self.known.get(second)
         if one is not None and two is not None and one[0] != two[0]:
             name = ".".join(k for k in b if k)
-            self.diagnostics.append(DomainConflict(span, name, two[0], one[0], one[1]))
+            if not self.told & {first, second}:
+                self.diagnostics.append(DomainConflict(span, name, two[0], one[0], one[1]))
+            self.told |= {first, second}
             return
         self.parents[second] = first
         if one is None and two is not None:

@@ -93,9 +93,10 @@ class Elaborator(Resolver):
         path: str,
         bindings: Mapping[str, tuple[tree.Attribute, Scope]],
         chain: tuple[ModelDefinition, ...],
+        stands: Span | None = None,
     ) -> Scope:
         """Open one instance. `bindings` are its attributes, read in the scope where it stands."""
-        scope = Scope(definition, path)
+        scope = Scope(definition, path, stands=stands)
         if not chain:
             self.root = scope  # loops and indices may already read what is set from outside
         self.table_of(definition)
@@ -160,13 +161,21 @@ class Elaborator(Resolver):
                     self.guard(self._unroll, scope, statement, chain)
 
     def enter(self, scope: Scope, name: str, entry: Entry, span: Span) -> None:
+        """Give a name its meaning in a scope. Of two declarations the later one in the text is wrong."""
         if name in RESERVED:
             raise Wrong(ReservedName(span, name))
-        if name in scope.entries:
-            before = scope.entries[name]
-            first = before.item.span if isinstance(before, Pending) else getattr(before, "span", span)
-            raise Wrong(DuplicateName(span, name, first))
-        scope.entries[name] = entry
+        before = scope.entries.get(name)
+        if before is None:
+            scope.entries[name] = entry
+            return
+        first = before.item.span if isinstance(before, Pending) else getattr(before, "span", span)
+        if isinstance(before, Broken):
+            raise AlreadyTold
+        if first.source is span.source and first.start > span.start:  # quantities are entered before elements
+            scope.entries[name] = entry
+            self.tell(DuplicateName(first, name, span))
+            return
+        raise Wrong(DuplicateName(span, name, first))
 
     def _enter_indexed(self, scope: Scope, name: str, index: tuple[int, ...] | None, entry: Entry, span: Span) -> None:
         if index is None:
@@ -187,17 +196,24 @@ class Elaborator(Resolver):
         self, scope: Scope, statement: tree.Quantities, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
     ) -> None:
         for item in statement.items:
-            if statement.role == "mode":
-                self.tell(Unsupported(item.span, "`mode`", "Modes come with events."))
-                continue
-            index = self.index_of(item.index, scope)
-            value, where, is_default = item.value, scope, True
-            if item.name in bindings and statement.role in ("parameter", "input") and index is None:
-                value, where, is_default = bindings[item.name][0].value, bindings[item.name][1], False
-            local = indexed(item.name, index) if index is not None else item.name + scope.suffix
-            pending = Pending(item, statement.role, scope.full(local), value, where, scope, is_default)
-            self._enter_indexed(scope, item.name, index, pending, item.span)
-            self.pending.append(pending)
+            before = len(self.diagnostics)
+            self.guard(self._declare_quantity, scope, statement.role, item, bindings)
+            if len(self.diagnostics) > before:
+                scope.entries.setdefault(item.name, Broken(item.span))
+
+    def _declare_quantity(
+        self, scope: Scope, role: str, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
+    ) -> None:
+        if role == "mode":
+            raise Wrong(Unsupported(item.span, "`mode`", "Modes come with events."))
+        index = self.index_of(item.index, scope)
+        value, where, is_default = item.value, scope, True
+        if item.name in bindings and role in ("parameter", "input") and index is None:
+            value, where, is_default = bindings[item.name][0].value, bindings[item.name][1], False
+        local = indexed(item.name, index) if index is not None else item.name + scope.suffix
+        pending = Pending(item, role, scope.full(local), value, where, scope, is_default)
+        self._enter_indexed(scope, item.name, index, pending, item.span)
+        self.pending.append(pending)
 
     def _declare_ports(self, scope: Scope, statement: tree.Ports) -> None:
         for item in statement.items:
@@ -207,9 +223,15 @@ class Elaborator(Resolver):
             for component in wall_components(item):
                 domain = self.domain_of(scope, (item.name, component))
                 if domain is None:
-                    raise Wrong(UnknownDomain(item.span, item.name))
+                    raise self.unknown_domain(scope, item.span, item.name)
                 ports[component] = domain
             self.enter(scope, item.name, WallEntry(scope.full(item.name), ports, item.span), item.span)
+
+    def unknown_domain(self, scope: Scope, span: Span, name: str) -> Exception:
+        """A port whose domain nothing tells; if the domains of its model are wrong, that has been told."""
+        if self.table_of(scope.definition).diagnostics:
+            return AlreadyTold()
+        return Wrong(UnknownDomain(span, name))
 
     def domain_of(self, scope: Scope, key: tuple[str, ...]) -> Domain | None:
         if scope.plain:
@@ -270,7 +292,7 @@ class Elaborator(Resolver):
                     )
                     continue
                 bindings[attribute.name] = (attribute, scope)
-            inner = self.instantiate(definition, scope.full(local) + ".", bindings, chain)
+            inner = self.instantiate(definition, scope.full(local) + ".", bindings, chain, declared.span)
             self._enter_indexed(
                 scope, declared.name, index, InstanceEntry(scope.full(local), inner, declared.span), declared.span
             )
@@ -295,11 +317,8 @@ class Elaborator(Resolver):
         for port in element_ports(statement, declared.name):
             domain = self.domain_of(scope, (declared.name, port))
             if domain is None:
-                raise Wrong(
-                    UnknownDomain(
-                        declared.span, f"{declared.name}.{port}" if port and port not in "12" else declared.name
-                    )
-                )
+                name = f"{declared.name}.{port}" if port and port not in "12" else declared.name
+                raise self.unknown_domain(scope, declared.span, name)
             if port in ports:
                 raise Wrong(DuplicateName(declared.span, port, declared.span))
             ports[port] = domain

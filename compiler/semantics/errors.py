@@ -21,13 +21,24 @@ class UnknownName(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class UnknownFunction(Diagnostic):
+    """BG109."""
+
+    code = "BG109"
+    title = "There is no function `{name}`"
+    advice = "{hint}"
+    name: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
 class UnknownUnit(Diagnostic):
     """BG102."""
 
     code = "BG102"
-    title = "`{symbol}` is not a unit"
+    title = "{what}"
     advice = "{hint}"
-    symbol: str
+    what: str
     hint: str
 
 
@@ -36,11 +47,9 @@ class DimensionMismatch(Diagnostic):
     """BG103."""
 
     code = "BG103"
-    title = "{what}: {first} against {second}"
+    title = "{what}"
     advice = "{hint}"
     what: str
-    first: str
-    second: str
     hint: str
 
 
@@ -114,6 +123,10 @@ class MissingValue(Diagnostic):
     role: str
     name: str
     short: str
+    instance: Span | None = None
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return () if self.instance is None else ((self.instance, "the instance that needs it"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +236,19 @@ class UnknownAttribute(Diagnostic):
     advice = "{hint}"
     owner: str
     name: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongValue(Diagnostic):
+    """BG122."""
+
+    code = "BG122"
+    title = "`{attribute}` of `{owner}` cannot be `{value}`"
+    advice = "{hint}"
+    attribute: str
+    owner: str
+    value: str
     hint: str
 
 

@@ -181,10 +181,8 @@ def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs
             raise Wrong(
                 DimensionMismatch(
                     reading.unit.span,
-                    f"`{name}` cannot be reported in {reading.unit.span.text}",
-                    describe(dimension),
-                    describe(wanted.dimension),
-                    "",
+                    f"`{name}` is {describe(dimension)}, so it cannot be reported in {reading.unit.span.text}",
+                    "Name a unit of the same kind.",
                 )
             )
         unit = reading.unit.span.text

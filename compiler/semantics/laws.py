@@ -96,13 +96,15 @@ def compile_law(
         for equation in definition.equations:
             left, right = compiler.scalar(equation.left), compiler.scalar(equation.right)
             if left.dimension is not None and right.dimension is not None and left.dimension != right.dimension:
-                hint = "A parameter's unit stands where it is declared: `k: N/m = 100`."
+                hint = (
+                    f"What is missing is a factor in [{left.dimension / right.dimension}]: a number needs its unit, "
+                    "`2 [N/m]`; a parameter's unit stands where it is declared."
+                )
                 raise Wrong(
                     DimensionMismatch(
                         equation.span,
-                        f"The two sides of the law of `{name}` differ",
-                        f"`{equation.left.span.text}` is {describe(left.dimension)}",
-                        f"`{equation.right.span.text}` is {describe(right.dimension)}",
+                        f"The two sides of the law of `{name}` differ: `{equation.left.span.text}` is "
+                        f"{describe(left.dimension)}, but `{equation.right.span.text}` is {describe(right.dimension)}",
                         hint,
                     )
                 )
@@ -154,7 +156,7 @@ def _energy(
     if typed_port and typed.dimension not in (None, JOULE):
         raise Wrong(
             DimensionMismatch(
-                definition.span, f"The energy of `{name}` must be in N*m", "[N*m]", describe(typed.dimension), ""
+                definition.span, f"The energy of `{name}` must be in [N*m], but it is {describe(typed.dimension)}", ""
             )
         )
     if not any(isinstance(s.key, Own) for s in symbols(typed.expression)):

@@ -22,7 +22,7 @@ from .errors import (
     WrongMechanism,
     WrongType,
 )
-from .scope import STATIC_ROLES, Array, MechanismEntry, PartEntry, Scope, Wrong, describe, suggestion
+from .scope import STATIC_ROLES, Array, MechanismEntry, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
 
 if TYPE_CHECKING:
     from .elaborate import Elaborator
@@ -234,10 +234,8 @@ def static_bounds(
             raise Wrong(
                 DimensionMismatch(
                     value.span,
-                    f"{what} is in {describe(dimension)}",
-                    describe(dimension),
-                    f"`{value.span.text}` is {describe(part.dimension)}",
-                    "",
+                    f"{what} is {describe(dimension)}, but `{value.span.text}` is {describe(part.dimension)}",
+                    unit_hint(part.dimension, dimension),
                 )
             )
     for slot in template.slots:

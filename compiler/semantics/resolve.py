@@ -6,7 +6,7 @@ A place of the text is compiled once; each instance only looks up what its slots
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from ..algebra.expression import ZERO, Number, evaluate, select
@@ -47,6 +47,7 @@ from .scope import (
     Wrong,
     describe,
     suggestion,
+    unit_hint,
 )
 from .typed import ExpressionCompiler, Readable, Slot, Template, Typed, bare, bind_template, scale_of
 
@@ -105,10 +106,8 @@ class Resolver:
             raise Wrong(
                 DimensionMismatch(
                     expression.span,
-                    f"{what} is in {describe(dimension)}",
-                    describe(dimension),
-                    f"`{expression.span.text}` is {describe(typed.dimension)}",
-                    "",
+                    f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}",
+                    unit_hint(typed.dimension, dimension),
                 )
             )
         for slot in template.slots:
@@ -139,7 +138,7 @@ class Resolver:
         except AlreadyTold:
             return None
         except (ArithmeticError, ValueError) as error:
-            raise Wrong(NoValue(span, str(error) or type(error).__name__, self._values(bound))) from None
+            raise Wrong(NoValue(span, _why(error), self._values(bound))) from None
         if not math.isfinite(value):
             raise Wrong(NoValue(span, "it overflows", self._values(bound)))
         return value
@@ -199,7 +198,7 @@ class Resolver:
         if entry is None:
             entry = self._file_constant(path.head, scope)
         if entry is None:
-            names = [*scope.names(), *scope.definition.file.constants]
+            names = [*_readable(scope), *scope.definition.file.constants]
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
@@ -266,7 +265,7 @@ class Resolver:
             case InstanceEntry():
                 inner = entry.scope.entries.get(step.name)
                 if inner is None:
-                    hint = suggestion(step.name, list(entry.scope.entries))
+                    hint = suggestion(step.name, list(entry.scope.entries), f"It has {', '.join(entry.scope.entries)}.")
                     raise Wrong(
                         UnknownName(path.span, step.name, f"`{name}`, which is a `{entry.scope.definition.name}`", hint)
                     )
@@ -282,7 +281,7 @@ class Resolver:
             case MechanismEntry():
                 part = entry.parts.entries.get(step.name)
                 if part is None:
-                    hint = suggestion(step.name, list(entry.parts.entries))
+                    hint = suggestion(step.name, list(entry.parts.entries), f"It has {', '.join(entry.parts.entries)}.")
                     raise Wrong(UnknownName(path.span, step.name, f"the mechanism `{name}`", hint))
                 return part
             case PartEntry():
@@ -291,10 +290,9 @@ class Resolver:
                 # `stage.platform.x.v`, `spring.x.F`: a port's other variables behind its displacement
                 return self._port_variable(node, port, step.name, path)
             case Array():
+                first = indexed(name, next(iter(entry.items)))
                 raise Wrong(
-                    WrongIndex(
-                        path.span, name, "", f"It is an array: say which, `{indexed(name, next(iter(entry.items)))}`."
-                    )
+                    WrongType(path.span, "One item", f"the array `{name}`", f"Say which: `{first}.{step.name}`.")
                 )
         raise Wrong(
             UnknownName(path.span, step.name, f"`{name}`", "Only instances, elements and mechanisms have inner names.")
@@ -469,7 +467,7 @@ class Resolver:
         if value is None:
             if not self.part:
                 role = {"parameter": "Parameter", "input": "Input", "constant": "Constant"}.get(pending.role, "Signal")
-                self.tell(MissingValue(item.span, role, pending.name, item.name))
+                self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
                 raise AlreadyTold
             self.quantities[pending.name] = Named(
                 pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
@@ -482,16 +480,11 @@ class Resolver:
         parts = template.value if isinstance(template.value, tuple) else (template.value,)
         for part in parts:
             if declared is not None and part.dimension is not None and part.dimension != declared:
-                what = f"`{item.name}` is in {describe(declared)}"
                 raise Wrong(
                     DimensionMismatch(
                         value.span,
-                        what,
-                        describe(declared),
-                        f"`{value.span.text}` is {describe(part.dimension)}",
-                        f"Write the unit in brackets after the number: `{_example(value)} [{declared}]`."
-                        if part.dimension == ONE
-                        else "",
+                        f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}",
+                        unit_hint(part.dimension, declared),
                     )
                 )
         dimension = declared if declared is not None else self._dimension(template.value) or ONE
@@ -538,10 +531,8 @@ class Resolver:
                     raise Wrong(
                         DimensionMismatch(
                             override.span,
-                            f"`{name}` is in {describe(dimension)}",
-                            describe(dimension),
-                            describe(found),
-                            "",
+                            f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}",
+                            unit_hint(found, dimension),
                         )
                     )
                 bound = self.bind(template, template.formulas[0], self.root)
@@ -554,16 +545,31 @@ class Resolver:
         return Scalar(Quantity(name), dimension, role, name)
 
 
+def _readable(scope: Scope) -> Iterator[str]:
+    """The names in a scope that stand for numbers."""
+    for name in scope.names():
+        entry = scope.find(name)
+        if isinstance(entry, Array):
+            entry = next(iter(entry.items.values()), None)
+        if isinstance(entry, Scalar | Items | Pending):
+            yield name
+
+
+def _why(error: Exception) -> str:
+    """What went wrong in a calculation, in words."""
+    if isinstance(error, ZeroDivisionError):
+        return "a division by zero"
+    if isinstance(error, OverflowError):
+        return "it overflows"
+    return "a root or logarithm of a negative number, or an inverse function outside its range"
+
+
 def _constant(value: float) -> Formula:
     return Formula(0, Number(value))
 
 
 def _all_bare(value: tree.Expression) -> bool:
     return all(map(bare, value.items)) if isinstance(value, tree.Vector) else bare(value)
-
-
-def _example(value: tree.Expression) -> str:
-    return value.span.text if bare(value) else "2"
 
 
 def indexed(name: str, index: tuple[int, ...]) -> str:

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
-from ..graph.domains import DOMAINS, Domain
+from ..graph.domains import Domain
 from ..graph.network import Reference
 from ..graph.units import ONE, Dimension
 from ..source import Source, Span
@@ -200,6 +200,7 @@ class Scope:
     suffix: str = ""  # "[2]" in the second round of a loop
     outer: Scope | None = None
     entries: dict[str, Entry] = field(default_factory=dict)
+    stands: Span | None = None  # where the instance is declared
 
     @property
     def plain(self) -> bool:
@@ -243,7 +244,11 @@ def describe(dimension: Dimension | None) -> str:
     """A dimension in words."""
     if dimension is None:
         return "a bare zero"
-    return "a bare number" if dimension == ONE else f"[{dimension}]"
+    return "a bare number" if dimension == ONE else f"in [{dimension}]"
 
 
-UNTYPED = DOMAINS["untyped"]
+def unit_hint(found: Dimension | None, wanted: Dimension | None) -> str:
+    """What to do about a quantity of another unit."""
+    if found == ONE and wanted is not None:
+        return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."
+    return "Check the units of the names in it, and whether a factor is missing."

@@ -39,13 +39,13 @@ from .errors import (
     DimensionMismatch,
     NoValue,
     TooMany,
-    UnknownName,
+    UnknownFunction,
     UnknownUnit,
     Unsupported,
     WrongArguments,
     WrongType,
 )
-from .scope import Scope, Wrong, describe, suggestion
+from .scope import Scope, Wrong, describe, suggestion, unit_hint
 
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 
@@ -110,17 +110,39 @@ def scale_of(unit: tree.Unit) -> Scale:
     for symbol, exponent, span in unit.factors:
         scale = UNITS.get(symbol)
         if scale is None:
-            hint = suggestion(
-                symbol, list(UNITS), "See the list of units in the language reference; a product is written `[N*m]`."
-            )
-            raise Wrong(UnknownUnit(span, symbol, hint))
+            raise Wrong(UnknownUnit(span, f"`{symbol}` is not a unit", _unit_advice(symbol)))
         if scale.offset and (len(unit.factors) > 1 or exponent != 1):
-            raise Wrong(UnknownUnit(span, symbol, f"`{symbol}` is an absolute temperature; in a product use K."))
+            what = f"`{symbol}` is an absolute temperature and cannot stand in a product"
+            raise Wrong(UnknownUnit(span, what, "Use K."))
         raised = scale if exponent == 1 else scale**exponent
         if raised is None:
-            raise Wrong(UnknownUnit(span, f"{symbol}^({exponent})", "This root of the unit is not a rational number."))
+            raise Wrong(
+                UnknownUnit(span, f"`{symbol}^({exponent})` is no rational number of SI units", "Convert it first.")
+            )
         result = raised if len(unit.factors) == 1 and unit.number == 1 else result * raised
     return result
+
+
+def _unit_advice(symbol: str) -> str:
+    if symbol.startswith("_"):
+        return "Digits stand without separators: `1000`."
+    for cut in range(1, len(symbol)):
+        if symbol[:cut] in UNITS and symbol[cut:] in UNITS:
+            return f"A product is written in brackets: `[{symbol[:cut]}*{symbol[cut:]}]`."
+    usual = {
+        "sec": "s",
+        "seconds": "s",
+        "meter": "m",
+        "Ohm": "ohm",
+        "degree": "deg",
+        "l": "L",
+        "gram": "g",
+        "volt": "V",
+        "amp": "A",
+    }
+    if symbol in usual:
+        return f"Write `{usual[symbol]}`."
+    return suggestion(symbol, list(UNITS), "See the list of units in the language reference.")
 
 
 def bare(expression: tree.Expression) -> bool:
@@ -292,15 +314,9 @@ class ExpressionCompiler:
             if known is None:
                 known = (value.dimension, span)
             elif value.dimension != known[0]:
-                first, second = describe(known[0]), describe(value.dimension)
-                hint = (
-                    "A number in an equation needs its unit too: `2 [N/m]`; only zero needs none."
-                    if ONE in (known[0], value.dimension)
-                    else "Check the units of the names on both sides."
-                )
-                raise Wrong(
-                    DimensionMismatch(span, what, f"`{known[1].text}` is {first}", f"`{span.text}` is {second}", hint)
-                )
+                text = f"{what}: `{known[1].text}` is {describe(known[0])}, but `{span.text}` is {describe(value.dimension)}"
+                bare, other = (value.dimension, known[0]) if value.dimension == ONE else (known[0], value.dimension)
+                raise Wrong(DimensionMismatch(span, text, unit_hint(bare, other)))
         return None if known is None else known[0]
 
     def _product(self, node: tree.Product) -> Value:
@@ -326,7 +342,9 @@ class ExpressionCompiler:
         if exponent.dimension not in (None, ONE):
             raise Wrong(
                 DimensionMismatch(
-                    node.exponent.span, "An exponent is a bare number", "[1]", describe(exponent.dimension), ""
+                    node.exponent.span,
+                    f"The exponent `{node.exponent.span.text}` must be a bare number, but it is {describe(exponent.dimension)}",
+                    "Divide it by a reference of the same unit.",
                 )
             )
         dimension: Dimension | None = ONE
@@ -391,14 +409,10 @@ class ExpressionCompiler:
             hint = suggestion(
                 node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`."
             )
-            raise Wrong(UnknownName(node.span, f"{node.function}(…)", "the list of functions", hint))
+            raise Wrong(UnknownFunction(node.span, node.function, hint))
         count, usage, build = rule
         if len(node.arguments) != count:
-            raise Wrong(
-                WrongArguments(
-                    node.span, node.function, f"{count} argument{'s' * (count != 1)}", len(node.arguments), usage
-                )
-            )
+            raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
         if node.function == "rotate":
             vector = self.value(node.arguments[0])
             if not isinstance(vector, tuple) or len(vector) != 2:
@@ -415,7 +429,7 @@ class ExpressionCompiler:
             usage = f"{function.name}({', '.join(function.parameters)})"
             raise Wrong(
                 WrongArguments(
-                    node.span, function.name, f"{len(function.parameters)} arguments", len(node.arguments), usage
+                    node.span, function.name, _arguments(len(function.parameters)), len(node.arguments), usage
                 )
             )
         self.opened += 1
@@ -431,6 +445,10 @@ class ExpressionCompiler:
         finally:
             self.local = saved
             self.opening.pop()
+
+
+def _arguments(count: int) -> str:
+    return f"{count} argument{'s' * (count != 1)}"
 
 
 def _has_value(x: Expression) -> bool:
@@ -468,9 +486,7 @@ def _pure(operator: str) -> Builder:
                 raise Wrong(
                     DimensionMismatch(
                         place.span,
-                        f"`{node.function}` takes a bare number",
-                        "[1]",
-                        f"`{place.span.text}` is {describe(argument.dimension)}",
+                        f"`{node.function}` takes a bare number, but `{place.span.text}` is {describe(argument.dimension)}",
                         hint,
                     )
                 )
@@ -543,9 +559,7 @@ def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]
         raise Wrong(
             DimensionMismatch(
                 node.arguments[1].span,
-                "An angle is a bare number",
-                "[1]",
-                describe(angle.dimension),
+                f"An angle is a bare number, but `{node.arguments[1].span.text}` is {describe(angle.dimension)}",
                 "Write it in deg or rad.",
             )
         )

@@ -12,7 +12,7 @@ from lark import Token, Transformer
 from ..errors import Diagnostic
 from ..source import Source, Span
 from . import tree
-from .errors import NumberTooLarge, TooDeep
+from .errors import NumberTooLarge, TooDeep, WrongUnit
 
 MAXIMUM_DEPTH = 120  # height of an expression
 _NUMBER = re.compile(r"([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
@@ -389,7 +389,7 @@ class Builder(Transformer[Token, Any]):
     def unit_number(self, parts: list[Any]) -> tree.Unit:
         number = self._number(parts[0])
         if number == 0:
-            raise Refused(NumberTooLarge, parts[0].start_pos, parts[0].end_pos, number="0 in a unit")
+            raise Refused(WrongUnit, parts[0].start_pos, parts[0].end_pos, what="A unit cannot contain 0")
         return tree.Unit(self._span(parts), (), number)
 
     def exponent(self, parts: list[Any]) -> Fraction:
@@ -397,7 +397,9 @@ class Builder(Transformer[Token, Any]):
         numbers = [self._number(p) for p in parts if p.type == "NUMBER"]
         bottom = numbers[1] if len(numbers) > 1 else Fraction(1)
         if bottom == 0 or abs(numbers[0]) > 20 or bottom > 20:
-            raise Refused(NumberTooLarge, parts[0].start_pos, parts[-1].end_pos, number="of this exponent")
+            raise Refused(
+                WrongUnit, parts[0].start_pos, parts[-1].end_pos, what="The exponent of a unit lies between -20 and 20"
+            )
         return sign * numbers[0] / bottom
 
 

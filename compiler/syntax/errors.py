@@ -61,6 +61,26 @@ class TooLarge(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class Unclosed(Diagnostic):
+    """BG007: a bracket without its partner."""
+
+    code = "BG007"
+    title = "This `{bracket}` is never closed"
+    advice = "What follows was read as part of it."
+    bracket: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongUnit(Diagnostic):
+    """BG008: a unit that cannot be."""
+
+    code = "BG008"
+    title = "{what}"
+    advice = ""
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
 class ForeignFile(Diagnostic):
     """BG006: a BondGraphTools file, which uses the same ending."""
 

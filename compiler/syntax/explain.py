@@ -1,0 +1,119 @@
+"""A parser's complaint in the author's words: what stands there, and what is probably meant."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import lark
+
+from ..errors import Diagnostic
+from ..source import Source, Span
+from .errors import StrangeCharacter, Unclosed, Unexpected
+
+_WORDS = {
+    "NAME": "a name", "NUMBER": "a number", "STRING": 'a text in ""', "_NL": "the end of the line", "RBRACE": "`}`", "LBRACE": "`{`",
+    "RPAR": "`)`", "LPAR": "`(`", "RSQB": "`]`", "LSQB": "`[`", "COLON": "`:`", "EQUAL": "`=`", "COMMA": "`,`", "SEMICOLON": "`;`",
+    "DOT": "`.`", "JUNCTION": "`0`", "NEST": "`0(`", "__ANON_0": "`->`", "__ANON_1": "`=>`", "__ANON_2": "`..`", "COMPARE": "`<`",
+}  # fmt: skip
+_OPERATORS = frozenset({"PLUS", "MINUS", "STAR", "SLASH", "CIRCUMFLEX", "UNIT_SIGN", "EXPONENT_SIGN"})
+_CHARACTERS = {
+    '"': "A text ends on the line where it begins: close it with a second quotation mark.",
+    "=": "An equation has one `=`; a comparison is `==`.",
+    "'": 'Texts stand between double quotation marks: "like this".',
+    "!": "`!=` compares; a negation is the word `not`.",
+    ".": "A number has digits on both sides of its point: `0.5`, `5.0`.",
+}
+_FOREIGN = {
+    "²": "A power is written with `^`: `[m^2]`.",
+    "³": "A power is written with `^`: `[m^3]`.",
+    "µ": "Write `u` for micro: `um`.",
+    "μ": "Write `u` for micro: `um`.",
+}
+
+
+def explain(source: Source, problem: lark.UnexpectedInput, open_brackets: Sequence[lark.Token]) -> Diagnostic:
+    """The diagnostic for a complaint of lark; `open_brackets` are those that were open when it came."""
+    position = problem.pos_in_stream
+    start = position if position is not None and position >= 0 else len(source.text)
+    if isinstance(problem, lark.UnexpectedCharacters):
+        return _character(source, start, problem)
+    token = getattr(problem, "token", None)
+    unclosed = _unclosed(source, token, open_brackets)
+    if unclosed is not None:
+        return unclosed
+    if token is None or token.type == "$END":
+        end = len(source.text.rstrip())
+        return Unexpected(Span(source, max(0, end - 1), max(1, end)), "The end of the file", _hint(problem, source))
+    start = token.start_pos if token.start_pos is not None else start
+    text = "The end of the line" if token.type == "_NL" else f"`{str(token).strip()}`"
+    end = start + 1 if token.type == "_NL" else start + len(token)
+    return Unexpected(Span(source, start, end), text, _hint(problem, source))
+
+
+def _character(source: Source, start: int, problem: lark.UnexpectedInput) -> Diagnostic:
+    character = source.text[start] if start < len(source.text) else ""
+    span = Span(source, start, start + 1)
+    if character.isascii() and character.isprintable():
+        return Unexpected(span, f"`{character}`", _CHARACTERS.get(character) or _hint(problem, source))
+    shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
+    advice = _FOREIGN.get(character, "Names are made of the letters a to z, A to Z, digits and `_`.")
+    return StrangeCharacter(span, shown, advice)
+
+
+def _unclosed(source: Source, token: lark.Token | None, open_brackets: Sequence[lark.Token]) -> Diagnostic | None:
+    """An open bracket explains what seems wrong some lines later, or at the end of the file."""
+    if not open_brackets:
+        return None
+    last = open_brackets[-1]
+    at_end = token is None or token.type == "$END"
+    round_bracket = last.type != "LBRACE"
+    if at_end or (round_bracket and token is not None and (token.line or 0) > (last.line or 0)):
+        start = last.start_pos or 0
+        return Unclosed(Span(source, start, start + len(last)), str(last)[-1])
+    return None
+
+
+def _hint(problem: lark.UnexpectedInput, source: Source) -> str:
+    expected: set[str] = set()
+    for attribute in ("accepts", "expected", "allowed"):
+        expected = expected or set(getattr(problem, attribute, None) or ())
+    token = getattr(problem, "token", None)
+    if token is not None:
+        start = token.start_pos or 0
+        special = _special(
+            token, expected, source.text[source.line_starts[Span(source, start, start).line - 1] : start].rstrip()
+        )
+        if special:
+            return special
+    words = sorted(
+        {
+            "an operator" if e in _OPERATORS else _WORDS.get(e, f"`{e.lower()}`")
+            for e in expected
+            if not e.startswith("$")
+        }
+    )
+    if not words:
+        return "See the language reference for what may stand here."
+    return "What may stand here: " + ", ".join(words[:12]) + ("…" if len(words) > 12 else "") + "."
+
+
+def _special(token: lark.Token, expected: set[str], before: str) -> str:
+    """What is probably meant, from the token and the line before it."""
+    text = str(token)
+    if text == "*" and before.endswith("*"):
+        return "A power is written `^`: `a^2`."
+    if text == "=":
+        return "A comparison is written `==`; a statement has one `=`."
+    if text == "." and re.search(r"[0-9]$|[^A-Za-z0-9_\])]$", before):
+        return "A number has digits on both sides of its point: `0.5`, `5.0`."
+    if "ELSE" in expected and "IF" not in expected:
+        return "An `if` needs an `else`: `1 if a > 2 else 0`."
+    if token.type not in ("NAME", "NUMBER") or "NAME" in expected:
+        return ""
+    number_with_unit = re.search(r"(?<![A-Za-z0-9_.])[0-9][0-9.]*(?:[eE][+-]?[0-9]+)?[ \t]+([A-Za-z_]\w*)$", before)
+    if number_with_unit and token.type == "NAME":
+        return f"A unit of several symbols stands in brackets: `2 [{number_with_unit.group(1)}*{text}]`."
+    if token.type == "NAME" and re.search(r"[A-Za-z_\])]\w*$", before):
+        return "Is an operator, a comma or a line break missing before it? A unit follows a number only; a name has its own."
+    return "Is an operator, a comma or a line break missing before it?"
