@@ -17,6 +17,7 @@ from ..door import Program
 from ..errors import RunFailed
 from .segments import Segment
 
+DENSE = 100  # states up to which the linear algebra is dense
 # Radau IIA, 3 stages: the places of its stages in a step, and its quadrature weights.
 STAGES = np.array([(4 - 6**0.5) / 10, (4 + 6**0.5) / 10, 1.0])
 WEIGHTS = np.array([(16 - 6**0.5) / 36, (16 + 6**0.5) / 36, 1 / 9])
@@ -111,6 +112,7 @@ class _Stepper:
     def _solver(self, stretch: Segment, x: Any) -> Any:
         """scipy's solver for the scaled states of one stretch."""
         from scipy.integrate import Radau
+        from scipy.sparse import csc_array
 
         magnitude = self.tolerances.magnitude
         fixed = (self.inputs, self.constants, stretch.mode)
@@ -118,8 +120,15 @@ class _Stepper:
         def derivative(time: float, scaled: Any) -> Any:
             return self.program.derivative(time, scaled * magnitude, *fixed) / magnitude
 
+        rows, columns = self.program.pattern
+        ratio = magnitude[columns] / magnitude[rows]
+        sparse = len(x) > DENSE and len(rows) < 0.2 * len(x) ** 2
+
         def jacobian(time: float, scaled: Any) -> Any:
-            return self.program.jacobian(time, scaled * magnitude, *fixed) * magnitude / magnitude[:, None]
+            if not sparse:
+                return self.program.jacobian(time, scaled * magnitude, *fixed) * magnitude / magnitude[:, None]
+            entries = self.program.jacobian_entries(time, scaled * magnitude, *fixed) * ratio
+            return csc_array((entries, (rows, columns)), shape=(len(x), len(x)))
 
         slope = derivative(stretch.start, x / magnitude)
         if not np.isfinite(slope).all():

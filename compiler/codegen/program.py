@@ -37,7 +37,9 @@ class Program:
     start: Callable[[Array], Array]  # constants -> state
     nominal: Callable[[Array], Array]  # constants -> nominal magnitudes given by the author (0: none)
     derivative: Callable[[float, Array, Array, Array, Array], Array]  # time, state, inputs, constants, mode -> (…, n)
-    jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n)
+    pattern: tuple[Array, Array]  # rows and columns of the Jacobian's entries
+    jacobian_entries: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, entries)
+    jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
     powers: Callable[
         [float, Array, Array, Array, Array], Array

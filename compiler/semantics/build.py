@@ -258,7 +258,7 @@ class _Nodes:
             return
         if attribute.name not in ("prefer", "require"):
             known = (["start", "nominal"] if kind in STORED else []) + ["prefer", "require"]
-            hint = suggestion(attribute.name, known, f"A {entry.kind} has: {', '.join(known)}.")
+            hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
         word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.text
         allowed = ["integral", "derivative", "effort", "flow"] if kind in STORED else ["effort", "flow"]

@@ -405,7 +405,10 @@ class Connector:
     def _bond(self, first: Segment, last: Segment, numbers: dict[tuple[str, str], End]) -> Bond | None:
         tail, head = first.tail, last.head
         if tail.domain != head.domain:
-            self.elaborator.tell(DomainConflict(last.span, _name(head), head.domain.name, tail.domain.name, first.span))
+            if not any(isinstance(d, DomainConflict) for d in self.elaborator.diagnostics):
+                self.elaborator.tell(
+                    DomainConflict(last.span, _name(head), head.domain.name, tail.domain.name, first.span)
+                )
             return None
         ends = numbers.get((tail.node, tail.port)), numbers.get((head.node, head.port))
         if ends[0] is None or ends[1] is None:

@@ -151,10 +151,11 @@ class Elaborator(Resolver):
                 case tree.Declaration():
                     before = len(self.diagnostics)
                     self.guard(self._declare_parts, scope, statement, chain)
-                    if len(self.diagnostics) > before:
-                        self.structure_broken = True
-                        for declared in statement.names:
-                            scope.base().entries.setdefault(declared.name, Broken(declared.span))
+                    for declared in statement.names:
+                        if declared.name not in scope.base().entries:
+                            scope.base().entries[declared.name] = Broken(declared.span)
+                            self.structure_broken = True
+                    self.structure_broken |= len(self.diagnostics) > before
                 case tree.Mechanism():
                     self.guard(self._declare_mechanism, scope, statement)
                 case tree.Loop():

@@ -26,7 +26,9 @@ def generate_program(space: StateSpace) -> Program:
 
     return Program(
         space.name, source, names("STATES"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
-        module.constants, module.start, module.nominal, module.derivative, module.jacobian, module.output, module.powers, module.instants,
+        module.constants, module.start, module.nominal, module.derivative,
+        module.PATTERN,
+        module.jacobian_entries, module.jacobian, module.output, module.powers, module.instants,
         module.crossings, module.switches, count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
 

@@ -164,12 +164,11 @@ class Writer:
         )
         full = "time, state, inputs, constants, mode"
         parts.append(self._function("derivative", full, "The rates of the states.", lowered.rates, (n,)))
-        entries = [lowered.jacobian.get((i, j), zero) for i in range(n) for j in range(n)]
-        parts.append(
-            self._function(
-                "jacobian", full, "The derivatives of the rates (rows) by the states (columns).", entries, (n, n)
-            )
-        )
+        places = sorted(lowered.jacobian)
+        note = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
+        entries = [lowered.jacobian[place] for place in places]
+        parts.append(self._function("jacobian_entries", full, note, entries, (len(entries),)))
+        parts.append(_jacobian(places, n))
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
         powers = self._power_nodes()
@@ -378,6 +377,22 @@ def _long(node: Apply) -> bool:
         layer = [o for n in layer for o in n.operands if isinstance(o, Apply)][:12]
         depth += 1
     return depth >= 6
+
+
+def _jacobian(places: Sequence[tuple[int, int]], n: int) -> str:
+    """The pattern of the Jacobian, and the dense matrix from its entries."""
+    rows, columns = (", ".join(str(p[i]) for p in places) for i in (0, 1))
+    return f'''
+PATTERN = (np.array([{rows}], dtype=int), np.array([{columns}], dtype=int))  # rows, columns
+
+
+def jacobian(time, state, inputs, constants, mode):
+    """The derivatives of the rates (rows) by the states (columns)."""
+    entries = jacobian_entries(time, state, inputs, constants, mode)
+    matrix = np.zeros((*entries.shape[:-1], {n}, {n}))
+    matrix[(..., *PATTERN)] = entries
+    return matrix
+'''
 
 
 def _indented(lines: Iterable[str]) -> list[str]:
