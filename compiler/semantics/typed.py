@@ -222,7 +222,10 @@ class ExpressionCompiler:
         """One number."""
         value = self.value(node)
         if isinstance(value, tuple):
-            raise Wrong(WrongType(node.span, "A single number", f"a list of {len(value)}", "Take one item: `name[1]`."))
+            text = node.span.text if isinstance(node, tree.Path) else "name"
+            raise Wrong(
+                WrongType(node.span, "A single number", f"a list of {len(value)}", f"Take one item: `{text}[1]`.")
+            )
         return self._number(value, node.span)
 
     def condition(self, node: tree.Expression) -> Expression:

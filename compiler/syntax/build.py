@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,6 +16,7 @@ from . import tree
 from .errors import NumberTooLarge, TooDeep, WrongUnit
 
 MAXIMUM_DEPTH = 120  # height of an expression
+MAXIMUM_UNIT_POWER = 20
 _NUMBER = re.compile(r"([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
 
 
@@ -78,7 +80,7 @@ class Builder(Transformer[Token, Any]):
         # Bounded before it is built: 1e999999999 must not become a number with a milliard digits.
         if not digits:
             return Fraction(0)
-        if len(exponent) > 6 or len(digits) > 400 or abs(int(exponent) - len(part) + len(digits)) > 300:
+        if len(exponent) > 6 or len(digits) > 400 or abs(int(exponent) - len(part) + len(digits) - 1) > 300:
             raise Refused(NumberTooLarge, token.start_pos or 0, token.end_pos or 0, number=str(token)[:40])
         scale = int(exponent) - len(part)
         return Fraction(int(digits) * 10**scale) if scale >= 0 else Fraction(int(digits), 10**-scale)
@@ -311,7 +313,8 @@ class Builder(Transformer[Token, Any]):
         return self._chain(tree.Product, -1, parts)
 
     def bracket(self, parts: list[Any]) -> Any:
-        return _done(parts[0])  # a bracket ends a chain: a - (b - c) stays what it is
+        inner = _done(parts[1])  # a bracket ends a chain: a - (b - c) stays what it is
+        return inner if isinstance(inner, tree.Path) else replace(inner, span=self._span(parts))
 
     def choose(self, parts: list[Any]) -> tree.Choice:
         value, condition, otherwise = map(_done, parts)
@@ -329,7 +332,8 @@ class Builder(Transformer[Token, Any]):
         return self._logical("and", parts)
 
     def invert(self, parts: list[Any]) -> tree.Logical:
-        return self._logical("not", parts)
+        operand = _done(parts[1])
+        return self._expression(tree.Logical, self._span([parts[0], operand]), (operand,), "not", (operand,))  # type: ignore[no-any-return]
 
     def compare(self, parts: list[Any]) -> tree.Comparison:
         left, right = _done(parts[0]), _done(parts[2])
@@ -337,8 +341,8 @@ class Builder(Transformer[Token, Any]):
         return self._expression(tree.Comparison, span, (left, right), str(parts[1]), left, right)  # type: ignore[no-any-return]
 
     def negative(self, parts: list[Any]) -> tree.Negative:
-        operand = _done(parts[0])
-        return self._expression(tree.Negative, operand.span, (operand,), operand)  # type: ignore[no-any-return]
+        operand = _done(parts[1])
+        return self._expression(tree.Negative, self._span([parts[0], operand]), (operand,), operand)  # type: ignore[no-any-return]
 
     def raise_(self, parts: list[Any]) -> tree.Power:
         base, exponent = map(_done, parts)
@@ -348,13 +352,12 @@ class Builder(Transformer[Token, Any]):
         return parts[0]
 
     def call(self, parts: list[Any]) -> tree.Call:
-        arguments = tuple(_done(p) for p in parts[1:] if p is not None)
-        span = self._span([parts[0], *arguments])
-        return self._expression(tree.Call, span, arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
+        arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Token))
+        return self._expression(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
 
     def vector(self, parts: list[Any]) -> tree.Vector:
-        items = tuple(map(_done, parts))
-        return self._expression(tree.Vector, self._span(items), items, items)  # type: ignore[no-any-return]
+        items = tuple(_done(p) for p in parts if not isinstance(p, Token))
+        return self._expression(tree.Vector, self._span(parts), items, items)  # type: ignore[no-any-return]
 
     def quantity(self, parts: list[Any]) -> tree.Literal:
         number, unit = parts
@@ -374,8 +377,21 @@ class Builder(Transformer[Token, Any]):
                 continue
             factors += [(name, power * sign, span) for name, power, span in part.factors]
             number *= part.number**sign
-        spans = [p for p in parts if not isinstance(p, Token)]
-        return tree.Unit(self._span(spans), tuple(factors), number)
+        span = self._span([p for p in parts if not isinstance(p, Token)])
+        return self._bounded(span, factors, number)
+
+    def _bounded(self, span: Span, factors: Sequence[tuple[str, Fraction, Span]], number: Fraction) -> tree.Unit:
+        """A unit within limits: they are checked before a power is formed from it."""
+        powers: dict[str, Fraction] = {}
+        for name, power, _ in factors:
+            powers[name] = powers.get(name, Fraction(0)) + power
+        if any(abs(p) > MAXIMUM_UNIT_POWER for p in powers.values()):
+            raise Refused(WrongUnit, span.start, span.end, what="The exponent of a unit lies between -20 and 20")
+        if not Fraction(1, 10**40) < number < 10**40 or len(factors) > 100:
+            raise Refused(
+                WrongUnit, span.start, span.end, what="A unit has at most 100 factors, and numbers up to 1e40 in it"
+            )
+        return tree.Unit(span, tuple(factors), number)
 
     def unit_power(self, parts: list[Any]) -> tree.Unit:
         base, exponent = parts
@@ -383,8 +399,10 @@ class Builder(Transformer[Token, Any]):
         if isinstance(base, Token):
             span = self._span([base])
             return tree.Unit(span, ((str(base), power, span),), Fraction(1))
-        factors = tuple((name, p * power, span) for name, p, span in base.factors)
-        return tree.Unit(base.span, factors, base.number if power == 1 else Fraction(base.number ** int(power)))
+        factors = [(name, p * power, span) for name, p, span in base.factors]
+        if power.denominator != 1 and base.number != 1:
+            raise Refused(WrongUnit, base.span.start, base.span.end, what="A number in a unit has no root")
+        return self._bounded(base.span, factors, Fraction(base.number ** int(power)))
 
     def unit_number(self, parts: list[Any]) -> tree.Unit:
         number = self._number(parts[0])

@@ -109,6 +109,8 @@ def _special(token: lark.Token, expected: set[str], before: str) -> str:
         return "A number has digits on both sides of its point: `0.5`, `5.0`."
     if "ELSE" in expected and "IF" not in expected:
         return "An `if` needs an `else`: `1 if a > 2 else 0`."
+    if re.match(r"\s*import\b", before + " "):
+        return "An import stands at the top of the file, outside of models."
     if token.type not in ("NAME", "NUMBER") or "NAME" in expected:
         return ""
     number_with_unit = re.search(r"(?<![A-Za-z0-9_.])[0-9][0-9.]*(?:[eE][+-]?[0-9]+)?[ \t]+([A-Za-z_]\w*)$", before)
