@@ -83,7 +83,8 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
         right_side = to_sympy(step.expression, symbol)
         rows.append((f"{space.variables[step.target].name} = {right_side}", place))
     for state in space.states:
-        rate, start = space.variables[state.rate].name, symbol(state.start)
+        rate = space.variables[state.rate].name
+        start = f"{state.start:.12g}" if isinstance(state.start, float) else space.variables[state.start].name
         place = f"{PurePath(state.span.source.name).name}:{state.span.line}"
         rows.append((f"d/dt {space.variables[state.variable].name} = {rate}", f"{place} starts at {start}"))
     width = min(72, max((len(r[0]) for r in rows), default=0))

@@ -108,6 +108,8 @@ def _build(
     overrides = [*experiment_overrides(experiment), *scene.overrides]  # what the command line sets comes last and wins
     elaborator = Elaborator(overrides, part)
     elaborator.diagnostics += [*earlier, *told]
+    steps = experiment.steps if experiment is not None else ()
+    elaborator.swept = tuple(s for s in steps if isinstance(s, tree.Study) and s.role == "sweep")
     root = elaborator.open_root(definition)
     for pending in elaborator.pending:
         elaborator.guard(elaborator.quantity, pending)

@@ -61,6 +61,7 @@ class Elaborator(Resolver):
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
+        self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
         self.count = 0
         self.structure_broken = False  # then what is not connected would be told for the wrong reason
         self._tables: dict[int, DomainTable] = {}
@@ -99,6 +100,7 @@ class Elaborator(Resolver):
         scope = Scope(definition, path, stands=stands)
         if not chain:
             self.root = scope  # loops and indices may already read what is set from outside
+            self._enter_swept(scope)
         self.table_of(definition)
         chain = (*chain, definition)
         self._declare(scope, definition.model.statements, bindings, chain)
@@ -113,6 +115,17 @@ class Elaborator(Resolver):
                     hint = "It is a `constant`, which cannot be set from outside; declare it as `parameter`."
                 self.tell(UnknownAttribute(attribute.span, definition.name, name, hint))
         return scope
+
+    def _enter_swept(self, root: Scope) -> None:
+        """A swept name that is not the model's own is a name of the experiment, with its first value here."""
+        own = {i.name for s in root.definition.model.statements if isinstance(s, tree.Quantities) for i in s.items}
+        for study in self.swept:
+            path = study.paths[0]
+            if not path.steps and path.head not in own:
+                item = tree.Item(path.span, path.head, None, study.unit, study.values[0], None)
+                pending = Pending(item, "parameter", path.head, study.values[0], root, root, True)
+                self.guard(self.enter, root, path.head, pending, path.span)
+                self.pending.append(pending)
 
     def _declare(
         self,
