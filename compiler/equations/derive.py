@@ -17,7 +17,7 @@ from ..algebra.expression import (
     substitute,
     symbols,
 )
-from ..algebra.formula import Bound, bind
+from ..algebra.formula import Bound, Formula, bind
 from ..causality import CausalGraph
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import DOMAINS
@@ -26,6 +26,7 @@ from ..graph.network import (
     BondGraph,
     Element,
     End,
+    Integral,
     Junction,
     Kind,
     Law,
@@ -101,7 +102,6 @@ class EquationBuilder:
         outputs = {
             name: self._output(named.name, named.definition, named.unit, named.span)
             for name, named in self.graph.outputs.items()
-            if named.definition is not None
         }
         if self.diagnostics:
             raise CompilationFailed(self.diagnostics)
@@ -176,6 +176,8 @@ class EquationBuilder:
         if name == TIME.name and name not in self.graph.quantities:
             self.quantities[name] = self.variable("time", "time", "s")
             return self.quantities[name]
+        if name in self.graph.integrals:
+            return self._integral(self.graph.integrals[name])
         named = self.graph.quantities[name]
         if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
             value = named.value if named.value is not None else _number(named.definition)
@@ -185,6 +187,15 @@ class EquationBuilder:
         assert named.definition is not None
         self.apply(number, named.definition, named.span, name)
         return number
+
+    def _integral(self, integral: Integral) -> int:
+        """A signal with memory is a state. It may depend on itself: it is known before its rate is read."""
+        unit = self.graph.quantities[integral.name].unit
+        self.quantities[integral.name] = variable = self.variable(integral.name, "state", unit)
+        rate = self.variable(f"rate of {integral.name}", "computed")
+        self.apply(rate, integral.rate, integral.span, integral.name)
+        self.state(variable, rate, self.folded(integral.start), integral.name, integral.span)
+        return variable
 
     def reading(self, reading: Reading) -> int:
         """The variable that a reading of a node's port stands for."""
@@ -207,13 +218,15 @@ class EquationBuilder:
         self.readings[reading] = variable
         return variable
 
-    def _output(self, name: str, definition: Bound, unit: str, span: Span) -> int:
+    def _output(self, name: str, definition: Bound | None, unit: str, span: Span) -> int:
         if name in self.quantities:
             return self.quantities[name]
         argument = self.quantity(name) if name in self.graph.quantities else None
         if isinstance(argument, int):
             return argument
         variable = self.variable(name, "computed", unit)
+        if definition is None:
+            definition = Bound(Formula(0, ZERO), ())  # a quantity that is known to be zero
         self.apply(variable, definition, span, name)
         return variable
 
@@ -450,20 +463,9 @@ class EquationBuilder:
             bond = self.bond_of[End(number, port_number)]
             sign = 1.0 if self.graph.bonds[bond].head.node == number else -1.0
             efforts[port.name] = multiply(Number(sign), Symbol(self.efforts[bond]))
-        wanted = {
-            a.port
-            for named in (*self.graph.quantities.values(), *self.graph.outputs.values())
-            if named.definition
-            for a in named.definition.arguments
-            if isinstance(a, Reading) and a.node == node.name
-        }
-        wanted |= {
-            a.port
-            for n in self.graph.nodes
-            if isinstance(n, Element)
-            for a in n.arguments
-            if isinstance(a, Reading) and a.node == node.name
-        }
+        read = [a for definition in self.graph.definitions() for a in definition.arguments]
+        read += [a for n in self.graph.nodes if isinstance(n, Element) for a in n.arguments]
+        wanted = {a.port for a in read if isinstance(a, Reading) and a.node == node.name}
         result = mechanism_equations(node.mechanism, efforts, wanted, self)
         if result.diagnostics:  # without its motion nothing that reads it can be written
             raise CompilationFailed([*self.diagnostics, *result.diagnostics])

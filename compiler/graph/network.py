@@ -6,7 +6,7 @@ knows the definition it came from, its instance path and its line.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -158,6 +158,16 @@ class Named:
     description: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Integral:
+    """A signal with memory: `integral(rate, start)`."""
+
+    name: str
+    rate: Bound
+    start: Bound
+    span: Span
+
+
 @dataclass(frozen=True, eq=False)
 class BondGraph:
     """The whole model: nodes, bonds and the named quantities."""
@@ -167,7 +177,17 @@ class BondGraph:
     bonds: tuple[Bond, ...]
     quantities: Mapping[str, Named]
     outputs: Mapping[str, Named]
+    integrals: Mapping[str, Integral]
     span: Span
+
+    def definitions(self) -> Iterator[Bound]:
+        """Everything that signals, parameters and outputs are computed from."""
+        for named in (*self.quantities.values(), *self.outputs.values()):
+            if named.definition is not None:
+                yield named.definition
+        for integral in self.integrals.values():
+            yield integral.rate
+            yield integral.start
 
     @cached_property
     def incident(self) -> tuple[tuple[int, ...], ...]:

@@ -95,9 +95,8 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
 
 def _readings(graph: BondGraph) -> Iterator[Reading]:
     """What is read of elements by quantities, outputs and laws."""
-    for named in (*graph.quantities.values(), *graph.outputs.values()):
-        if named.definition is not None:
-            yield from (a for a in named.definition.arguments if isinstance(a, Reading))
+    for definition in graph.definitions():
+        yield from (a for a in definition.arguments if isinstance(a, Reading))
     for node in graph.nodes:
         if isinstance(node, Element):
             yield from (a for a in node.arguments if isinstance(a, Reading))
@@ -212,7 +211,7 @@ def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]
         return End(numbers[end.node], end.port)
 
     moved_bonds = tuple(Bond(moved_end(b.tail), moved_end(b.head), b.domain, b.span) for b in bonds)
-    return BondGraph(graph.name, tuple(nodes), moved_bonds, graph.quantities, graph.outputs, graph.span)
+    return replace(graph, nodes=tuple(nodes), bonds=moved_bonds)
 
 
 def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tuple[MechanismNode, dict[End, End]]:

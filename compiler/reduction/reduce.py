@@ -104,7 +104,9 @@ class _Reduction:
         for variable, (slopes, rest) in zip(cut, rows, strict=True):
             owner = self.assigned[variable]
             row = [add(ONE if v == variable else ZERO, negate(slopes.get(v, ZERO))) for v in cut]
-            matrix.append(tuple(self._entry(x, f"loop gain for {self.variables[variable].name}", owner, steps) for x in row))
+            matrix.append(
+                tuple(self._entry(x, f"loop gain for {self.variables[variable].name}", owner, steps) for x in row)
+            )
             right.append(self._entry(rest, f"right side of the loop for {self.variables[variable].name}", owner, steps))
         if any(all(x == 0.0 for x in row) for row in matrix):
             self.diagnostics.append(SingularLoop(span, named))

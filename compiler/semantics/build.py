@@ -123,6 +123,7 @@ def _build(
         tuple(nodes.bonds),
         elaborator.quantities,
         outputs,
+        elaborator.integrals(),
         definition.model.name_span,
     )
     if not part and not elaborator.structure_broken:

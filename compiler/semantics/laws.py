@@ -324,4 +324,4 @@ def _check_modulation(
             )
         else:
             hint = f"Say so with an M before the letter: `M{kind} {name}`."
-        raise Wrong(ForeignVariable(slot.path.span, name, slot.path.words, hint))
+        raise Wrong(ForeignVariable(slot.path.span, name, slot.words, hint))

@@ -241,7 +241,7 @@ def static_bounds(
     for slot in template.slots:
         scalar = elaborator.scalar_at(slot, scope)
         if scalar.role not in STATIC_ROLES:
-            raise Wrong(NotStatic(slot.path.span, what, slot.path.words))
+            raise Wrong(NotStatic(slot.path.span, what, slot.words))
     return [elaborator.bind(template, formula, scope) for formula in template.formulas]
 
 

@@ -13,7 +13,7 @@ from ..algebra.expression import ZERO, Number, evaluate, select
 from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
 from ..graph.domains import DOMAINS, GENERIC, Domain
-from ..graph.network import TIME, Named, Quantity, Reading
+from ..graph.network import TIME, Integral, Named, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension, Scale
 from ..scene import Override
 from ..source import Span
@@ -67,6 +67,10 @@ class Resolver:
         self.element_names: dict[str, ElementEntry] = {}
         self._file_constants: dict[str, Pending] = {}
         self._templates: dict[tuple[int, Scale | None], Template] = {}
+        self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._nested: dict[tuple[int, int], Scalar] = {}
+        self._keep_scopes: list[Scope] = []
+        self._inferring = False
         self._keep: list[tree.Expression] = []  # nodes whose identity is a key above must not be freed
 
     def tell(self, diagnostic: Diagnostic) -> None:
@@ -113,7 +117,7 @@ class Resolver:
         for slot in template.slots:
             scalar = self.scalar_at(slot, scope)
             if scalar.role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, what, slot.path.words))
+                raise Wrong(NotStatic(slot.path.span, what, slot.words))
         value = self.value_of(self.bind(template, template.formulas[0], scope), expression.span)
         if value is None:
             raise AlreadyTold
@@ -172,7 +176,9 @@ class Resolver:
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """What a slot reads in this scope."""
-        if slot.path.words == "time" and scope.find("time") is None:
+        if isinstance(slot.path, tree.Call):
+            return self._nested_integral(slot.path, scope)
+        if slot.words == "time" and scope.find("time") is None:
             return Scalar(TIME, None if scope.plain else SECOND, "time", "time")
         found = self.lookup(slot.path, scope)
         if isinstance(found, Items):
@@ -185,8 +191,10 @@ class Resolver:
             return found.items[slot.item]
         return found
 
-    def resolve(self, path: tree.Path, scope: Scope) -> Readable:
-        """The dimensions of what a path reads."""
+    def resolve(self, path: tree.Path | tree.Call, scope: Scope) -> Readable:
+        """The dimensions of what a path reads, or of an integral."""
+        if isinstance(path, tree.Call):
+            return Readable((self._nested_integral(path, scope).dimension,), False)
         found = self.lookup(path, scope)
         if isinstance(found, Items):
             return Readable(tuple(i.dimension for i in found.items), True)
@@ -418,6 +426,8 @@ class Resolver:
             return pending.result
         if pending.state == "broken":
             raise AlreadyTold
+        if pending.state == "busy" and self._inferring:
+            return Scalar(Quantity(pending.name), None, pending.role, pending.name)
         if pending.state == "busy":
             pending.state = "broken"
             what = (
@@ -473,6 +483,8 @@ class Resolver:
                 pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
             )
             return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
+        if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
+            return self._integral(value, scope, pending.name, pending.role, declared, item.description or "")
         own_unit = unit if is_default and _all_bare(value) else None
         template = self.template(value, scope, own_unit)
         if pending.role in ("parameter", "constant"):
@@ -503,6 +515,69 @@ class Resolver:
         )
         return Items(pending.name, items)
 
+    # ------------------------------------------------------------ signals with memory
+    def _nested_integral(self, call: tree.Call, scope: Scope) -> Scalar:
+        """An integral inside a larger expression: a signal without a name of the author's."""
+        key = (id(call), id(scope))
+        if key not in self._nested:
+            self._keep_scopes.append(scope)
+            name = scope.full(f"integral at line {call.span.line}{scope.suffix}")
+            names = {f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys()
+            self._nested[key] = self._integral(call, scope, min(names), "signal", None, "")
+        return self._nested[key]
+
+    def _integral(
+        self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
+    ) -> Scalar:
+        """Enter an integral: known at once, so that it can depend on itself; its rate is read when all names are known."""
+        rate, start = call.arguments
+        template = self.template(start, scope)
+        dimension = declared or self._dimension(template.value)
+        if dimension is None and not scope.plain:
+            dimension = self._inferred(rate, scope)
+        named = Named(name, role, str(dimension or ONE), None, None, call.span, description)
+        self.quantities[name] = named
+        self._memories.append((name, call, scope, dimension))
+        return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
+
+    def _inferred(self, rate: tree.Expression, scope: Scope) -> Dimension | None:
+        """The dimension of an integral from its rate, in which the integral itself fits anything."""
+        before, self._inferring = self._inferring, True
+        try:
+            found = self._dimension(ExpressionCompiler(scope, self.resolve).compile(rate).value)
+        finally:
+            self._inferring = before
+        return None if found is None else found * SECOND
+
+    def integrals(self) -> dict[str, Integral]:
+        """The signals with memory, their rates read now."""
+        result: dict[str, Integral] = {}
+        position = 0
+        while position < len(self._memories):  # a rate may contain another integral
+            name, call, scope, dimension = self._memories[position]
+            position += 1
+            found = self.guard(self._read_integral, name, call, scope, dimension)
+            if found is not None:
+                result[name] = found
+        return result
+
+    def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
+        bounds = []
+        per_second = None if dimension is None else dimension / SECOND
+        for part, wanted in zip(call.arguments, (per_second, dimension), strict=True):
+            template = self.template(part, scope)
+            value = template.value
+            if not isinstance(value, Typed):
+                raise Wrong(WrongType(part.span, "A single number", "a list"))
+            if not scope.plain and value.dimension is not None and wanted is not None and value.dimension != wanted:
+                what = f"`{part.span.text}` is {describe(value.dimension)}, but an integral in [{dimension}] needs {describe(wanted)}"
+                raise Wrong(DimensionMismatch(part.span, what, unit_hint(value.dimension, wanted)))
+            bounds.append(self.bind(template, template.formulas[0], scope))
+        for slot in self.template(call.arguments[1], scope).slots:
+            if self.scalar_at(slot, scope).role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
+        return Integral(name, bounds[0], bounds[1], call.span)
+
     @staticmethod
     def _dimension(value: Any) -> Dimension | None:
         parts = value if isinstance(value, tuple) else (value,)
@@ -512,7 +587,7 @@ class Resolver:
         for slot in template.slots:
             scalar = self.scalar_at(slot, scope)
             if scalar.role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, f"The {pending.role} `{pending.name}`", slot.path.words))
+                raise Wrong(NotStatic(slot.path.span, f"The {pending.role} `{pending.name}`", slot.words))
 
     def _enter_quantity(
         self, pending: Pending, suffix: str, bound: Bound, dimension: Dimension | None, span: Span

@@ -66,8 +66,13 @@ Value = Typed | tuple[Typed, ...]
 class Slot:
     """What a slot reads: a path of the text, and which item of it if it is a list."""
 
-    path: tree.Path
+    path: tree.Path | tree.Call  # a call is `integral(…)`, a signal of its own
     item: int | None
+
+    @property
+    def words(self) -> str:
+        """What it reads, as written."""
+        return self.path.words if isinstance(self.path, tree.Path) else "integral(…)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +98,7 @@ class Readable:
     is_list: bool
 
 
-Resolve = Callable[[tree.Path, Scope], Readable]
+Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,8 +281,8 @@ class ExpressionCompiler:
             return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
         return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
 
-    def _slot(self, path: tree.Path, item: int | None) -> int:
-        key = (path.words, item)
+    def _slot(self, path: tree.Path | tree.Call, item: int | None) -> int:
+        key = (path.words if isinstance(path, tree.Path) else f"integral at {path.span.start}", item)
         if key not in self.slots:
             self.slots[key] = len(self.slot_list)
             self.slot_list.append(Slot(path, item))
@@ -399,16 +404,13 @@ class ExpressionCompiler:
         function = self.scope.definition.file.functions.get(node.function)
         if function is not None:
             return self._open(function, node)
+        if node.function == "integral":
+            return self._integral(node)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
-            if node.function in ("integral", "chirp", "noise", "table"):
-                raise Wrong(
-                    Unsupported(
-                        node.span,
-                        f"`{node.function}`",
-                        "A storage element integrates its flow: read its displacement or momentum.",
-                    )
-                )
+            if node.function in ("chirp", "noise", "table"):
+                hint = "Signals are made of step, pulse, ramp, smoothstep5, sin and `if`."
+                raise Wrong(Unsupported(node.span, f"`{node.function}`", hint))
             hint = suggestion(
                 node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`."
             )
@@ -426,6 +428,18 @@ class ExpressionCompiler:
             return Typed(c * x - s * y, d), Typed(s * x + c * y, d)
         arguments = [self.scalar(a) for a in node.arguments]
         return build(self, node, arguments)
+
+    def _integral(self, node: tree.Call) -> Typed:
+        """`integral(rate, start)` is a signal of its own, with memory; here it is only read."""
+        if len(node.arguments) != 2:
+            raise Wrong(
+                WrongArguments(node.span, "integral", _arguments(2), len(node.arguments), "integral(rate, start)")
+            )
+        if self.opening:
+            hint = "Integrate where the function is used."
+            raise Wrong(Unsupported(node.span, "`integral` inside a function", hint))
+        found = self.resolve(node, self.scope)
+        return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
 
     def _open(self, function: tree.Function, node: tree.Call) -> Value:
         if len(node.arguments) != len(function.parameters):
