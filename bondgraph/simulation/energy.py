@@ -43,7 +43,7 @@ def energy_balance(space: StateSpace, work: Any, before: Any, after: Any, argume
         elements.append(ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0))
         offset += count
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
-        if kind in ("C", "I") and not any(s.element == name for s in space.storages):
+        if kind in ("C", "I", "IC") and not any(s.element == name for s in space.storages):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
     stored, supplied, dissipated = (
         float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")

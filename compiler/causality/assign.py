@@ -15,7 +15,7 @@ from enum import Enum
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Symbol, depends_on
 from ..errors import CompilationFailed
-from ..graph.network import BondGraph, Element, End, Junction, Kind, MechanismNode, Own
+from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode, Own
 from ..source import Span
 from .errors import StrokeConflict
 
@@ -111,7 +111,9 @@ class _Assignment:
                 if node.kind in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
                     demands = [(p, node.kind is Kind.EFFORT_SOURCE, Because.SOURCE) for p in range(len(node.ports))]
                 elif node.require is not None:
-                    demands = [(p, _wants_effort(node, node.require), Because.REQUIRED) for p in range(len(node.ports))]
+                    demands = [
+                        (p, _wants_effort(node, p, node.require), Because.REQUIRED) for p in range(len(node.ports))
+                    ]
             for port, effort, because in demands:
                 self._demand(self.bond_of[End(number, port)], number, effort, because)
 
@@ -126,14 +128,13 @@ class _Assignment:
     def _storages(self, first: bool) -> Iterator[tuple[int, int, bool, Because]]:
         """Storages in integral form; those that prefer the derivative come last, and in derivative form."""
         for number, node in enumerate(self.graph.nodes):
-            if isinstance(node, Element) and node.kind in (Kind.CAPACITOR, Kind.INERTIA):
-                integral = node.kind is Kind.CAPACITOR  # a C decides its effort, an I its flow
-                prefers_derivative = node.prefer == "derivative" or (
-                    node.prefer in ("effort", "flow") and _wants_effort(node, node.prefer) != integral
-                )
-                if prefers_derivative is not first:
-                    for port in range(len(node.ports)):
-                        yield self.bond_of[End(number, port)], number, integral != prefers_derivative, Because.INTEGRAL
+            if not (isinstance(node, Element) and node.kind in STORAGES):
+                continue
+            for port, stored in enumerate(node.stored):
+                integral = stored == "q"  # a displacement gives the effort, a momentum the flow
+                wanted = integral if node.prefer is None else _wants_effort(node, port, node.prefer)
+                if (wanted == integral) is first:
+                    yield self.bond_of[End(number, port)], number, wanted, Because.INTEGRAL
 
     def _resistors(self) -> Iterator[tuple[int, int, bool, Because]]:
         """Nonlinear laws first: they may not be invertible, a linear one always is."""
@@ -148,7 +149,7 @@ class _Assignment:
                 if linear is not wanted:
                     continue
                 for port in range(len(node.ports)):
-                    effort = _wants_effort(node, node.prefer) if node.prefer else _written_effort(node, port)
+                    effort = _wants_effort(node, port, node.prefer) if node.prefer else _written_effort(node, port)
                     yield self.bond_of[End(number, port)], number, effort, Because.PREFERRED
 
     def _rest(self) -> Iterator[tuple[int, int, bool, Because]]:
@@ -239,12 +240,12 @@ class _Assignment:
     # ------------------------------------------------------------ results and reasons
     def _derivative_ports(self) -> Iterator[End]:
         for number, node in enumerate(self.graph.nodes):
-            if isinstance(node, Element) and node.kind in (Kind.CAPACITOR, Kind.INERTIA):
-                for port in range(len(node.ports)):
+            if isinstance(node, Element) and node.kind in STORAGES:
+                for port, stored in enumerate(node.stored):
                     bond = self.bond_of[End(number, port)]
                     ends = self.graph.bonds[bond]
                     decider = ends.tail if self.effort_from[bond] == TAIL else ends.head
-                    if (decider.node == number) is not (node.kind is Kind.CAPACITOR):
+                    if (decider.node == number) is not (stored == "q"):
                         yield End(number, port)
 
     def _explain(self, conflict: _Conflict, bond: int, node: int, effort: bool) -> StrokeConflict:
@@ -278,10 +279,11 @@ class _Assignment:
         return StrokeConflict(self.graph.nodes[node].span, what, hint, tuple(chain))
 
 
-def _wants_effort(node: Element, word: str) -> bool:
+def _wants_effort(node: Element, port: int, word: str) -> bool:
+    """Whether a wish means that the element decides the effort of a port."""
     if word in ("effort", "flow"):
         return word == "effort"
-    return (word == "integral") is (node.kind is Kind.CAPACITOR)
+    return (word == "integral") is (node.stored[port] == "q")
 
 
 def _written_effort(node: Element, port: int) -> bool:

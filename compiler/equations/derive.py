@@ -22,6 +22,7 @@ from ..causality import CausalGraph
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import DOMAINS
 from ..graph.network import (
+    STORAGES,
     TIME,
     BondGraph,
     Element,
@@ -43,10 +44,8 @@ from .errors import DerivativeField, NotInvertible, StartOfDependent
 from .laws import ratio, solved
 from .system import Argument, Assignment, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
-STORED = {
-    Kind.CAPACITOR: ("q", "e", "f"),
-    Kind.INERTIA: ("p", "f", "e"),
-}  # stored, what the law gives, what is integrated
+GIVEN = {"q": "e", "p": "f"}  # stored -> what the law gives in integral form; the other one is integrated
+INTEGRATED = {"q": "f", "p": "e"}
 
 
 def derive_equations(causal: CausalGraph, zeros: frozenset[str], free: frozenset[str]) -> EquationSystem:
@@ -280,7 +279,7 @@ class EquationBuilder:
         for bond in bonds:
             sign = 1 if self.graph.bonds[bond].head.node == number else -1
             self.ports.append(PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign))
-        if node.kind in STORED:
+        if node.kind in STORAGES:
             self._storage(number, node, bonds)
             return
         decides = [self.causal.decides_effort(b, number) for b in bonds]
@@ -320,41 +319,41 @@ class EquationBuilder:
 
     # ------------------------------------------------------------ storage
     def _storage(self, number: int, node: Element, bonds: list[int]) -> None:
-        stored, given, integrated = STORED[node.kind]
         ports = range(len(node.ports))
         derivative_ports = [p for p in ports if End(number, p) in self.causal.derivative]
-        quantities = [self._stored_variable(node, p, stored) for p in ports]
+        quantities = [self._stored_variable(node, p) for p in ports]
         variables = {"e": self.efforts, "f": self.flows}
-        own = {Own(p, stored): quantities[p] for p in ports}
-        own |= {Own(p, given): variables[given][b] for p, b in enumerate(bonds)}
+        own = {Own(p, node.stored[p]): quantities[p] for p in ports}
+        own |= {
+            Own(p, GIVEN[s]): variables[GIVEN[s]][b] for p, (s, b) in enumerate(zip(node.stored, bonds, strict=True))
+        }
+        rates = [variables[INTEGRATED[s]][b] for s, b in zip(node.stored, bonds, strict=True)]
         if derivative_ports:
             if len(bonds) > 1:
-                what = "displacement" if node.kind is Kind.CAPACITOR else "momentum"
+                what = {"q": "displacement", "p": "momentum"}[node.stored[derivative_ports[0]]]
                 self.diagnostics.append(
                     DerivativeField(node.span, node.name, node.ports[derivative_ports[0]].name, what)
                 )
                 return
             if node.starts:
                 self.diagnostics.append(StartOfDependent(node.span, node.name))
-            if self._apply_law(node, (Own(0, stored),), own, quantities):
-                self.derivatives.append(
-                    Derivative(variables[integrated][bonds[0]], quantities[0], node.span, node.name)
-                )
+            if self._apply_law(node, (Own(0, node.stored[0]),), own, quantities):
+                self.derivatives.append(Derivative(rates[0], quantities[0], node.span, node.name))
             return
-        wanted = tuple(Own(p, given) for p in ports)
-        if not self._apply_law(node, wanted, own, [variables[given][b] for b in bonds]):
+        wanted = tuple(Own(p, GIVEN[s]) for p, s in enumerate(node.stored))
+        if not self._apply_law(node, wanted, own, [own[w] for w in wanted]):
             return
-        for port, bond in enumerate(bonds):
-            self._state(node, port, quantities[port], variables[integrated][bond])
-        self._energy_of(node, wanted, quantities, stored)
+        for port in ports:
+            self._state(node, port, quantities[port], rates[port])
+        self._energy_of(node, wanted, quantities)
 
-    def _stored_variable(self, node: Element, port: int, stored: str) -> int:
-        return self.reading(Reading(node.name, node.ports[port].name, stored))
+    def _stored_variable(self, node: Element, port: int) -> int:
+        return self.reading(Reading(node.name, node.ports[port].name, node.stored[port]))
 
     def _state(self, node: Element, port: int, quantity: int, rate: int) -> None:
         """A state; or, if the geometry already knows the displacement, a sum of coordinates."""
         start = self._start(node, port)
-        if node.kind is Kind.CAPACITOR:
+        if node.stored[port] == "q":
             known = self.integral(rate)
             if known is not None:
                 offset = Number(start) if isinstance(start, float) else Symbol(start)
@@ -388,7 +387,8 @@ class EquationBuilder:
         if port not in node.starts:
             return 0.0
         variable, bound = node.starts[port]
-        stored, given, _ = STORED[node.kind]
+        stored = node.stored[port]
+        given = GIVEN[stored]
         value = self.folded(bound)
         name = f"{_port_name(node, port, stored)} at the start"
         if variable == given:
@@ -443,8 +443,8 @@ class EquationBuilder:
             return False
         return all(isinstance(a, float) or self._is_static(a) for a in assignment.arguments)
 
-    def _energy_of(self, node: Element, wanted: tuple[Own, ...], quantities: list[int], stored: str) -> None:
-        slots: dict[object, Symbol] = {Own(p, stored): Symbol(p) for p in range(len(quantities))}
+    def _energy_of(self, node: Element, wanted: tuple[Own, ...], quantities: list[int]) -> None:
+        slots: dict[object, Symbol] = {Own(p, s): Symbol(p) for p, s in enumerate(node.stored)}
         slots |= {i: Symbol(len(quantities) + i) for i in range(node.law.arity)}
 
         def put(symbol: Symbol) -> Expression:

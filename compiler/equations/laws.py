@@ -18,10 +18,9 @@ def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
     Explicit equations are taken as they are, affine ones are solved here, and only what is left goes to sympy.
     """
     if law.energy is not None:
-        stored = "q" if wanted[0].variable == "e" else "p"
-        expected = "e" if stored == "q" else "f"
-        if all(w.variable == expected for w in wanted):
-            return tuple(derivative(law.energy, Symbol(Own(w.port, stored))) for w in wanted)
+        if all(w.variable in "ef" for w in wanted):  # efforts by displacements, flows by momenta
+            stored = {"e": "q", "f": "p"}
+            return tuple(derivative(law.energy, Symbol(Own(w.port, stored[w.variable]))) for w in wanted)
         if len(wanted) != 1:
             return None
         slope = derivative(law.energy, Symbol(Own(0, wanted[0].variable)))

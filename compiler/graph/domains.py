@@ -20,6 +20,7 @@ class Domain:
     flow: Dimension
     letters: tuple[str | None, str | None, str | None, str | None]
     typed: bool = True
+    guessed: bool = True  # whether the letters of a law alone may tell it
 
     def dimension(self, variable: str) -> Dimension:
         """The dimension of `e`, `f`, `q` or `p`."""
@@ -55,6 +56,8 @@ DOMAINS: Mapping[str, Domain] = {
         Domain("hydraulic", PASCAL, METRE**3 / SECOND, ("P", "Q", "V", "Gamma")),
         Domain("thermal", KELVIN, WATT / KELVIN, ("T", "S_dot", "S", None)),
         Domain("chemical", NEWTON * METRE / MOLE, MOLE / SECOND, ("mu", "n_dot", "n", None)),
+        Domain("acoustic", PASCAL, METRE**3 / SECOND, ("P", "Q", "V", "Gamma"), guessed=False),
+        Domain("pseudothermal", KELVIN, WATT, ("T", "Q_dot", "Q", None), guessed=False),
         Domain("untyped", ONE, ONE, ("e", "f", "q", "p"), typed=False),
     )
 }

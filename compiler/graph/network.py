@@ -28,6 +28,7 @@ class Kind(Enum):
     FLOW_SOURCE = "Sf"
     CAPACITOR = "C"
     INERTIA = "I"
+    STORAGE_FIELD = "IC"
     RESISTOR = "R"
     TRANSFORMER = "TF"
     GYRATOR = "GY"
@@ -91,12 +92,16 @@ class Element:
     ports: tuple[Port, ...]
     law: Law
     arguments: tuple[Reference, ...]
+    stored: tuple[str, ...]  # of a storage, port by port: "q" or "p"; else empty
     starts: Mapping[int, tuple[str, Bound]]  # port number -> a variable of it and its value at the start
     nominals: Mapping[int, tuple[str, Bound]]
     prefer: str | None  # "integral", "derivative", "effort" or "flow"
     require: str | None
     definition: str  # where it is declared: Model.name
     span: Span
+
+
+STORAGES = frozenset({Kind.CAPACITOR, Kind.INERTIA, Kind.STORAGE_FIELD})
 
 
 @dataclass(frozen=True, slots=True)

@@ -165,7 +165,7 @@ def _silent_source(node: Element, variable: str) -> Element:
     """A source of nothing: it still shorts a 0-junction or holds a 1-junction."""
     kind = Kind.EFFORT_SOURCE if variable == "e" else Kind.FLOW_SOURCE
     law = Law(((Symbol(Own(0, variable)), ZERO),), None, 0)
-    return replace(node, kind=kind, law=law, arguments=(), starts={}, nominals={}, prefer=None, require=None)
+    return replace(node, kind=kind, law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None, require=None)
 
 
 def _without_ports(node: Element, removed: set[int]) -> Element:
@@ -180,9 +180,12 @@ def _without_ports(node: Element, removed: set[int]) -> Element:
         if not (isinstance(left, Symbol) and isinstance(left.key, Own) and left.key.port in removed)
     )
     ports = tuple(p for i, p in enumerate(node.ports) if i not in removed)
+    stored = tuple(s for i, s in enumerate(node.stored) if i not in removed)
     starts = {renumbered[p]: s for p, s in node.starts.items() if p in renumbered}
     nominals = {renumbered[p]: s for p, s in node.nominals.items() if p in renumbered}
-    return replace(node, ports=ports, law=Law(equations, None, node.law.arity), starts=starts, nominals=nominals)
+    return replace(
+        node, ports=ports, law=Law(equations, None, node.law.arity), stored=stored, starts=starts, nominals=nominals
+    )
 
 
 def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]) -> BondGraph:

@@ -26,7 +26,7 @@ from .errors import (
     WrongValue,
 )
 from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
-from .laws import STORED, CompiledLaw, compile_law, plain_kind
+from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
 from .scope import ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
@@ -218,11 +218,11 @@ class _Nodes:
         ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
         for number, port in enumerate(ports):
             self.ends[entry.name, port.name] = End(index, number)
-        attributes = self._attributes(scope, declaration, entry)
+        attributes = self._attributes(scope, declaration, entry, compiled.stored)
         kind = plain_kind(declaration.kind)
         self.nodes.append(
             Element(
-                entry.name, Kind(kind), kind != declaration.kind, ports, compiled.law, arguments,
+                entry.name, node_kind(declaration.kind), kind != declaration.kind, ports, compiled.law, arguments, compiled.stored,
                 attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
             )
         )  # fmt: skip
@@ -234,16 +234,17 @@ class _Nodes:
             compiled = compile_law(
                 declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
             )
-            found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots)
+            found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots, compiled.stored)
             self._laws[id(declaration)] = found
         return found
 
-    def _attributes(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> _Attributes:
+    def _attributes(
+        self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry, stored: tuple[str, ...]
+    ) -> _Attributes:
         result = _Attributes({}, {}, None, None)
         ports = list(entry.ports)
-        kind = plain_kind(declaration.kind)
         for attribute in declaration.attributes:
-            self.elaborator.guard(self._attribute, scope, attribute, entry, ports, kind, result)
+            self.elaborator.guard(self._attribute, scope, attribute, entry, ports, stored, result)
         return result
 
     def _attribute(
@@ -252,19 +253,19 @@ class _Nodes:
         attribute: tree.Attribute,
         entry: ElementEntry,
         ports: list[str],
-        kind: str,
+        stored: tuple[str, ...],
         result: _Attributes,
     ) -> None:
         """One attribute of an element."""
-        if attribute.name in ("start", "nominal") and kind in STORED:
-            self._stored_value(scope, attribute, entry, ports, kind, result)
+        if attribute.name in ("start", "nominal") and stored:
+            self._stored_value(scope, attribute, entry, ports, stored, result)
             return
         if attribute.name not in ("prefer", "require"):
-            known = (["start", "nominal"] if kind in STORED else []) + ["prefer", "require"]
+            known = (["start", "nominal"] if stored else []) + ["prefer", "require"]
             hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
         word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.text
-        allowed = ["integral", "derivative", "effort", "flow"] if kind in STORED else ["effort", "flow"]
+        allowed = ["integral", "derivative", "effort", "flow"] if stored else ["effort", "flow"]
         if word not in allowed:
             hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
             raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
@@ -279,15 +280,15 @@ class _Nodes:
         attribute: tree.Attribute,
         entry: ElementEntry,
         ports: list[str],
-        kind: str,
+        all_stored: tuple[str, ...],
         result: _Attributes,
     ) -> None:
-        stored = STORED[kind]
         words = attribute.target.words if attribute.target is not None else ""
         port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
         domain: Domain | None = entry.ports.get(port)
+        stored = all_stored[ports.index(port) if port in ports else 0]
         variable = None if domain is None else (domain.variable(letter) if letter else stored)
-        allowed = stored + ("e" if kind == "C" else "f")
+        allowed = stored + {"q": "e", "p": "f"}[stored]
         if (
             domain is None
             or variable is None
@@ -381,8 +382,8 @@ def _placeholder(entry: ElementEntry) -> Node:
     if entry.kind in ("0", "1"):
         return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
-    kind = Kind(plain_kind(entry.kind))
-    return Element(entry.name, kind, False, ports, Law((), None, 0), (), {}, {}, None, None, "", entry.span)
+    kind = node_kind(entry.kind)
+    return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)
 
 
 def _unconnected(graph: BondGraph) -> list[Diagnostic]:

@@ -51,6 +51,7 @@ class Place(NamedTuple):
     kind: str
     span: Span
     words: str
+    ports: tuple[str, ...] = ()  # all ports of an element
 
 
 class Connector:
@@ -90,7 +91,8 @@ class Connector:
     def _arrow(self, scope: Scope, tail: tree.Path | tree.Nest, head: tree.Path | tree.Nest, arrow: str) -> None:
         source, target = self._place(scope, tail, is_head=False), self._place(scope, head, is_head=True)
         span = head.span
-        if source.kind in ("C", "I", "R", "MR"):
+        self._check_heat(source, target, tail.span, head.span)
+        if source.kind in ("C", "I", "IC", "R", "MR"):
             word = source.words
             raise Wrong(
                 WrongConnection(
@@ -128,6 +130,20 @@ class Connector:
             )
         for component, terminal in source.terminals.items():
             self.segments.append(Segment(terminal, target.terminals[component], span))
+
+    @staticmethod
+    def _check_heat(source: Place, target: Place, tail: Span, head: Span) -> None:
+        """Arrows go into the ports of an RS, and out of its last one, which gives what the others lose."""
+        for place, span, into in ((source, tail, False), (target, head, True)):
+            if place.kind == "RS":
+                last = place.ports[-1]
+                for terminal in place.terminals.values():
+                    if (terminal.port == last) is into:
+                        way = "out of" if into else "into"
+                        hint = (
+                            f"Power counts as positive into an RS, and out of its last port, `{last}`: turn the arrow."
+                        )
+                        raise Wrong(WrongConnection(span, f"The arrow at `{place.words}` should go {way} it", hint))
 
     def _nest(self, scope: Scope, nest: tree.Nest) -> None:
         place = self._place(scope, nest, is_head=True)
@@ -245,7 +261,8 @@ class Connector:
                 )
             case ElementEntry():
                 side = "" if entry.kind != "splitter" else ("single" if component is not None else "many")
-                return self._ports(entry.name, entry.ports, component, side, entry.kind, place)
+                found = self._ports(entry.name, entry.ports, component, side, entry.kind, place)
+                return found._replace(ports=tuple(entry.ports))
             case WallEntry():
                 return self._ports(
                     entry.name, entry.ports, component, "inside" if own_wall else "outside", "wall", place

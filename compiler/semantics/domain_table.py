@@ -247,7 +247,7 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
                 fitting = [
                     d
                     for d in DOMAINS.values()
-                    if d.typed and letters and all(w in d.letters or w in GENERIC for w in letters)
+                    if d.typed and d.guessed and letters and all(w in d.letters or w in GENERIC for w in letters)
                 ]
                 if len(fitting) == 1:
                     table.learn((declared.name, port), fitting[0].name, definition.span)

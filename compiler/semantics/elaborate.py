@@ -313,9 +313,13 @@ class Elaborator(Resolver):
 
     def _declare_element(self, scope: Scope, statement: tree.Declaration, declared: tree.Declared) -> None:
         self.counted(declared.span)
-        if statement.kind in ("IC", "RS"):
-            what = "`IC`" if statement.kind == "IC" else "`RS`"
-            raise Wrong(Unsupported(statement.span, what, "Use C, I and R with several ports where that is enough."))
+        if statement.kind in ("IC", "RS") and len(declared.components) < 2:
+            hint = (
+                "An RS has a port for what it loses: `RS pad(shaft, heat)`."
+                if statement.kind == "RS"
+                else "With one port it is a C or an I."
+            )
+            raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", hint))
         index = self.index_of(declared.index, scope)
         if index is None and scope.outer is not None:
             raise Wrong(

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from ..algebra.expression import ZERO, Expression, Symbol, symbols
+from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, symbols
 from ..graph.domains import Domain
-from ..graph.network import Law, Own
+from ..graph.network import Kind, Law, Own
+from ..graph.units import JOULE
 from ..source import Span
 from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of
@@ -16,8 +17,12 @@ from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
 from .typed import ExpressionCompiler, OwnVariable, Resolve, Slot
 
 # The variables that a law may relate, kind by kind.
-LAW_VARIABLES: Mapping[str, str] = {"Se": "e", "Sf": "f", "C": "eq", "I": "fp", "R": "ef", "TF": "ef", "GY": "ef"}
-STORED: Mapping[str, str] = {"C": "q", "I": "p"}
+LAW_VARIABLES: Mapping[str, str] = {
+    "Se": "e", "Sf": "f", "C": "eq", "I": "fp", "IC": "efqp", "R": "ef", "RS": "ef", "TF": "ef", "GY": "ef",
+}  # fmt: skip
+STORED: Mapping[str, str] = {"C": "q", "I": "p", "IC": "qp"}
+
+_STORED_WORD = {"C": "displacement", "I": "momentum", "IC": "displacements and momenta"}
 
 
 # Tells what a slot's path is in a scope: a scalar with its role.
@@ -26,15 +31,21 @@ RoleOf = Callable[[Slot, Scope], Scalar]
 
 @dataclass(frozen=True, slots=True)
 class CompiledLaw:
-    """A law and what its slots read."""
+    """A law, what its slots read, and what each port stores (`q` or `p`; empty for what stores nothing)."""
 
     law: Law
     slots: tuple[Slot, ...]
+    stored: tuple[str, ...]
 
 
 def plain_kind(kind: str) -> str:
     """The kind without its M."""
     return kind[1:] if kind.startswith("M") and len(kind) > 1 else kind
+
+
+def node_kind(kind: str) -> Kind:
+    """What an element of this kind is in the graph: an RS is a resistor with a port for its heat."""
+    return Kind("R" if kind == "RS" else plain_kind(kind))
 
 
 def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
@@ -112,7 +123,37 @@ def compile_law(
         _check_form(declaration, kind, name, equations, len(ports))
     slots = tuple(compiler.slot_list)
     _check_modulation(declaration, kind, name, slots, scope, role_of, energy is not None)
-    return CompiledLaw(Law(tuple(equations), energy, len(slots)), slots)
+    if kind == "RS":
+        equations.append(_heat(len(ports)))
+    law = Law(tuple(equations), energy, len(slots))
+    return CompiledLaw(law, slots, _stored(kind, name, law, list(ports), definition.span))
+
+
+def _heat(ports: int) -> tuple[Expression, Expression]:
+    """The last port of an RS gives what the others take: its flow from their power."""
+    power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(ports - 1)))
+    return Symbol(Own(ports - 1, "f")), divide(power, Symbol(Own(ports - 1, "e")))
+
+
+def _stored(kind: str, name: str, law: Law, ports: list[str], span: Span) -> tuple[str, ...]:
+    """What each port of a storage stores; of an IC, whichever of the two its law uses."""
+    if kind not in STORED:
+        return ()
+    if kind != "IC":
+        return (STORED[kind],) * len(ports)
+    sides = [side for equation in law.equations for side in equation] + ([law.energy] if law.energy is not None else [])
+    used = {own for side in sides for own in _own(side)}
+    found = []
+    for number, port in enumerate(ports):
+        variables = [v for v in "qp" if Own(number, v) in used]
+        if len(variables) != 1:
+            what = (
+                "both its displacement and its momentum" if variables else "neither its displacement nor its momentum"
+            )
+            hint = f"A port of an IC stores one of them: write `{port}.q` or `{port}.p`."
+            raise Wrong(WrongLaw(span, f"The law of `{name}` uses, of its port `{port}`, {what}", hint))
+        found += variables
+    return tuple(found)
 
 
 def _energy(
@@ -124,13 +165,11 @@ def _energy(
     ports: Mapping[str, Domain],
     scope: Scope,
 ) -> Expression:
-    from ..graph.units import JOULE
-
     if kind not in STORED:
         raise Wrong(
             WrongLaw(
                 definition.span,
-                f"`{name}` is {declaration.kind}: only C and I store energy",
+                f"`{name}` is {declaration.kind}: only C, I and IC store energy",
                 "Write its law as an equation.",
             )
         )
@@ -143,8 +182,8 @@ def _energy(
     typed = compiler.scalar(definition.equations[0].right)
     stored = STORED[kind]
     for symbol in symbols(typed.expression):
-        if isinstance(symbol.key, Own) and symbol.key.variable != stored:
-            word = "displacement" if kind == "C" else "momentum"
+        if isinstance(symbol.key, Own) and symbol.key.variable not in stored:
+            word = _STORED_WORD[kind]
             raise Wrong(
                 WrongLaw(
                     definition.span,
@@ -152,8 +191,8 @@ def _energy(
                     f"An energy is a function of what is stored, its {word}, alone.",
                 )
             )
-    typed_port = next(iter(ports.values())).typed
-    if typed_port and typed.dimension not in (None, JOULE):
+    true_power = all(d.typed and d.name != "pseudothermal" for d in ports.values())
+    if true_power and typed.dimension not in (None, JOULE):
         raise Wrong(
             DimensionMismatch(
                 definition.span, f"The energy of `{name}` must be in [N*m], but it is {describe(typed.dimension)}", ""
@@ -163,7 +202,7 @@ def _energy(
         raise Wrong(
             WrongLaw(
                 definition.span,
-                f"The energy of `{name}` does not depend on its own {'displacement' if kind == 'C' else 'momentum'}",
+                f"The energy of `{name}` does not depend on its own {_STORED_WORD[kind]}",
                 "It would give no effort.",
             )
         )
@@ -219,7 +258,7 @@ def _check_form(
     declaration: tree.Declaration, kind: str, name: str, equations: list[tuple[Expression, Expression]], ports: int
 ) -> None:
     span = declaration.definition.span if declaration.definition else declaration.span
-    expected = 1 if kind in ("TF", "GY") else ports
+    expected = 1 if kind in ("TF", "GY") else ports - (kind == "RS")
     if len(equations) != expected:
         raise Wrong(
             WrongLaw(
@@ -244,8 +283,8 @@ def _check_form(
     if kind in ("TF", "GY"):
         _check_transducer(kind, name, equations[0], used[0], span)
         return
-    for port in range(ports):
-        for variable in LAW_VARIABLES[kind]:
+    for port in range(ports - (kind == "RS")):
+        for variable in LAW_VARIABLES[kind] if kind != "IC" else "":
             wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in LAW_VARIABLES[kind]}
             if not any(wanted & u for u in used):
                 words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}[variable]
@@ -317,7 +356,7 @@ def _check_modulation(
     if not modulated and changing:
         slot, role = changing[0]
         if kind in STORED:
-            what = "displacement" if kind == "C" else "momentum"
+            what = _STORED_WORD[kind]
             hint = (
                 f"A storage depends on its own {what} and on parameters. What moves it is one of its ports: "
                 f"`{kind} {name}(…, …)` with a port for `{role.name}`."

@@ -219,6 +219,12 @@ class Resolver:
             raise AlreadyTold
         if isinstance(entry, Pending):
             return self.quantity(entry)
+        if isinstance(entry, Scalar) and entry.role == "port":
+            raise Wrong(
+                WrongType(
+                    path.span, "A number", f"the port `{name}`", f"Read its effort or flow, as `{path.words}.e`, `.f`."
+                )
+            )
         if isinstance(entry, Scalar | Items):
             return entry
         if isinstance(entry, Array):
@@ -332,7 +338,7 @@ class Resolver:
             return Scalar(
                 Reading(entry.name, name, variable),
                 entry.ports[name].dimension(variable),
-                "reading",
+                "reading" if kind in ("C", "I") else "port",
                 f"{entry.name}.{name}",
             )
         domain = entry.ports[""]

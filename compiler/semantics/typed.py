@@ -129,6 +129,8 @@ def scale_of(unit: tree.Unit) -> Scale:
 
 
 def _unit_advice(symbol: str) -> str:
+    if symbol == "dB":
+        return "A ratio in dB stands alone after its number: `20 dB`."
     if symbol.startswith("_"):
         return "Digits stand without separators: `1000`."
     for cut in range(1, len(symbol)):
@@ -200,11 +202,11 @@ class ExpressionCompiler:
                 return self._sum(node)
             case tree.Product():
                 return self._product(node)
+            case tree.Negative(operand=tree.Literal(unit=tree.Unit()) as literal):
+                return self._literal(literal, -literal.number)  # -20 degC and -20 dB are not 20 of them, negated
             case tree.Negative():
-                return _each(
-                    lambda t: Typed(negate(t.expression), self._number(t, node.span).dimension),
-                    self.value(node.operand),
-                )
+                value = self.value(node.operand)
+                return _each(lambda t: _negated(self._number(t, node.span)), value)
             case tree.Power():
                 return self._power(node)
             case tree.Vector():
@@ -245,22 +247,19 @@ class ExpressionCompiler:
             return Typed(select(value.expression, NUMBER_ONE, ZERO), ONE)
         return value
 
-    def _literal(self, node: tree.Literal) -> Typed:
+    def _literal(self, node: tree.Literal, number: Fraction | None = None) -> Typed:
+        value = node.number if number is None else number
         if node.unit is not None:
             if self.scope.plain:
-                raise Wrong(
-                    WrongType(
-                        node.unit.span,
-                        "A bare number",
-                        "a unit",
-                        "A `plain model` has no units; drop the word `plain` to use them.",
-                    )
-                )
+                hint = "A `plain model` has no units; drop the word `plain` to use them."
+                raise Wrong(WrongType(node.unit.span, "A bare number", "a unit", hint))
+            if [symbol for symbol, _, _ in node.unit.factors] == ["dB"]:
+                return Typed(Number(10.0 ** float(value / 20)), ONE)
             scale = scale_of(node.unit)
-            return Typed(Number(scale.to_si(node.number)), scale.dimension)
+            return Typed(Number(scale.to_si(value)), scale.dimension)
         if self.unit is not None:
-            return Typed(Number(self.unit.to_si(node.number)), self.unit.dimension)
-        return Typed(Number(float(node.number)), None if node.number == 0 else ONE)
+            return Typed(Number(self.unit.to_si(value)), self.unit.dimension)
+        return Typed(Number(float(value)), None if value == 0 else ONE)
 
     def _path(self, node: tree.Path) -> Value:
         if not node.steps:
@@ -477,6 +476,10 @@ def _has_value(x: Expression) -> bool:
 
 def _each(f: Callable[[Typed], Typed], value: Value) -> Value:
     return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
+
+
+def _negated(value: Typed) -> Typed:
+    return Typed(negate(value.expression), value.dimension)
 
 
 def _times(a: Typed, b: Typed, direction: int) -> Typed:
