@@ -14,7 +14,7 @@ from .graph.network import BondGraph
 from .graph.prune import known_zeros, prune
 from .reduction import StateSpace, reduce_equations
 from .scene import Plan, Scene
-from .semantics import build_graph, check_parts
+from .semantics import build_graph, check_parts, is_part
 from .source import Source
 from .syntax import SyntaxTree, parse
 
@@ -31,6 +31,11 @@ class Compilation:
     @cached_property
     def tree(self) -> SyntaxTree:
         return parse(self.source)
+
+    @property
+    def is_part(self) -> bool:
+        """Whether the model has ports, so that it only lives inside a larger one."""
+        return is_part(self.tree, self.scene.model)
 
     @cached_property
     def _built(self) -> tuple[BondGraph, Plan]:
@@ -82,16 +87,20 @@ def check(source: Source, model: str | None = None, library: Path | None = None)
         tree = parse(source)
     except CompilationFailed as failed:
         return failed.diagnostics
-    found = check_parts(tree, library)
+    try:
+        found = check_parts(tree, library)
+    except CompilationFailed as failed:  # a limit was passed
+        return failed.diagnostics
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
         try:
-            _ = compilation.state_space
+            if not compilation.is_part:
+                _ = compilation.state_space
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
     return CompilationFailed(found).diagnostics if found else ()
 
 
-# A file of parts is no mistake: several models to choose from, ports and values that a larger model will give.
+# Several models to choose from are no mistake of a file of parts.
 PART_ONLY = frozenset({"BG132"})

@@ -118,8 +118,7 @@ class EquationBuilder:
 
     def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None:
         """`target := expression` (over variable numbers); a plain copy becomes another name of the same variable."""
-        if isinstance(expression, Symbol):
-            assert isinstance(expression.key, int)
+        if isinstance(expression, Symbol) and self._same_unit(target, expression.key):
             self.alias[target] = expression.key
             return
         bound = bind(expression)
@@ -129,10 +128,15 @@ class EquationBuilder:
         """`target := formula(references)`, for what the text bound."""
         arguments = tuple(self.reference(a) for a in bound.arguments)
         expression = bound.formula.expression
-        if isinstance(expression, Symbol) and isinstance(arguments[0], int):
+        if isinstance(expression, Symbol) and isinstance(arguments[0], int) and self._same_unit(target, arguments[0]):
             self.alias[target] = arguments[0]
             return
         self._add(Assignment(target, bound.formula, arguments, span, owner))
+
+    def _same_unit(self, target: int, source: int) -> bool:
+        """Whether one name can serve both: u = 1 ohm*i has equal numbers in different units."""
+        units = {self.variables[target].unit, self.variables[source].unit}
+        return len(units - {""}) < 2
 
     def _add(self, assignment: Assignment) -> None:
         self.assignments.append(assignment)
@@ -303,8 +307,13 @@ class EquationBuilder:
             arguments = tuple(
                 own[k] if isinstance(k, Own) else self.reference(node.arguments[k]) for k in bound.arguments
             )
-            if isinstance(bound.formula.expression, Symbol) and isinstance(arguments[0], int):
-                self.alias[target] = arguments[0]
+            first = arguments[0] if arguments else None
+            if (
+                isinstance(bound.formula.expression, Symbol)
+                and isinstance(first, int)
+                and self._same_unit(target, first)
+            ):
+                self.alias[target] = first
             else:
                 self._add(Assignment(target, bound.formula, arguments, node.span, node.name))
         return True

@@ -66,6 +66,13 @@ def check_parts(syntax: SyntaxTree, library: Path | None = None) -> list[Diagnos
     return diagnostics
 
 
+def is_part(syntax: SyntaxTree, wanted: str | None) -> bool:
+    """Whether the model that would be run has ports of its own. Raises `CompilationFailed` if there is none to run."""
+    file = FileScope(syntax.source, {}, {}, {})
+    file.models.update({n: ModelDefinition(m, file) for n, m in syntax.models.items()})
+    return any(isinstance(s, tree.Ports) for s in choose_model(file, wanted, []).model.statements)
+
+
 def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diagnostic]) -> ModelDefinition:
     """The model that is asked for, or the one that no other model of the file uses."""
     own = {n: d for n, d in file.models.items() if d.file is file}

@@ -203,7 +203,8 @@ class Elaborator(Resolver):
             array = Array(name, span)
             self.enter(home, name, array, span)
         if not isinstance(array, Array) or index in array.items:
-            raise Wrong(DuplicateName(span, indexed(name, index), getattr(array, "span", span)))
+            first = array.item.span if isinstance(array, Pending) else getattr(array, "span", span)
+            raise Wrong(DuplicateName(span, indexed(name, index), first))
         array.items[index] = entry
 
     def declare_quantities(

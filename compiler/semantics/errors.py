@@ -317,7 +317,10 @@ class ReservedName(Diagnostic):
 
     code = "BG134"
     title = "`{name}` is reserved"
-    advice = "Choose another name; reserved are only the words that begin statements and if else and or not in to over true false time pi ground."
+    advice = (
+        "Choose another name; reserved are only the words that begin statements, "
+        "`if else and or not in to over true false time pi ground`, and for models the kinds of elements."
+    )
     name: str
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from ..errors import CompilationFailed, Diagnostic
 from ..source import Source, Span
 from ..syntax import SyntaxTree, parse, tree
+from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, WrongImport
 from .scope import RESERVED, FileScope, ModelDefinition, suggestion
 
@@ -47,7 +48,9 @@ class Loader:
         for statement in syntax.statements:
             match statement:
                 case tree.Model():
-                    if self._new(seen, statement.name, statement.name_span):
+                    if statement.name in ELEMENT_KINDS:
+                        self.diagnostics.append(ReservedName(statement.name_span, statement.name))
+                    elif self._new(seen, statement.name, statement.name_span):
                         scope.models[statement.name] = ModelDefinition(statement, scope)
                 case tree.Function():
                     if self._new(seen, statement.name, statement.span):

@@ -49,7 +49,7 @@ from .scope import (
     suggestion,
     unit_hint,
 )
-from .typed import ExpressionCompiler, Readable, Slot, Template, Typed, bare, bind_template, scale_of
+from .typed import ExpressionCompiler, Readable, Slot, Template, Typed, bind_template, scale_of
 
 
 class Resolver:
@@ -197,8 +197,8 @@ class Resolver:
             return Readable((self._nested_integral(path, scope).dimension,), False)
         found = self.lookup(path, scope)
         if isinstance(found, Items):
-            return Readable(tuple(i.dimension for i in found.items), True)
-        return Readable((found.dimension,), False)
+            return Readable(tuple(i.dimension for i in found.items), True, tuple(map(_known, found.items)))
+        return Readable((found.dimension,), False, (_known(found),))
 
     def lookup(self, path: tree.Path, scope: Scope) -> Scalar | Items:
         """What a path reads. Raises `Wrong` or `AlreadyTold`."""
@@ -228,6 +228,10 @@ class Resolver:
         if isinstance(entry, Scalar | Items):
             return entry
         if isinstance(entry, Array):
+            first = next(iter(entry.items.values()))
+            if not isinstance(first, Scalar | Pending):
+                what = f"Say which: `{indexed(path.words, next(iter(entry.items)))}`, and which of its variables."
+                raise Wrong(WrongType(path.span, "A number", f"the array `{path.words}`", what))
             items = [self._as_scalar(e) for _, e in sorted(entry.items.items())]
             return Items(entry.name, tuple(items))
         return self._read_default(entry, path)
@@ -477,7 +481,7 @@ class Resolver:
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
         declared = None if unit is None else unit.dimension
         if declared is None and not is_default and item.value is not None:  # the default tells the dimension
-            declared = self._dimension(self.template(item.value, pending.owner).value)
+            declared = self._dimension(self.template(item.value, pending.owner, unit).value)
         if number is not None:
             return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
         if value is None:
@@ -491,8 +495,7 @@ class Resolver:
             return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
         if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
             return self._integral(value, scope, pending.name, pending.role, declared, item.description or "")
-        own_unit = unit if is_default and _all_bare(value) else None
-        template = self.template(value, scope, own_unit)
+        template = self.template(value, scope, unit if is_default else None)
         if pending.role in ("parameter", "constant"):
             self._require_static(template, scope, pending)
         parts = template.value if isinstance(template.value, tuple) else (template.value,)
@@ -505,6 +508,11 @@ class Resolver:
                         unit_hint(part.dimension, declared),
                     )
                 )
+        if isinstance(template.value, tuple) and not is_default and item.value is not None:
+            default = self.template(item.value, pending.owner, unit).value
+            if not isinstance(default, tuple):
+                hint = "Its default is a single number; give it one, or an item of the list."
+                raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", "a list", hint))
         dimension = declared if declared is not None else self._dimension(template.value) or ONE
         bounds = [self.bind(template, f, scope) for f in template.formulas]
         if not isinstance(template.value, tuple):
@@ -636,6 +644,10 @@ def _readable(scope: Scope) -> Iterator[str]:
             yield name
 
 
+def _known(scalar: Scalar) -> float | None:
+    return scalar.reference if isinstance(scalar.reference, float) else None
+
+
 def _why(error: Exception) -> str:
     """What went wrong in a calculation, in words."""
     if isinstance(error, ZeroDivisionError):
@@ -647,10 +659,6 @@ def _why(error: Exception) -> str:
 
 def _constant(value: float) -> Formula:
     return Formula(0, Number(value))
-
-
-def _all_bare(value: tree.Expression) -> bool:
-    return all(map(bare, value.items)) if isinstance(value, tree.Vector) else bare(value)
 
 
 def indexed(name: str, index: tuple[int, ...]) -> str:

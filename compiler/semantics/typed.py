@@ -96,6 +96,7 @@ class Readable:
 
     dimensions: tuple[Dimension | None, ...]
     is_list: bool
+    values: tuple[float | None, ...] = ()  # of constants
 
 
 Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]
@@ -126,6 +127,11 @@ def scale_of(unit: tree.Unit) -> Scale:
             )
         result = raised if len(unit.factors) == 1 and unit.number == 1 else result * raised
     return result
+
+
+def _is_absolute(unit: tree.Unit) -> bool:
+    """Whether it is a temperature with a zero of its own."""
+    return any(UNITS[symbol].offset for symbol, _, _ in unit.factors if symbol in UNITS)
 
 
 def _unit_advice(symbol: str) -> str:
@@ -174,10 +180,24 @@ class ExpressionCompiler:
         self.opened = 0
 
     def compile(self, expression: tree.Expression) -> Template:
-        value = self.value(expression)
+        value = self._in_unit(expression) if self.unit is not None else self.value(expression)
         parts = value if isinstance(value, tuple) else (value,)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
         return Template(value, tuple(self.slot_list), formulas)
+
+    def _in_unit(self, expression: tree.Expression) -> Value:
+        """After `name : unit =` a bare number stands in that unit, alone or in a list; whatever else has its own."""
+        if isinstance(expression, tree.Vector):
+            return tuple(self._item_in_unit(item) for item in expression.items)
+        return self._item_in_unit(expression)
+
+    def _item_in_unit(self, expression: tree.Expression) -> Typed:
+        unit = self.unit
+        self.unit = unit if bare(expression) else None
+        try:
+            return self.scalar(expression)
+        finally:
+            self.unit = unit
 
     # ------------------------------------------------------------ the cases
     def value(self, node: tree.Expression) -> Value:
@@ -202,7 +222,7 @@ class ExpressionCompiler:
                 return self._sum(node)
             case tree.Product():
                 return self._product(node)
-            case tree.Negative(operand=tree.Literal(unit=tree.Unit()) as literal):
+            case tree.Negative(operand=tree.Literal() as literal):
                 return self._literal(literal, -literal.number)  # -20 degC and -20 dB are not 20 of them, negated
             case tree.Negative():
                 value = self.value(node.operand)
@@ -275,10 +295,37 @@ class ExpressionCompiler:
             return Typed(Symbol(variable.own), variable.dimension)
         if words == "time":
             return Typed(Symbol(self._slot(node, None)), None if self.scope.plain else UNITS["s"].dimension)
+        if node.head in self.local:
+            return self._item_of_argument(node)
+        if self.opening:
+            return self._in_function(node)
         found = self.resolve(node, self.scope)
         if not found.is_list:
             return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
         return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
+
+    def _item_of_argument(self, node: tree.Path) -> Value:
+        """`points[2]` in a function, where `points` is one of its parameters."""
+        value = self.local[node.head]
+        index = node.steps[0].items[0] if isinstance(node.steps[0], tree.Index) else None
+        if isinstance(value, tuple) and len(node.steps) == 1 and isinstance(index, tree.Literal):
+            position = int(index.number)
+            if position == index.number and 1 <= position <= len(value):
+                return value[position - 1]
+            raise Wrong(WrongType(node.span, f"An item from 1 to {len(value)}", f"`{node.words}`"))
+        raise Wrong(WrongType(node.span, "An item of a list, as `points[2]`", f"`{node.words}`"))
+
+    def _in_function(self, node: tree.Path) -> Value:
+        """A function reads its parameters and the constants of its file, nothing of the model that calls it."""
+        outside = Scope(self.scope.definition, "")
+        found = self.resolve(node, outside)
+        values = [v for v in found.values if v is not None]
+        if len(values) < len(found.dimensions):
+            raise Wrong(
+                WrongType(node.span, "A parameter of the function or a constant of the file", f"`{node.words}`")
+            )
+        parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
+        return parts if found.is_list else parts[0]
 
     def _slot(self, path: tree.Path | tree.Call, item: int | None) -> int:
         key = (path.words if isinstance(path, tree.Path) else f"integral at {path.span.start}", item)
@@ -288,6 +335,12 @@ class ExpressionCompiler:
         return self.slots[key]
 
     def _sum(self, node: tree.Sum) -> Value:
+        absolute = [
+            s for s, t in node.terms if isinstance(t, tree.Literal) and t.unit is not None and _is_absolute(t.unit)
+        ]
+        if len(absolute) > 1 and sum(absolute) not in (0, 1):
+            hint = "A difference of temperatures is in K: `20 degC + 5 K`."
+            raise Wrong(WrongType(node.span, "A temperature or a difference", "a sum of absolute temperatures", hint))
         values = [(sign, term, self.value(term)) for sign, term in node.terms]
         length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
         if length is None:
