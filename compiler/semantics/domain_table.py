@@ -186,10 +186,8 @@ def _flat(statements: tuple[tree.Node, ...]) -> Iterator[tree.Node]:
 
 def _names(statements: tuple[tree.Node, ...]) -> Iterator[str]:
     for statement in _flat(statements):
-        if isinstance(statement, tree.Quantities):
+        if isinstance(statement, tree.Quantities) and statement.role != "output":
             yield from (i.name for i in statement.items)
-        elif isinstance(statement, tree.Declaration):
-            yield from (d.name for d in statement.names)
         elif isinstance(statement, tree.Loop):
             yield statement.name
 

@@ -259,6 +259,8 @@ class Elaborator(Resolver):
                 self.guard(self._declare_element, scope, statement, declared)
             return
         definition = scope.definition.file.models.get(statement.kind)
+        if definition is None and statement.kind in scope.definition.file.missing:
+            raise AlreadyTold
         if definition is None:
             known = [*ELEMENT_KINDS, *scope.definition.file.models]
             hint = suggestion(

@@ -82,6 +82,7 @@ class Loader:
         chain: tuple[Path, ...],
         seen: dict[str, Span],
     ) -> None:
+        scope.missing |= {name for name, _ in statement.names}
         target = self._locate(statement, scope, root)
         if target is None:
             return
@@ -116,6 +117,7 @@ class Loader:
             if name in loaded.models:
                 if self._new(seen, name, span):
                     scope.models[name] = loaded.models[name]
+                    scope.missing.discard(name)
             else:
                 hint = suggestion(name, list(loaded.models), f"It defines: {', '.join(loaded.models) or 'no model'}.")
                 self.diagnostics.append(WrongImport(span, f"There is no model `{name}` in {statement.place}", hint))

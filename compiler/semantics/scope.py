@@ -176,6 +176,7 @@ class FileScope:
     models: dict[str, ModelDefinition]
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
     functions: dict[str, tree.Function]
+    missing: set[str] = field(default_factory=set)  # models whose import failed, which has been told
 
 
 @dataclass(slots=True, eq=False)

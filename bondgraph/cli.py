@@ -1,0 +1,234 @@
+"""The command line: `bondgraph check|run|show|equations|compile`.
+
+Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import click
+
+if TYPE_CHECKING:
+    from .door import Diagnostic
+    from .model import Model
+
+WRONG, USAGE, FAILED, DEFECT, INTERRUPTED = 1, 2, 3, 70, 130
+CHECK_SCHEMA = "bondgraph-check/1"
+
+
+def main() -> None:
+    """Entry of the `bondgraph` command."""
+    try:
+        code = commands.main(prog_name="bondgraph", standalone_mode=False)
+    except click.ClickException as problem:
+        problem.show()
+        code = problem.exit_code
+    except click.exceptions.Abort:
+        code = INTERRUPTED
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    """End the command with a message on stderr."""
+    click.echo(message, err=True)
+    raise click.exceptions.Exit(code)
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Turn what can go wrong into a message and an exit code."""
+    from .errors import MissingPackage, RunFailed, UsageError
+
+    try:
+        yield
+    except (click.ClickException, click.exceptions.Exit, BrokenPipeError):
+        raise
+    except KeyboardInterrupt:
+        _stop("interrupted", INTERRUPTED)
+    except RunFailed as failed:
+        _stop(f"the run failed: {failed}", FAILED)
+    except (UsageError, MissingPackage) as problem:
+        _stop(f"bondgraph: {problem}", USAGE)
+    except UnicodeDecodeError as problem:
+        _stop(f"bondgraph: a file is not a text in UTF-8 ({problem.reason})", USAGE)
+    except OSError as problem:
+        _stop(f"bondgraph: {problem.filename or 'file'}: {problem.strerror or problem}", USAGE)
+    except Exception as problem:
+        from .door import CompilationFailed, render
+
+        if isinstance(problem, CompilationFailed):
+            _stop("\n\n".join(render(d) for d in problem.diagnostics), WRONG)
+        if os.environ.get("BONDGRAPH_DEBUG"):
+            raise
+        kind = type(problem).__name__
+        advice = "set BONDGRAPH_DEBUG=1 for the traceback and send it with your file"
+        _stop(f"bondgraph: a defect of ours, not of your file ({kind}: {problem}); {advice}", DEFECT)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="bondgraph-lang", message="bondgraph %(version)s")
+def commands() -> None:
+    """Check, compile and simulate bond graphs written as text."""
+
+
+_model = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
+_file = click.argument("file", metavar="FILE")
+_experiment = click.option(
+    "-e", "--experiment", default="", metavar="NAME", help="Which experiment (`none` for none); the first if left out."
+)
+
+
+# ---------------------------------------------------------------- check
+
+
+@commands.command()
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON (schema bondgraph-check/1).")
+@_model
+def check(files: Sequence[str], as_json: bool, model: str | None) -> None:
+    """Tell everything that is wrong with some files."""
+    with _told():
+        from .model import check as check_file
+
+        found = [d for file in files for d in check_file(Path(file), model)]
+        if as_json:
+            click.echo(json.dumps(_check_json(files, found), indent=2))
+        elif found:
+            from .door import render
+
+            click.echo("\n\n".join(render(d) for d in found), err=True)
+        else:
+            click.echo(f"{len(files)} file{'s' * (len(files) > 1)} fine")
+    if found:
+        raise click.exceptions.Exit(WRONG)
+
+
+def _check_json(files: Sequence[str], found: Sequence[Diagnostic]) -> dict[str, Any]:
+    """`bondgraph-check/1`: {schema, files, diagnostics: [{file, line, column, code, message, help}]}."""
+    told = [
+        {"file": d.span.source.name, "line": d.span.line, "column": d.span.column, "code": d.code, "message": d.sentence, "help": d.help}
+        for d in found
+    ]  # fmt: skip
+    return {"schema": CHECK_SCHEMA, "files": list(files), "diagnostics": told}
+
+
+# ---------------------------------------------------------------- run
+
+
+@commands.command()
+@_file
+@_experiment
+@_model
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Set a parameter (`a=171 um`) or an input (any expression of time).",
+)
+@click.option("--to", metavar="TIME", help="Where the run ends: `20 ms`, or a number of seconds.")
+@click.option(
+    "--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501)."
+)
+@click.option("--rtol", type=float, metavar="X", help="Relative tolerance (1e-6).")
+@click.option(
+    "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
+)
+@click.option("--energy", is_flag=True, help="Add the energy balance; it changes no step.")
+@click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
+@click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
+def run(
+    file: str, experiment: str, model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
+    atol: float | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Simulate a model: the first experiment of the file, or the one named with -e."""
+    with _told():
+        write = _writer(out)
+        if plot is not None:
+            _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        chosen = _load(file, model)
+        result = chosen.simulate(
+            None if experiment == "none" else experiment, dict(map(_setting, settings)), to, points, rtol, atol, energy
+        )
+        if write is not None:
+            write(result)
+        if plot is not None:
+            result.plot(plot)
+        click.echo(json.dumps(result.to_json(), indent=2) if as_json else result.summary())
+
+
+def _load(file: str, model: str | None) -> Model:
+    from .model import load
+
+    return load(Path(file), model)
+
+
+def _setting(text: str) -> tuple[str, str]:
+    name, sign, value = text.partition("=")
+    if not sign or not name.strip() or not value.strip():
+        raise click.UsageError(f'--set takes NAME=VALUE, as in --set "a=171 um"; this is `{text}`')
+    return name.strip(), value.strip()
+
+
+def _writer(out: str | None) -> Callable[[Any], None] | None:
+    """How to write the values, by the ending of the file; refused before anything is computed."""
+    if out is None:
+        return None
+    _check_target(out, (".csv", ".npz"), "--out")
+    return lambda result: result.to_csv(out) if out.endswith(".csv") else result.to_npz(out)
+
+
+def _check_target(path: str, endings: tuple[str, ...], option: str) -> None:
+    from .files import check_writable
+
+    if not path.endswith(endings):
+        raise click.UsageError(f"{option} takes a file that ends in {' or '.join(endings)}; this is `{path}`")
+    check_writable(path)
+
+
+# ---------------------------------------------------------------- stages
+
+
+@commands.command()
+@_file
+@click.option("--stage", required=True, metavar="STAGE", help="syntax, graph, causality, equations, reduction or code.")
+@_experiment
+@_model
+def show(file: str, stage: str, experiment: str, model: str | None) -> None:
+    """Print one stage of the compiler."""
+    with _told():
+        click.echo(_load(file, model).show(stage, None if experiment == "none" else experiment))
+
+
+@commands.command()
+@_file
+@click.option("--latex", is_flag=True, help="As LaTeX.")
+@_model
+def equations(file: str, latex: bool, model: str | None) -> None:
+    """Print the equations in the order in which they are computed."""
+    with _told():
+        click.echo(_load(file, model).equations(latex))
+
+
+@commands.command(name="compile")
+@_file
+@click.option("-o", "--out", required=True, metavar="MODEL.py", help="The file to write.")
+@_model
+def compile_(file: str, out: str, model: str | None) -> None:
+    """Write a Python module that needs numpy alone."""
+    with _told():
+        from .files import write_text
+
+        _check_target(out, (".py",), "--out")
+        write_text(out, _load(file, model).compile())

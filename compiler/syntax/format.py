@@ -1,0 +1,418 @@
+"""Text to the same text, tidied: indentation and the space between words. Line breaks, comments and tables stay the author's.
+
+The words come from lark's own lexer, so that what a word is here is what it is to the parser. Each has a usual distance from
+the one before it (`_distance`). A word that stands further right stays there if it is part of a table: words of one sort that
+begin in one column of neighbouring lines begin in one column afterwards too, as far from what stands before them as they were.
+
+Every choice depends on the words, on which columns are equal and on what is beyond the usual distance. All three are the same
+in the result, so formatting it again changes nothing.
+"""
+
+from __future__ import annotations
+
+import gc
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache
+from itertools import pairwise
+
+import lark
+
+from ..errors import CompilationFailed, InternalError
+from ..source import Source, Span
+from .build import Refused
+from .parse import MAXIMUM_SIZE, _parser, _parser_lock, parse
+from .tree import Index, Member, Node
+
+INDENT = 2  # columns for each open brace
+COMMENT = 2  # columns before a comment at the end of a line
+TABLE = 4  # two rows of a table lie at most so many lines apart
+TAB = 8  # columns from one tab stop to the next, where there are tabs
+
+_INTRODUCES_NAMES = frozenset(["parameter", "constant", "input", "output", "signal", "mode", "port", "sweep"])
+_HAS_BLOCK = frozenset(["model", "plain", "multibody", "for", "when", "experiment"])
+_SPACED = frozenset(["=", "->", "=>", "<", "<=", ">", ">=", "==", "!="])
+_CLOSE = frozenset("*/^")
+_OPERAND_ENDS = frozenset(["NAME", "NUMBER", "RPAR", "RSQB"])
+_SORTS = {
+    "STRING": "text", "COMMENT": "text", "COMPARE": "compare", "PLUS": "sign", "MINUS": "sign", "NUMBER": "word", "JUNCTION": "word",
+    "LPAR": "word", "NEST": "word", "RPAR": "", "RSQB": "", "COMMA": "", "SEMICOLON": "", "DOT": "",
+}  # fmt: skip
+_GAP = re.compile(r"#[^\n]*|\n|[^\n#]+")
+
+
+def format_text(source: Source) -> str:
+    """The text of a file, formatted. Linear in its length.
+
+    Raises `CompilationFailed` if it has syntax errors, and `InternalError` if the result would mean something else.
+    """
+    collecting = gc.isenabled()
+    gc.disable()  # as in `parse`: words and trees have no cycles
+    try:
+        statements, tokens = _parse_with_tokens(source)
+        lines = _Reader().read(source.text, tokens)
+        _judge(lines)
+        _place(lines)
+        text = _write(lines)
+        if "\r\n" in source.text:
+            text = text.replace("\n", "\r\n")
+        _check(source, statements, text)
+    finally:
+        if collecting:
+            gc.enable()
+    return text
+
+
+# ---------------------------------------------------------------- words and lines
+
+
+@dataclass(slots=True, eq=False)
+class _Word:
+    """A token or a comment: where it stood, and where it will stand."""
+
+    kind: str  # lark's name of the terminal, or COMMENT
+    text: str
+    line: int
+    column: int  # in the text as it was; a tab reaches to the next stop
+    before: _Word | None  # the word before it in its line
+    begins: bool  # whether the lexer saw a statement end before it, or a block begin
+    unary: bool = False  # a sign, no operator between two
+    usual: int = 0  # the usual distance from the word before it
+    free: bool = False  # at the end of a line, where the author decides how far
+    depth: int = 0  # of the first word of a line: how deep it is indented, unless it stands below something
+    below: _Word | None = None  # what it stands below
+    brace: _Word | None = None  # of a brace that closes attributes: the one that opens them
+    new: int = -1  # the column where it will stand
+
+    @property
+    def extra(self) -> int:
+        """How much further it stood than usual."""
+        if self.before is None:
+            return 0
+        return max(0, self.column - self.before.column - len(self.before.text) - self.usual)
+
+    @property
+    def natural(self) -> int:
+        """Where it would stand at its usual distance."""
+        assert self.before is not None
+        return self.before.new + len(self.before.text) + self.usual
+
+    @property
+    def sort(self) -> str:
+        """What it shares a column with, if with anything."""
+        if self.kind in _SORTS:
+            return _SORTS[self.kind]
+        if self.kind == "LSQB":
+            return "unit" if self.usual else ""  # the other one is an index
+        if self.text in ("->", "=>"):
+            return "arrow"
+        return "word" if self.text[0].isalpha() or self.text[0] == "_" else self.text
+
+
+@dataclass(slots=True)
+class _Line:
+    """The words of one line; `block` counts the blank lines before it."""
+
+    block: int
+    words: list[_Word] = field(default_factory=list)
+
+
+def _parse_with_tokens(source: Source) -> tuple[object, list[lark.Token]]:
+    """The statements of a file and its tokens, `_NL` among them where a line break ends something."""
+    tokens: list[lark.Token] = []
+    with _parser_lock:
+        parser, builder, brackets = _parser()
+        process = brackets.process
+
+        def record(stream: Iterator[lark.Token]) -> Iterator[lark.Token]:
+            for token in process(stream):
+                tokens.append(token)
+                yield token
+
+        builder.source = source
+        brackets.process = record  # type: ignore[method-assign]
+        try:
+            if len(source.text) <= MAXIMUM_SIZE:
+                return parser.parse(source.text, start="start"), tokens
+        except (lark.exceptions.LarkError, Refused):
+            pass
+        finally:
+            del brackets.process
+    parse(source)  # tells all mistakes
+    raise InternalError(f"{source.name} is read in one way and not in another")
+
+
+class _Reader:
+    """Gathers words in lines; spaces become columns, blank lines are counted."""
+
+    def __init__(self) -> None:
+        self.lines = [_Line(0)]
+        self.column = 0
+        self.ended = True  # whether a statement can begin at the next word
+
+    def read(self, text: str, tokens: Iterable[lark.Token]) -> list[_Line]:
+        position = 0
+        for token in tokens:
+            if token.type == "_NL":  # what is in it is read with all that stands before the next token
+                self.ended = True
+                continue
+            self.gap(text[position : token.start_pos])
+            self.word(token.type, str(token))
+            self.ended = token.type in ("LBRACE", "SEMICOLON")
+            position = token.end_pos or 0
+        self.ended = True
+        self.gap(text[position:])
+        return [line for line in self.lines if line.words]
+
+    def word(self, kind: str, text: str) -> None:
+        words = self.lines[-1].words
+        words.append(_Word(kind, text, len(self.lines), self.column, words[-1] if words else None, self.ended))
+        self.column += len(text)
+
+    def gap(self, text: str) -> None:
+        """What stands between two tokens: spaces, line breaks, comments."""
+        for piece in _GAP.findall(text):
+            if piece == "\n":
+                self.column = 0
+                if self.lines[-1].words:
+                    self.lines.append(_Line(self.lines[-1].block))
+                else:
+                    self.lines[-1].block += 1
+            elif piece[0] == "#":
+                self.word("COMMENT", piece.rstrip(" \t\r"))
+            elif "\t" not in piece:
+                self.column += len(piece) - piece.count("\r")
+            else:
+                for character in piece:
+                    self.column += TAB - self.column % TAB if character == "\t" else character != "\r"
+
+
+# ---------------------------------------------------------------- usual distances and depths
+
+
+@dataclass(slots=True)
+class _Statement:
+    """The statement that is being read in a block, or in braces with attributes."""
+
+    brace: _Word | None = None  # the brace that it stands in
+    beside: _Word | None = None  # the word that follows that brace in the same line
+    first: str = ""
+    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, but for the first
+    brackets: list[_Word] = field(default_factory=list)  # those that are open in it
+
+
+def _judge(lines: Sequence[_Line]) -> None:
+    """Give every word its usual distance, and every first word of a line its depth and what it stands below."""
+    statements = [_Statement()]  # one more for every open brace
+    last: _Word | None = None  # the last token
+    above = _Line(-1)
+    for line in lines:
+        for word in line.words:
+            statement = statements[-1]
+            if word.before is None:
+                _indent(word, statements)
+            if word.kind == "COMMENT":
+                word.usual, word.free = COMMENT, True
+                if word.before is None and above.block == line.block:
+                    _continue_comment(word, above.words[-1])
+                continue
+            if word.begins:
+                statement.first, statement.by_column, statement.brackets = word.text, {}, []
+            else:
+                statement.by_column[word.column] = word
+            word.unary = word.text in ("+", "-") and (last is None or last.kind not in _OPERAND_ENDS)
+            if word.before is not None:
+                word.usual = _distance(word.before, word, statement)
+                if word.before.kind == "LBRACE":
+                    statement.beside = word
+            _open_or_close(word, statements)
+            last = word
+        _free_the_end(line)
+        above = line
+
+
+def _indent(word: _Word, statements: Sequence[_Statement]) -> None:
+    """How deep the first word of a line is, and what it stands below if it began in the same column."""
+    statement = statements[-1]
+    word.depth = len(statements) - 1
+    candidate: _Word | None
+    if word.kind == "RBRACE":
+        word.depth -= 1
+        candidate = statement.brace if statement.beside is not None else None
+    elif word.begins:
+        candidate = statement.beside
+    else:
+        closes = word.kind in ("RPAR", "RSQB")
+        word.depth += len(statement.brackets) - 1 if closes else max(1, len(statement.brackets))
+        candidate = statement.by_column.get(word.column)
+    if candidate is not None and candidate.column == word.column:
+        word.below = candidate
+
+
+def _continue_comment(word: _Word, last: _Word) -> None:
+    """A comment on its own line may continue the one at the end of the line above."""
+    continues = last.before is not None or (last.below is not None and last.below.kind == "COMMENT")
+    if last.kind == "COMMENT" and continues and last.column == word.column:
+        word.below = last
+
+
+def _open_or_close(word: _Word, statements: list[_Statement]) -> None:
+    statement = statements[-1]
+    match word.kind:
+        case "LPAR" | "NEST" | "LSQB":
+            statement.brackets.append(word)
+        case "RPAR" | "RSQB":
+            statement.brackets.pop()
+        case "LBRACE":
+            statements.append(_Statement(brace=word))
+        case "RBRACE":
+            brace = statements.pop().brace
+            word.brace = None if statements[-1].first in _HAS_BLOCK else brace
+
+
+def _free_the_end(line: _Line) -> None:
+    """At the end of a line a comment, a description and attributes in braces may stand as far away as the author likes."""
+    for word in reversed(line.words):
+        if word.kind in ("COMMENT", "STRING"):
+            word.free = True
+        elif word.brace is not None and word.brace.line == word.line:
+            word.brace.free = True
+            return
+        elif word.kind not in ("COMMA", "SEMICOLON"):
+            return
+
+
+def _distance(before: _Word, word: _Word, statement: _Statement) -> int:
+    """How many columns two neighbours in a line usually stand apart."""
+    bracket = statement.brackets[-1] if statement.brackets else None
+    in_index = bracket is not None and bracket.kind == "LSQB"
+    match word.kind:
+        case "COMMA" | "SEMICOLON" | "DOT" | "RPAR" | "RSQB":
+            return 0
+        case "LSQB":
+            return int(before.kind == "NUMBER")  # a unit; else an index
+        case "COLON":
+            return int(bracket is None and statement.first not in _INTRODUCES_NAMES)
+        case "RBRACE":
+            return int(before.kind != "LBRACE")
+    match before.kind:
+        case "LPAR" | "NEST" | "LSQB" | "DOT":
+            return 0
+        case "SEMICOLON":  # one, or two where a line holds several statements of one sort
+            return 2 if word.column - before.column > 2 else 1
+        case "COLON" | "COMMA" | "LBRACE" | "RBRACE":
+            return 1
+    if word.text in _CLOSE or before.text in _CLOSE or before.unary:
+        return 0
+    if word.text in _SPACED or before.text in _SPACED:
+        return 1
+    if "+" in (word.text, before.text) or "-" in (word.text, before.text) or ".." in (word.text, before.text):
+        return int(word.unary or not (in_index or (statement.first == "for" and bracket is None)))
+    if word.kind == "LPAR":
+        return int(before.kind not in ("NAME", "RSQB"))  # a call; `x[2](a, b)`
+    return 1
+
+
+# ---------------------------------------------------------------- columns
+
+
+def _place(lines: Sequence[_Line]) -> None:
+    """Give every word its new column: from left to right, so that all to which it is tied have theirs before."""
+    tables = _tables(lines)
+    columns: dict[int, list[_Word]] = {}
+    for line in lines:
+        for word in line.words:
+            columns.setdefault(word.column, []).append(word)
+    for _, words in sorted(columns.items()):
+        for word in words:
+            if word.before is None or word.new >= 0:
+                continue
+            table = tables.get(word)
+            if table is not None:
+                place = max(w.natural for w in table) + min(w.extra for w in table)
+                for other in table:
+                    other.new = place
+            else:
+                word.new = word.natural + (word.extra if word.free else 0)
+        for word in words:  # in the order of lines: what a word stands below has its place already
+            if word.before is None:
+                word.new = INDENT * word.depth if word.below is None else word.below.new
+
+
+def _tables(lines: Sequence[_Line]) -> dict[_Word, list[_Word]]:
+    """Word -> all that share its column in one table."""
+    by_place: dict[tuple[int, int, str], list[_Word]] = {}
+    for line in lines:
+        for word in line.words:
+            if word.before is not None and word.sort:
+                by_place.setdefault((line.block, word.column, word.sort), []).append(word)
+    result: dict[_Word, list[_Word]] = {}
+    for words in by_place.values():
+        for table in _runs(words):
+            slack = min(w.extra for w in table)
+            if any(w.extra for w in table) and not (slack and any(not w.usual for w in table)):
+                result.update((w, table) for w in table)
+    return result
+
+
+def _runs(words: Sequence[_Word]) -> Iterator[list[_Word]]:
+    """The words cut where two are too many lines apart; a single one is no table."""
+    run = [words[0]]
+    for previous, word in pairwise(words):
+        if word.line - previous.line > TABLE:
+            if len(run) > 1:
+                yield run
+            run = []
+        run.append(word)
+    if len(run) > 1:
+        yield run
+
+
+def _write(lines: Sequence[_Line]) -> str:
+    parts: list[str] = []
+    for number, line in enumerate(lines):
+        if number and line.block != lines[number - 1].block:
+            parts.append("\n")
+        end = 0
+        for word in line.words:
+            parts += (" " * (word.new - end), word.text)
+            end = word.new + len(word.text)
+        parts.append("\n")
+    return "".join(parts)
+
+
+# ---------------------------------------------------------------- the check
+
+
+def _check(source: Source, statements: object, text: str) -> None:
+    """Raises `InternalError` unless the formatted text has the same statements."""
+    try:
+        again = parse(Source(source.name, text, source.path))
+    except CompilationFailed as failed:
+        raise InternalError(f"formatted, {source.name} would no longer be read: {failed}") from failed
+    if not _equal(statements, again.statements):
+        raise InternalError(f"formatted, {source.name} would mean something else")
+
+
+def _equal(first: object, second: object) -> bool:
+    """Whether two trees say the same, wherever it stands."""
+    pairs = [(first, second)]
+    while pairs:
+        a, b = pairs.pop()
+        if type(a) is not type(b):
+            return False
+        if isinstance(a, tuple) and isinstance(b, tuple):
+            if len(a) != len(b):
+                return False
+            pairs += zip(a, b, strict=True)
+        elif isinstance(a, Node | Member | Index):
+            pairs += ((getattr(a, name), getattr(b, name)) for name in _fields(type(a)))
+        elif not isinstance(a, Span) and a != b:
+            return False
+    return True
+
+
+@cache
+def _fields(kind: type) -> tuple[str, ...]:
+    return tuple(f.name for f in fields(kind))
