@@ -6,6 +6,7 @@ BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4x
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import ClassVar
@@ -45,9 +46,10 @@ class CompilationFailed(Exception):
     """The text is wrong; `diagnostics` says where and why, all of it at once."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
-        unique: dict[tuple[str, str, int], Diagnostic] = {}
+        unique: dict[tuple[str, str, int, str], Diagnostic] = {}
         for item in diagnostics:  # one mistake in a definition is told once, not once for each instance
-            unique.setdefault((item.code, item.span.source.name, item.span.start), item)
+            words = re.sub(r"`[^`]*`", "", item.sentence)
+            unique.setdefault((item.code, item.span.source.name, item.span.start, words), item)
         self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.start, d.code)))
         super().__init__("\n\n".join(render(item) for item in self.diagnostics))
 

@@ -480,7 +480,9 @@ class Resolver:
         if unit is not None and pending.owner.plain:
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
         declared = None if unit is None else unit.dimension
-        if declared is None and not is_default and item.value is not None:  # the default tells the dimension
+        if (
+            declared is None and (not is_default or number is not None) and item.value is not None
+        ):  # the default tells the dimension
             declared = self._dimension(self.template(item.value, pending.owner, unit).value)
         if number is not None:
             return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
@@ -525,7 +527,8 @@ class Resolver:
         if pending.role == "input":
             raise Wrong(WrongType(value.span, "A single number", "a list", "An input is one signal."))
         items = tuple(
-            self._enter_quantity(pending, f"[{i}]", bound, dimension, value.span) for i, bound in enumerate(bounds, 1)
+            self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
+            for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
         )
         return Items(pending.name, items)
 
@@ -616,7 +619,9 @@ class Resolver:
             else:
                 template = self.template(override, self.root)
                 found = self._dimension(template.value)
-                if isinstance(template.value, tuple) or (found is not None and found != dimension):
+                if isinstance(template.value, tuple):
+                    raise Wrong(WrongType(override.span, f"A single number for `{name}`", "a list"))
+                if found is not None and found != dimension:
                     raise Wrong(
                         DimensionMismatch(
                             override.span,

@@ -162,7 +162,8 @@ class Builder(Transformer[Token, Any]):
         return tree.Declared(self._span([name]), str(name), _items(index), components or ())
 
     def index(self, parts: list[Any]) -> tuple[Any, ...]:
-        return ("index", tree.Index(tuple(map(_done, parts))))
+        items = tuple(_done(p) for p in parts if not isinstance(p, Token))
+        return ("index", tree.Index(items), parts[-1].end_pos)
 
     def ports(self, parts: list[Any]) -> tuple[tree.Component, ...]:
         return tuple(parts)
@@ -205,9 +206,9 @@ class Builder(Transformer[Token, Any]):
     def path(self, parts: list[Any]) -> tree.Path:
         end = parts[0].end_pos
         steps: list[tree.Member | tree.Index] = []
-        for kind, step, *position in parts[1:]:
+        for _, step, position in parts[1:]:
             steps.append(step)
-            end = position[0] if kind == "member" else step.items[-1].span.end + 1
+            end = position
         depth = max((i.depth for s in steps if isinstance(s, tree.Index) for i in s.items), default=0)
         return tree.Path(Span(self.source, parts[0].start_pos, end), depth + 1, str(parts[0]), tuple(steps))
 
@@ -256,7 +257,7 @@ class Builder(Transformer[Token, Any]):
         return self._set("start", parts)
 
     def sweep(self, parts: list[Any]) -> tree.Study:
-        values = tuple(map(_done, parts[2:]))
+        values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Token))  # commas: lark shares the list's rule
         return tree.Study(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
@@ -313,8 +314,8 @@ class Builder(Transformer[Token, Any]):
         return self._chain(tree.Product, -1, parts)
 
     def bracket(self, parts: list[Any]) -> Any:
-        inner = _done(parts[1])  # a bracket ends a chain: a - (b - c) stays what it is
-        return inner if isinstance(inner, tree.Path) else replace(inner, span=self._span(parts))
+        # A bracket ends a chain: a - (b - c) stays what it is.
+        return replace(_done(parts[1]), span=self._span(parts))
 
     def choose(self, parts: list[Any]) -> tree.Choice:
         value, condition, otherwise = map(_done, parts)

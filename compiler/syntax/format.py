@@ -14,7 +14,6 @@ import gc
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cache
 from itertools import pairwise
 
 import lark
@@ -397,6 +396,7 @@ def _check(source: Source, statements: object, text: str) -> None:
 
 def _equal(first: object, second: object) -> bool:
     """Whether two trees say the same, wherever it stands."""
+    names: dict[type[object], tuple[str, ...]] = {}
     pairs = [(first, second)]
     while pairs:
         a, b = pairs.pop()
@@ -407,12 +407,9 @@ def _equal(first: object, second: object) -> bool:
                 return False
             pairs += zip(a, b, strict=True)
         elif isinstance(a, Node | Member | Index):
-            pairs += ((getattr(a, name), getattr(b, name)) for name in _fields(type(a)))
+            if type(a) not in names:
+                names[type(a)] = tuple(f.name for f in fields(a))
+            pairs += ((getattr(a, name), getattr(b, name)) for name in names[type(a)])
         elif not isinstance(a, Span) and a != b:
             return False
     return True
-
-
-@cache
-def _fields(kind: type) -> tuple[str, ...]:
-    return tuple(f.name for f in fields(kind))

@@ -65,7 +65,13 @@ class Path(Expression):
     @property
     def words(self) -> str:
         """The path as written, without spaces."""
-        return "".join(self.span.text.split())
+        text = self.head
+        for step in self.steps:
+            if isinstance(step, Member):
+                text += f".{step.name}"
+            else:
+                text += f"[{','.join(''.join(i.span.text.split()) for i in step.items)}]"
+        return text
 
 
 @dataclass(frozen=True, slots=True)
