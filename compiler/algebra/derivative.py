@@ -126,5 +126,8 @@ def partial(node: Apply, i: int) -> Expression:
 def _power_slope(node: Apply, i: int) -> Expression:
     base, exponent = node.operands
     if i == 0:
-        return multiply(exponent, power(base, exponent - 1))
+        slope = multiply(exponent, power(base, exponent - 1))
+        if isinstance(exponent, Number) and 0 < exponent.value < 1:  # infinite at 0, like that of a root
+            return select(call("equal", base, ZERO), ZERO, slope)
+        return slope
     return multiply(node, call("log", base))

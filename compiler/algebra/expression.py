@@ -256,6 +256,8 @@ def power(base: Expression, exponent: Expression) -> Expression:
             return ONE
         if n == 1.0:
             return base
+        if n == 0.5:
+            return call("sqrt", base)
         if isinstance(base, Number):
             return call("power", base, exponent)
         if isinstance(base, Apply) and n == int(n):

@@ -13,6 +13,7 @@ from ..algebra.expression import (
     add,
     depends_on,
     divide,
+    evaluate,
     multiply,
     substitute,
     symbols,
@@ -40,7 +41,7 @@ from ..graph.network import (
 from ..graph.prune import adjustable
 from ..multibody import mechanism_equations
 from ..source import Span
-from .errors import DerivativeField, NotInvertible, StartOfDependent
+from .errors import DerivativeField, NotInvertible, StartOfDependent, Undetermined
 from .laws import ratio, solved
 from .system import Argument, Assignment, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
@@ -119,7 +120,7 @@ class EquationBuilder:
     def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None:
         """`target := expression` (over variable numbers); a plain copy becomes another name of the same variable."""
         if isinstance(expression, Symbol) and self._same_unit(target, expression.key):
-            self.alias[target] = expression.key
+            self._join(target, expression.key, span, owner)
             return
         bound = bind(expression)
         self._add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner))
@@ -129,9 +130,16 @@ class EquationBuilder:
         arguments = tuple(self.reference(a) for a in bound.arguments)
         expression = bound.formula.expression
         if isinstance(expression, Symbol) and isinstance(arguments[0], int) and self._same_unit(target, arguments[0]):
-            self.alias[target] = arguments[0]
+            self._join(target, arguments[0], span, owner)
             return
         self._add(Assignment(target, bound.formula, arguments, span, owner))
+
+    def _join(self, target: int, source: int, span: Span, owner: str) -> None:
+        """Two names for one variable; if they already were, nothing decides it."""
+        if self.root(target) == self.root(source):
+            self.diagnostics.append(Undetermined(span, owner, self.variables[target].name))
+            return
+        self.alias[target] = source
 
     def _same_unit(self, target: int, source: int) -> bool:
         """Whether one name can serve both: u = 1 ohm*i has equal numbers in different units."""
@@ -243,7 +251,7 @@ class EquationBuilder:
         decider = next(b for b in bonds if self.causal.decides_effort(b, number) is not zero)
         for bond in bonds:
             if bond != decider:
-                self.alias[shared[bond]] = shared[decider]
+                self._join(shared[bond], shared[decider], node.span, node.name)
         sign = {b: 1 if self.graph.bonds[b].head.node == number else -1 for b in bonds}
         terms = [multiply(Number(float(-sign[decider] * sign[b])), Symbol(split[b])) for b in bonds if b != decider]
         self.assign(split[decider], add(*terms), node.span, node.name)
@@ -313,7 +321,7 @@ class EquationBuilder:
                 and isinstance(first, int)
                 and self._same_unit(target, first)
             ):
-                self.alias[target] = first
+                self._join(target, first, node.span, node.name)
             else:
                 self._add(Assignment(target, bound.formula, arguments, node.span, node.name))
         return True
@@ -344,7 +352,7 @@ class EquationBuilder:
                     DerivativeField(node.span, node.name, node.ports[derivative_ports[0]].name, what)
                 )
                 return
-            if node.starts:
+            if any(not self._is_zero(bound) for _, bound in node.starts.values()):
                 self.diagnostics.append(StartOfDependent(node.span, node.name))
             if self._apply_law(node, (Own(0, node.stored[0]),), own, quantities):
                 self.derivatives.append(Derivative(rates[0], quantities[0], node.span, node.name))
@@ -355,6 +363,15 @@ class EquationBuilder:
         for port in ports:
             self._state(node, port, quantities[port], rates[port])
         self._energy_of(node, wanted, quantities)
+
+    def _is_zero(self, bound: Bound) -> bool:
+        """Whether a start is zero, with the values that its parameters have."""
+        definitions = self.graph.quantities
+        try:
+            values = [a if isinstance(a, float) else definitions[a.name].value for a in bound.arguments]
+            return evaluate(bound.formula.expression, values.__getitem__) == 0.0
+        except (ArithmeticError, ValueError, KeyError, AttributeError, TypeError):
+            return False
 
     def _stored_variable(self, node: Element, port: int) -> int:
         return self.reading(Reading(node.name, node.ports[port].name, node.stored[port]))

@@ -32,6 +32,17 @@ class DerivativeField(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class Undetermined(Diagnostic):
+    """BG404."""
+
+    code = "BG404"
+    title = "Nothing decides `{variable}`: the bonds at `{node}` form a ring of junctions or transformers"
+    advice = "Leave out one bond of the ring, or put an element into it."
+    node: str
+    variable: str
+
+
+@dataclass(frozen=True, slots=True)
 class StartOfDependent(Diagnostic):
     """BG403."""
 

@@ -29,9 +29,12 @@ class Differentiator:
         for item in self.system.derivatives:
             self._element, self._span = item.owner, item.span
             self._via, self._target = item.owner, self.variables[item.target].name
+            before = len(self.diagnostics)
             found = self._rate(item.of)
             if found is not None:
                 self._assign(item.target, found, item.owner)
+            elif len(self.diagnostics) == before:
+                self.diagnostics.append(DerivativeThroughLoop(item.span, item.owner, f"`{self._via}`"))
 
     def _assign(self, target: int, expression: Expression, owner: str) -> None:
         bound = bind(expression)

@@ -483,7 +483,8 @@ class Resolver:
         if (
             declared is None and (not is_default or number is not None) and item.value is not None
         ):  # the default tells the dimension
-            declared = self._dimension(self.template(item.value, pending.owner, unit).value)
+            found = self._dimension(self.template(item.value, pending.owner, unit).value)
+            declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
         if number is not None:
             return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
         if value is None:

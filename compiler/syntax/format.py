@@ -35,8 +35,8 @@ _SPACED = frozenset(["=", "->", "=>", "<", "<=", ">", ">=", "==", "!="])
 _CLOSE = frozenset("*/^")
 _OPERAND_ENDS = frozenset(["NAME", "NUMBER", "RPAR", "RSQB"])
 _SORTS = {
-    "STRING": "text", "COMMENT": "text", "COMPARE": "compare", "PLUS": "sign", "MINUS": "sign", "NUMBER": "word", "JUNCTION": "word",
-    "LPAR": "word", "NEST": "word", "RPAR": "", "RSQB": "", "COMMA": "", "SEMICOLON": "", "DOT": "",
+    "STRING": "text", "COMMENT": "text", "COMPARE": "compare", "PLUS": "sign", "MINUS": "sign", "NUMBER": "operand",
+    "JUNCTION": "operand", "LPAR": "operand", "NEST": "operand", "RPAR": "", "RSQB": "", "COMMA": "", "SEMICOLON": "", "DOT": "",
 }  # fmt: skip
 _GAP = re.compile(r"#[^\n]*|\n|[^\n#]+")
 
@@ -99,21 +99,29 @@ class _Word:
 
     @property
     def sort(self) -> str:
-        """What it shares a column with, if with anything."""
-        if self.kind in _SORTS:
-            return _SORTS[self.kind]
+        """What it shares a column with, if with anything: operands and signs with those after the same word."""
         if self.kind == "LSQB":
             return "unit" if self.usual else ""  # the other one is an index
-        if self.text in ("->", "=>"):
-            return "arrow"
-        return "word" if self.text[0].isalpha() or self.text[0] == "_" else self.text
+        sort = _SORTS.get(self.kind, "operand" if _is_name(self.text) else self.text)
+        if sort not in ("operand", "sign"):
+            return "arrow" if sort in ("->", "=>") else sort
+        last = self.before
+        while last is not None and last.unary:  # `( x` above `(-x`
+            last = last.before
+        if last is None or not (_is_name(last.text) or last.kind in ("NUMBER", "JUNCTION")):
+            return sort + (last.text[-1] if last is not None else "")
+        return f"{sort} second" if last.before is None else sort
+
+
+def _is_name(text: str) -> bool:
+    return text[0].isalpha() or text[0] == "_"
 
 
 @dataclass(slots=True)
 class _Line:
-    """The words of one line; `block` counts the blank lines before it."""
+    """The words of one line; `paragraph` counts the blank lines before it."""
 
-    block: int
+    paragraph: int
     words: list[_Word] = field(default_factory=list)
 
 
@@ -175,9 +183,9 @@ class _Reader:
             if piece == "\n":
                 self.column = 0
                 if self.lines[-1].words:
-                    self.lines.append(_Line(self.lines[-1].block))
+                    self.lines.append(_Line(self.lines[-1].paragraph))
                 else:
-                    self.lines[-1].block += 1
+                    self.lines[-1].paragraph += 1
             elif piece[0] == "#":
                 self.word("COMMENT", piece.rstrip(" \t\r"))
             elif "\t" not in piece:
@@ -191,60 +199,61 @@ class _Reader:
 
 
 @dataclass(slots=True)
-class _Statement:
-    """The statement that is being read in a block, or in braces with attributes."""
+class _Block:
+    """A file, a block, or attributes in braces; and the statement in it that is being read."""
 
-    brace: _Word | None = None  # the brace that it stands in
+    depth: int = 0  # of a line that begins with one of its statements
+    brace: _Word | None = None  # the brace that opened it
     beside: _Word | None = None  # the word that follows that brace in the same line
     first: str = ""
-    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, but for the first
+    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, but for those that begin a line
     brackets: list[_Word] = field(default_factory=list)  # those that are open in it
 
 
 def _judge(lines: Sequence[_Line]) -> None:
     """Give every word its usual distance, and every first word of a line its depth and what it stands below."""
-    statements = [_Statement()]  # one more for every open brace
+    blocks = [_Block()]  # one more for every open brace
     last: _Word | None = None  # the last token
     above = _Line(-1)
     for line in lines:
         for word in line.words:
-            statement = statements[-1]
+            block = blocks[-1]
             if word.before is None:
-                _indent(word, statements)
+                _indent(word, blocks)
             if word.kind == "COMMENT":
                 word.usual, word.free = COMMENT, True
-                if word.before is None and above.block == line.block:
+                if word.before is None and above.paragraph == line.paragraph:
                     _continue_comment(word, above.words[-1])
                 continue
             if word.begins:
-                statement.first, statement.by_column, statement.brackets = word.text, {}, []
-            else:
-                statement.by_column[word.column] = word
+                block.first, block.by_column, block.brackets = word.text, {}, []
+            elif word.before is not None:
+                block.by_column[word.column] = word
             word.unary = word.text in ("+", "-") and (last is None or last.kind not in _OPERAND_ENDS)
             if word.before is not None:
-                word.usual = _distance(word.before, word, statement)
+                word.usual = _distance(word.before, word, block)
                 if word.before.kind == "LBRACE":
-                    statement.beside = word
-            _open_or_close(word, statements)
+                    block.beside = word
+            _open_or_close(word, line.words[0], blocks)
             last = word
         _free_the_end(line)
         above = line
 
 
-def _indent(word: _Word, statements: Sequence[_Statement]) -> None:
+def _indent(word: _Word, blocks: Sequence[_Block]) -> None:
     """How deep the first word of a line is, and what it stands below if it began in the same column."""
-    statement = statements[-1]
-    word.depth = len(statements) - 1
+    block = blocks[-1]
+    word.depth = block.depth
     candidate: _Word | None
     if word.kind == "RBRACE":
         word.depth -= 1
-        candidate = statement.brace if statement.beside is not None else None
+        candidate = block.brace if block.beside is not None else None
     elif word.begins:
-        candidate = statement.beside
+        candidate = block.beside
     else:
         closes = word.kind in ("RPAR", "RSQB")
-        word.depth += len(statement.brackets) - 1 if closes else max(1, len(statement.brackets))
-        candidate = statement.by_column.get(word.column)
+        word.depth += len(block.brackets) - 1 if closes else max(1, len(block.brackets))
+        candidate = block.by_column.get(word.column)
     if candidate is not None and candidate.column == word.column:
         word.below = candidate
 
@@ -256,18 +265,20 @@ def _continue_comment(word: _Word, last: _Word) -> None:
         word.below = last
 
 
-def _open_or_close(word: _Word, statements: list[_Statement]) -> None:
-    statement = statements[-1]
+def _open_or_close(word: _Word, first: _Word, blocks: list[_Block]) -> None:
+    block = blocks[-1]
     match word.kind:
         case "LPAR" | "NEST" | "LSQB":
-            statement.brackets.append(word)
+            block.brackets.append(word)
         case "RPAR" | "RSQB":
-            statement.brackets.pop()
+            block.brackets.pop()
         case "LBRACE":
-            statements.append(_Statement(brace=word))
+            outer = block.brace
+            depth = block.depth if outer is not None and outer.line == word.line else first.depth
+            blocks.append(_Block(depth + 1, word))
         case "RBRACE":
-            brace = statements.pop().brace
-            word.brace = None if statements[-1].first in _HAS_BLOCK else brace
+            brace = blocks.pop().brace
+            word.brace = None if blocks[-1].first in _HAS_BLOCK else brace
 
 
 def _free_the_end(line: _Line) -> None:
@@ -282,9 +293,9 @@ def _free_the_end(line: _Line) -> None:
             return
 
 
-def _distance(before: _Word, word: _Word, statement: _Statement) -> int:
+def _distance(before: _Word, word: _Word, block: _Block) -> int:
     """How many columns two neighbours in a line usually stand apart."""
-    bracket = statement.brackets[-1] if statement.brackets else None
+    bracket = block.brackets[-1] if block.brackets else None
     in_index = bracket is not None and bracket.kind == "LSQB"
     match word.kind:
         case "COMMA" | "SEMICOLON" | "DOT" | "RPAR" | "RSQB":
@@ -292,7 +303,7 @@ def _distance(before: _Word, word: _Word, statement: _Statement) -> int:
         case "LSQB":
             return int(before.kind == "NUMBER")  # a unit; else an index
         case "COLON":
-            return int(bracket is None and statement.first not in _INTRODUCES_NAMES)
+            return int(bracket is None and block.first not in _INTRODUCES_NAMES)
         case "RBRACE":
             return int(before.kind != "LBRACE")
     match before.kind:
@@ -307,7 +318,7 @@ def _distance(before: _Word, word: _Word, statement: _Statement) -> int:
     if word.text in _SPACED or before.text in _SPACED:
         return 1
     if "+" in (word.text, before.text) or "-" in (word.text, before.text) or ".." in (word.text, before.text):
-        return int(word.unary or not (in_index or (statement.first == "for" and bracket is None)))
+        return int(word.unary or not (in_index or (block.first == "for" and bracket is None)))
     if word.kind == "LPAR":
         return int(before.kind not in ("NAME", "RSQB"))  # a call; `x[2](a, b)`
     return 1
@@ -345,7 +356,7 @@ def _tables(lines: Sequence[_Line]) -> dict[_Word, list[_Word]]:
     for line in lines:
         for word in line.words:
             if word.before is not None and word.sort:
-                by_place.setdefault((line.block, word.column, word.sort), []).append(word)
+                by_place.setdefault((line.paragraph, word.column, word.sort), []).append(word)
     result: dict[_Word, list[_Word]] = {}
     for words in by_place.values():
         for table in _runs(words):
@@ -371,7 +382,7 @@ def _runs(words: Sequence[_Word]) -> Iterator[list[_Word]]:
 def _write(lines: Sequence[_Line]) -> str:
     parts: list[str] = []
     for number, line in enumerate(lines):
-        if number and line.block != lines[number - 1].block:
+        if number and line.paragraph != lines[number - 1].paragraph:
             parts.append("\n")
         end = 0
         for word in line.words:

@@ -33,12 +33,14 @@ def _select(condition, value, otherwise):
     return np.where(condition, value, otherwise)
 
 
-def _pack(values, *shape):
-    """The values as an array whose last axes have the given shape, whatever leading axes the values have."""
-    if all(np.ndim(v) == 0 for v in values):
+def _pack(values, shape, batch=()):
+    """The values as an array whose last axes have the given shape, after the leading axes of a batch."""
+    if not batch and all(np.ndim(v) == 0 for v in values):
         return np.array(values, dtype=float).reshape(shape)
-    packed = np.array(np.broadcast_arrays(*values), dtype=float)
-    return np.moveaxis(packed.reshape(*shape, *packed.shape[1:]).T, range(-1, -len(shape) - 1, -1), range(-len(shape), 0))
+    like = np.zeros(batch[::-1])
+    packed = np.array(np.broadcast_arrays(like, *values)[1:], dtype=float)
+    packed = packed.reshape(*shape, *packed.shape[1:]) if values else np.zeros((*shape, *like.shape))
+    return np.moveaxis(packed.T, range(-1, -len(shape) - 1, -1), range(-len(shape), 0))
 
 
 def _solve(count, *entries):
@@ -221,7 +223,7 @@ class Writer:
             '    """All that depends on parameters alone."""',
             *_indented(body.lines),
         ]
-        lines.append(_return(results, (len(self.constants),)))
+        lines.append(_return(results, (len(self.constants),), "\n        np.shape(parameters)[:-1],"))
         return "\n" + "\n".join(lines) + "\n"
 
     def _function(
@@ -239,12 +241,15 @@ class Writer:
         lines = [f"def {name}({arguments}):", f'    """{note}"""']
         lines += _indented(self._prelude(body.used, arguments))
         lines += _indented(body.lines)
-        lines.append(_return(results, shape))
+        batch = "\n        batch," if "state" in arguments else ""
+        lines.append(_return(results, shape, batch))
         return "\n" + "\n".join(lines) + "\n"
 
     def _prelude(self, used: set[str], arguments: str) -> list[str]:
         """Give the arrays' items their names; only those that the function reads."""
         lines = []
+        if "state" in arguments:
+            lines.append("batch = np.broadcast_shapes(np.shape(state)[:-1], np.shape(time))")
         if "state" in arguments and self.state_names:
             names = ", ".join(n if n in used else "_" for n in self.state_names)
             lines.append(f"{names}{',' if len(self.state_names) == 1 else ''} = np.asarray(state).T")
@@ -399,11 +404,10 @@ def _indented(lines: Iterable[str]) -> list[str]:
     return [f"    {line}" for line in lines]
 
 
-def _return(results: Sequence[str], shape: tuple[int, ...]) -> str:
-    if not results:
-        return f"    return np.zeros({shape})"
+def _return(results: Sequence[str], shape: tuple[int, ...], batch: str) -> str:
     items = "".join(f"            {r},\n" for r in results)
-    return f"    return _pack(\n        (\n{items}        ),\n        {', '.join(map(str, shape))},\n    )"
+    values = f"(\n{items}        )" if results else "()"
+    return f"    return _pack(\n        {values},\n        {shape},{batch}\n    )"
 
 
 def _bracketed(text: str, needed: bool) -> str:
