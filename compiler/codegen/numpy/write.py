@@ -249,7 +249,8 @@ class Writer:
         """Give the arrays' items their names; only those that the function reads."""
         lines = []
         if "state" in arguments:
-            lines.append("batch = np.broadcast_shapes(np.shape(state)[:-1], np.shape(time))")
+            single = "np.ndim(state) == 1 and np.ndim(time) == 0"
+            lines.append(f"batch = () if {single} else np.broadcast_shapes(np.shape(state)[:-1], np.shape(time))")
         if "state" in arguments and self.state_names:
             names = ", ".join(n if n in used else "_" for n in self.state_names)
             lines.append(f"{names}{',' if len(self.state_names) == 1 else ''} = np.asarray(state).T")
