@@ -1,4 +1,4 @@
-"""To sympy and back: for what people read, and for laws that must be solved and are not affine."""
+"""To sympy and back: for what people read and go on with."""
 
 from __future__ import annotations
 
@@ -102,30 +102,3 @@ def from_sympy(x: Any, key: Callable[[Any], Hashable]) -> Expression:
         return call(operator, *operands)
 
     return walk(x)
-
-
-def solve_nonlinear(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
-    """The one real solution for a symbol of left = right in closed form; None if there is none or several."""
-    names: dict[Hashable, Any] = {}
-
-    def name(key: Hashable) -> Any:
-        if key not in names:
-            names[key] = sympy.Symbol(f"s{len(names)}", real=True)
-        return names[key]
-
-    equation = to_sympy(left, name) - to_sympy(right, name)
-    unknown = name(symbol.key)
-    if equation.has(sympy.Piecewise, sympy.Min, sympy.Max, sympy.sign, sympy.floor, sympy.Abs):
-        return None
-    try:
-        solutions = sympy.solve(equation, unknown)
-    except NotImplementedError:
-        return None
-    keys = {v: k for k, v in names.items()}
-    real = [s for s in solutions if s.is_real is not False and not s.has(sympy.I)]
-    if len(real) != 1:
-        return None
-    try:
-        return from_sympy(real[0], keys.__getitem__)
-    except (ValueError, KeyError):
-        return None

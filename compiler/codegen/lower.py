@@ -128,7 +128,10 @@ def _used(space: StateSpace) -> set[int]:
     for state in space.states:
         used.add(state.rate)
         used.update(e for e in (state.start, state.nominal) if isinstance(e, int))
+    used.update(v for port in space.ports for v in (port.effort, port.flow))
+    used.update(space.stored.values())
     for storage in space.storages:
+        used.update(storage.stored)
         used.update(a for a in storage.arguments if not isinstance(a, float))
     return used
 

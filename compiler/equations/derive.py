@@ -369,8 +369,9 @@ class EquationBuilder:
         definitions = self.graph.quantities
         try:
             values = [a if isinstance(a, float) else definitions[a.name].value for a in bound.arguments]
-            return evaluate(bound.formula.expression, values.__getitem__) == 0.0
-        except (ArithmeticError, ValueError, KeyError, AttributeError, TypeError):
+            known = [v for v in values if v is not None]
+            return len(known) == len(values) and evaluate(bound.formula.expression, lambda i: known[i]) == 0.0
+        except (ArithmeticError, ValueError):
             return False
 
     def _stored_variable(self, node: Element, port: int) -> int:

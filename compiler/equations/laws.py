@@ -8,6 +8,7 @@ from functools import lru_cache
 from ..algebra.affine import affine_parts, solve_affine
 from ..algebra.derivative import derivative
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute
+from ..algebra.invert import solve_nonlinear
 from ..graph.network import Kind, Law, Own
 
 
@@ -15,7 +16,7 @@ from ..graph.network import Kind, Law, Own
 def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
     """Each wanted own variable as an expression of the others; None if the law cannot be solved for them.
 
-    Explicit equations are taken as they are, affine ones are solved here, and only what is left goes to sympy.
+    Explicit equations are taken as they are, affine ones are solved, others are inverted where they have one inverse.
     """
     if law.energy is not None:
         if all(w.variable in "ef" for w in wanted):  # efforts by displacements, flows by momenta
@@ -35,8 +36,6 @@ def _one(equations: tuple[tuple[Expression, Expression], ...], wanted: Own) -> t
     ((left, right),) = equations
     found = solve_affine(left, right, Symbol(wanted))
     if found is None:
-        from ..algebra.sympy_form import solve_nonlinear
-
         found = solve_nonlinear(left, right, Symbol(wanted))
     return None if found is None else (found,)
 

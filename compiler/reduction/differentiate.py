@@ -71,13 +71,11 @@ class Differentiator:
                 if not self.diagnostics:
                     self.diagnostics.append(DerivativeThroughLoop(self._span, self._element, f"`{assignment.owner}`"))
                 return None
-            slope = derivative(assignment.formula.expression, Symbol(slot))
-            if slope == ZERO:
-                continue
-            inner = self._rate(argument)
+            inner = self._rate(argument)  # first: what jumps with time has no slope, but no derivative either
             if inner is None:
                 return None
-            if inner != ZERO:
+            slope = derivative(assignment.formula.expression, Symbol(slot))
+            if inner != ZERO and slope != ZERO:
                 terms.append(multiply(self._put(slope, assignment), inner))
         total = add(*terms)
         if isinstance(total, Number | Symbol):

@@ -283,6 +283,8 @@ def _check_form(
     if kind in ("TF", "GY"):
         _check_transducer(kind, name, equations[0], used[0], span)
         return
+    if any(right == ZERO for _, right in equations):
+        return  # a coefficient of zero: the element gives nothing, and will be left out
     for port in range(ports - (kind == "RS")):
         for variable in LAW_VARIABLES[kind] if kind != "IC" else "":
             wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in LAW_VARIABLES[kind]}

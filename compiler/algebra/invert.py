@@ -1,0 +1,101 @@
+"""Laws that are not affine, solved for one of their variables where that is one real function.
+
+The operations around the variable are taken off one by one, each by its inverse. Only what has one real inverse is taken: an
+odd power (as a signed root), exp, log, tanh and their like; not an even power, sin, or a variable that stands in two places.
+A general solver would return one of several branches, or not return at all.
+"""
+
+from __future__ import annotations
+
+from .expression import ZERO, Apply, Expression, Number, Symbol, add, call, depends_on, divide, multiply, negate, power
+
+_INVERSES = {
+    "exp": "log", "log": "exp", "sinh": "asinh", "asinh": "sinh", "tanh": "atanh", "atanh": "tanh", "atan": "tan", "asin": "sin",
+}  # fmt: skip
+
+
+def solve_nonlinear(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
+    """The one real solution of left = right for a symbol; None where this cannot tell that there is exactly one."""
+    if not depends_on(right, symbol):
+        return _peel(left, right, symbol)
+    if not depends_on(left, symbol):
+        return _peel(right, left, symbol)
+    return _peel(left - right, ZERO, symbol)
+
+
+def _peel(x: Expression, y: Expression, symbol: Symbol) -> Expression | None:
+    """Solve x = y, where only x contains the symbol."""
+    if x == symbol:
+        return y
+    if not isinstance(x, Apply):
+        return None
+    inside = [o for o in x.operands if depends_on(o, symbol)]
+    if x.operator == "multiply" and len(inside) > 1:
+        return _signed_power(x, inside, y, symbol)
+    if len(inside) != 1:
+        return None
+    inner = inside[0]
+    outside = [o for o in x.operands if o is not inner]
+    match x.operator:
+        case "add":
+            return _peel(inner, add(y, *(negate(o) for o in outside)), symbol)
+        case "multiply":
+            return _peel(inner, divide(y, multiply(*outside)), symbol)
+        case "divide":
+            top = inner is x.operands[0]
+            return _peel(inner, multiply(y, x.operands[1]) if top else divide(x.operands[0], y), symbol)
+        case "power" if inner is x.operands[0] and isinstance(x.operands[1], Number):
+            root = _root(y, x.operands[1].value)
+            return None if root is None else _peel(inner, root, symbol)
+        case "sqrt":
+            return _peel(inner, power(call("sqrt", y), Number(4.0)), symbol)  # y^2, and no number for a negative y
+        case "log10":
+            return _peel(inner, power(Number(10.0), y), symbol)
+    inverse = _INVERSES.get(x.operator)
+    return None if inverse is None else _peel(inner, call(inverse, y), symbol)
+
+
+def _root(y: Expression, exponent: float) -> Expression | None:
+    """The inverse of x^n on all numbers where x^n has one, on the positive ones for a fraction."""
+    if exponent == 0:
+        return None
+    if exponent != int(exponent):
+        return power(y, Number(1 / exponent))
+    if int(exponent) % 2 == 0:
+        return None
+    return _signed(y, 1 / exponent)
+
+
+def _signed(y: Expression, exponent: float) -> Expression:
+    """sign(y) |y|^n."""
+    return multiply(call("sign", y), power(call("abs", y), Number(exponent)))
+
+
+def _signed_power(x: Apply, inside: list[Expression], y: Expression, symbol: Symbol) -> Expression | None:
+    """Products such as sign(u) sqrt(abs(u)) or u abs(u): an odd power of u, which has one inverse."""
+    parts = [_power_of(factor) for factor in inside]
+    known = [p for p in parts if p is not None]
+    if len(known) < len(parts) or len({base for base, _, _ in known}) != 1:
+        return None
+    exponent = sum(n for _, n, _ in known)
+    odd = sum(parity for _, _, parity in known) % 2 == 1
+    if not odd or exponent <= 0:
+        return None
+    outside = [o for o in x.operands if not depends_on(o, symbol)]
+    return _peel(known[0][0], _signed(divide(y, multiply(*outside)), 1 / exponent), symbol)
+
+
+def _power_of(factor: Expression) -> tuple[Expression, float, int] | None:
+    """`(u, n, parity)` of a factor that is |u|^n, with the sign of u if parity is 1."""
+    match factor:
+        case Apply(operator="sign", operands=(u,)):
+            return u, 0.0, 1
+        case Apply(operator="abs", operands=(u,)):
+            return u, 1.0, 0
+        case Apply(operator="sqrt", operands=(Apply(operator="abs", operands=(u,)),)):
+            return u, 0.5, 0
+        case Apply(operator="power", operands=(Apply(operator="abs", operands=(u,)), Number(n))):
+            return u, n, 0
+        case Apply(operator="power", operands=(u, Number(n))) if n == int(n):
+            return u, n, int(n) % 2
+    return factor, 1.0, 1
