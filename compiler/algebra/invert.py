@@ -7,7 +7,21 @@ A general solver would return one of several branches, or not return at all.
 
 from __future__ import annotations
 
-from .expression import ZERO, Apply, Expression, Number, Symbol, add, call, depends_on, divide, multiply, negate, power
+from .expression import (
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    depends_on,
+    divide,
+    multiply,
+    negate,
+    power,
+    symbols,
+)
 
 _INVERSES = {
     "exp": "log", "log": "exp", "sinh": "asinh", "asinh": "sinh", "tanh": "atanh", "atanh": "tanh", "atan": "tan", "asin": "sin",
@@ -17,10 +31,14 @@ _INVERSES = {
 def solve_nonlinear(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
     """The one real solution of left = right for a symbol; None where this cannot tell that there is exactly one."""
     if not depends_on(right, symbol):
-        return _peel(left, right, symbol)
-    if not depends_on(left, symbol):
-        return _peel(right, left, symbol)
-    return _peel(left - right, ZERO, symbol)
+        found = _peel(left, right, symbol)
+    elif not depends_on(left, symbol):
+        found = _peel(right, left, symbol)
+    else:
+        found = _peel(left - right, ZERO, symbol)
+    if isinstance(found, Apply) and next(symbols(found), None) is None:
+        return None  # numbers that could not be folded: exp(x) = -1
+    return found
 
 
 def _peel(x: Expression, y: Expression, symbol: Symbol) -> Expression | None:
