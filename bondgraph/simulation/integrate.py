@@ -25,11 +25,27 @@ WEIGHTS = np.array([(16 - 6**0.5) / 36, (16 + 6**0.5) / 36, 1 / 9])
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,)."""
+    """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,).
+
+    `needed` marks the states that the outputs need. Others are only there for an energy balance: they have no part in the
+    error control, so that asking for the balance changes no step.
+    """
 
     relative: float
     absolute: Any
     magnitude: Any
+    needed: Any
+
+    @property
+    def share(self) -> float:
+        """The solver divides norms by the root of the number of all states; this restores that of the needed ones."""
+        share: float = max(1, int(np.count_nonzero(self.needed))) / max(1, len(self.needed))
+        return float(share**0.5)
+
+    @property
+    def scaled(self) -> Any:
+        """Absolute tolerances of the states divided by their magnitudes, as the solver is to see them."""
+        return np.where(self.needed, self.absolute / self.magnitude * self.share, np.inf)
 
 
 @dataclass(slots=True)
@@ -96,7 +112,7 @@ class _Stepper:
             return x
         solver = self._solver(stretch, x)
         magnitude = self.tolerances.magnitude
-        relative = self.tolerances.absolute / magnitude
+        relative = self.tolerances.scaled
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
         while solver.status == "running":
             self._step(solver)
@@ -133,12 +149,20 @@ class _Stepper:
         slope = derivative(stretch.start, x / magnitude)
         if not np.isfinite(slope).all():
             raise RunFailed(_not_finite(self.program, stretch.start, slope, x))
-        absolute = self.tolerances.absolute / magnitude
+        tolerances = self.tolerances
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # scipy warns of a small rtol; its status is looked at after each step
-            return Radau(
-                derivative, stretch.start, x / magnitude, stretch.stop, rtol=self.tolerances.relative, atol=absolute, jac=jacobian
-            )  # fmt: skip
+            solver = Radau(
+                derivative,
+                stretch.start,
+                x / magnitude,
+                stretch.stop,
+                rtol=tolerances.relative * tolerances.share,
+                atol=tolerances.scaled,
+                jac=jacobian,
+            )
+        solver.newton_tol = max(10 * np.finfo(float).eps / tolerances.relative, min(0.03, tolerances.relative**0.5))
+        return solver
 
     def _step(self, solver: Any) -> None:
         """One accepted step."""

@@ -68,7 +68,7 @@ def simulate(
     if atol is None:
         atol = plan.settings.get("atol")
     with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
-        run = _Run(compilation, program, plan, instants, rtol, atol, energy)
+        run = _Run(compilation, model.compilation(scene), program, plan, instants, rtol, atol, energy)
         values, balance = run.go()
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     return Result(
@@ -112,6 +112,7 @@ class _Run:
     def __init__(
         self,
         compilation: Compilation,
+        lean: Compilation,
         program: Program,
         plan: Plan,
         instants: Any,
@@ -119,14 +120,15 @@ class _Run:
         atol: float | None,
         energy: bool,
     ) -> None:
-        self.compilation, self.program, self.plan = compilation, program, plan
+        self.compilation, self.lean, self.program, self.plan = compilation, lean, program, plan
         self.instants, self.rtol, self.energy = instants, rtol, energy
         self.parameters = np.array(program.defaults, dtype=float)
         self.constants = program.constants(self.parameters)
         self.inputs = np.array(program.input_defaults, dtype=float)
         self.state = np.asarray(program.start(self.constants), dtype=float)
         self.stretches = segments(program, self.constants, instants[0], instants[-1])
-        self.magnitude = nominal_magnitudes(program, self.constants, self.state, self.inputs, self.stretches)
+        self.needed = self._needed()
+        self.magnitude = self._magnitudes()
         self.atol = self._tolerances(atol)
         self.trajectory = Trajectory(np.empty((0, 0)))
 
@@ -148,6 +150,25 @@ class _Run:
             result[index] = value
         return result
 
+    def _magnitudes(self) -> Any:
+        """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
+        result = nominal_magnitudes(self.program, self.constants, self.state, self.inputs, self.stretches)
+        if not self.needed.all():
+            lean = self.lean.program
+            constants = lean.constants(np.array(lean.defaults, dtype=float))
+            start = np.asarray(lean.start(constants), dtype=float)
+            result[self.needed] = nominal_magnitudes(lean, constants, start, self.inputs, self.stretches)
+        return result
+
+    def _needed(self) -> Any:
+        """Which states the outputs need; all of them, unless more are there for the energy balance."""
+        names = self.program.states.names
+        if not self.energy:
+            return np.ones(len(names), dtype=bool)
+        lean = self.lean.state_space
+        known = {lean.variables[s.variable].name for s in lean.states}
+        return np.array([n in known for n in names], dtype=bool)
+
     def go(self) -> tuple[Any, EnergyBalance | None]:
         """Integrate and evaluate the outputs; shape (points, outputs)."""
         program = self.program
@@ -155,7 +176,7 @@ class _Run:
             bad = [program.states.names[i] for i in np.flatnonzero(~np.isfinite(self.state))]
             raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
         powers = self._powers if self.energy else None
-        tolerances = Tolerances(self.rtol, self.atol, self.magnitude)
+        tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed)
         self.trajectory = integrate(
             program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances, powers
         )

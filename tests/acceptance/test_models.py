@@ -93,8 +93,8 @@ def test_flexure_orders(load: dict[str, str], world: tuple[float, ...], body: tu
 
     assert place("world") == pytest.approx(np.array(world), rel=1e-6, abs=1e-7)
     assert place("body") == pytest.approx(np.array(body), rel=1e-6, abs=1e-7)
-    assert abs(result.final("dx_symmetric")) < 1e-12
-    assert abs(result.final("dy_symmetric")) < 1e-12
+    assert abs(result.final("dx_symmetric")) < 2e-11  # rtol of the largest displacement
+    assert abs(result.final("dy_symmetric")) < 2e-11
 
 
 def test_flexure_published_differences() -> None:
