@@ -21,11 +21,9 @@ from ..algebra.expression import (
 from ..algebra.formula import Bound, Formula, bind
 from ..causality import CausalGraph
 from ..errors import CompilationFailed, Diagnostic
-from ..graph.domains import DOMAINS
 from ..graph.network import (
     STORAGES,
     TIME,
-    BondGraph,
     Element,
     End,
     Integral,
@@ -39,10 +37,11 @@ from ..graph.network import (
     Reference,
 )
 from ..graph.prune import adjustable
-from ..multibody import mechanism_equations
+from ..multibody import Motion, mechanism_equations
 from ..source import Span
 from .errors import DerivativeField, NotInvertible, StartOfDependent, Undetermined
 from .laws import ratio, solved
+from .naming import bond_names, letter_of, port_name, unit_of
 from .system import Argument, Assignment, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
 GIVEN = {"q": "e", "p": "f"}  # stored -> what the law gives in integral form; the other one is integrated
@@ -82,7 +81,7 @@ class EquationBuilder:
 
     def build(self) -> EquationSystem:
         for number in range(len(self.graph.bonds)):
-            names = _bond_names(self.graph, number)
+            names = bond_names(self.graph, number)
             self.efforts.append(self.variable(names[0], "computed", names[2]))
             self.flows.append(self.variable(names[1], "computed", names[3]))
         self._bond_variables = {*self.efforts, *self.flows}
@@ -224,8 +223,8 @@ class EquationBuilder:
             if reading.variable in "ef":
                 variable = (self.efforts if reading.variable == "e" else self.flows)[bond]
             else:  # a storage: made here, filled when its turn comes
-                unit = _unit(node.ports[port].domain, reading.variable)
-                variable = self.variable(_port_name(node, port, reading.variable), "computed", unit)
+                unit = unit_of(node.ports[port].domain, reading.variable)
+                variable = self.variable(port_name(node, port, reading.variable), "computed", unit)
         self.readings[reading] = variable
         return variable
 
@@ -417,7 +416,7 @@ class EquationBuilder:
         stored = node.stored[port]
         given = GIVEN[stored]
         value = self.folded(bound)
-        name = f"{_port_name(node, port, stored)} at the start"
+        name = f"{port_name(node, port, stored)} at the start"
         if variable == given:
             found = solved(node.law, (Own(port, stored),)) if len(node.ports) == 1 else None
             if found is None:
@@ -505,23 +504,22 @@ class EquationBuilder:
             flow = self.root(self.flows[bond])
             if motion.displacement is not None:
                 self.knows_integral(flow, motion.displacement)
-        for port_name, motion in result.motions.items():
-            domain = "rotation" if port_name.endswith("phi") else "translation"
-            self.readings[Reading(node.name, port_name, "q")] = self._held(
-                motion.pose, f"{node.name}.{port_name}", _unit(domain, "q"), node.span
-            )
-            self.readings[Reading(node.name, port_name, "f")] = self._held(
-                motion.flow,
-                f"{node.name}.{port_name}.{'omega' if domain == 'rotation' else 'v'}",
-                _unit(domain, "f"),
-                node.span,
-            )
-            effort = efforts.get(port_name, ZERO)
-            self.readings[Reading(node.name, port_name, "e")] = self._held(
-                effort, f"{node.name}.{port_name}.{'M' if domain == 'rotation' else 'F'}", _unit(domain, "e"), node.span
-            )
+        for name, motion in result.motions.items():
+            self._readings_of_port(node, name, motion, efforts.get(name, ZERO))
         if result.energy is not None:
             self.stored[node.name] = result.energy
+
+    def _readings_of_port(self, node: MechanismNode, port: str, motion: Motion, effort: Expression) -> None:
+        """What expressions may read of a mechanism's port: pose, rate and effort."""
+        domain = "rotation" if port.endswith("phi") else "translation"
+        full = f"{node.name}.{port}"
+        for variable, expression, suffix in (
+            ("q", motion.pose, ""),
+            ("f", motion.flow, f".{letter_of(domain, 'f')}"),
+            ("e", effort, f".{letter_of(domain, 'e')}"),
+        ):
+            held = self._held(expression, full + suffix, unit_of(domain, variable), node.span)
+            self.readings[Reading(node.name, port, variable)] = held
 
     def _held(self, expression: Expression, name: str, unit: str, span: Span) -> int:
         if isinstance(expression, Symbol):
@@ -570,47 +568,3 @@ def _number(definition: Bound | None) -> float | None:
     if definition is not None and isinstance(definition.formula.expression, Number):
         return definition.formula.expression.value
     return None
-
-
-def _bond_names(graph: BondGraph, number: int) -> tuple[str, str, str, str]:
-    """Names and units of a bond's effort and flow, after the element at one of its ends."""
-    bond = graph.bonds[number]
-    effort, flow = _unit(bond.domain, "e"), _unit(bond.domain, "f")
-    ends = sorted((bond.head, bond.tail), key=lambda end: _rank(graph, end))
-    node = graph.nodes[ends[0].node]
-    if isinstance(node, Element):
-        return _port_name(node, ends[0].port, "e"), _port_name(node, ends[0].port, "f"), effort, flow
-    tail, head = graph.nodes[bond.tail.node].name, graph.nodes[bond.head.node].name
-    return (
-        f"({tail} -> {head}).{_letter(bond.domain, 'e')}",
-        f"({tail} -> {head}).{_letter(bond.domain, 'f')}",
-        effort,
-        flow,
-    )
-
-
-def _rank(graph: BondGraph, end: End) -> int:
-    node = graph.nodes[end.node]
-    if isinstance(node, Element):
-        return 1 if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR) else 0
-    return 2
-
-
-def _port_name(node: Element | MechanismNode, port: int, variable: str) -> str:
-    name, domain = node.ports[port].name, node.ports[port].domain
-    letter = _letter(domain, variable)
-    if isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
-        return f"{node.name}.{letter}{name}"
-    if not name:
-        return f"{node.name}.{letter}"
-    return f"{node.name}.{name}" if variable in "qp" else f"{node.name}.{name}.{letter}"
-
-
-def _letter(domain: str, variable: str) -> str:
-    return DOMAINS[domain].letter(variable)
-
-
-def _unit(domain: str, variable: str) -> str:
-    from ..graph.domains import DOMAINS
-
-    return str(DOMAINS[domain].dimension(variable))
