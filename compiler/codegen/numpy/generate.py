@@ -38,7 +38,8 @@ def write_module(lowered: Lowered) -> str:
     note = (
         f"{lowered.space.name}: generated from a bond graph; needs numpy alone.\n\n"
         "c = constants(DEFAULTS); x = start(c); derivative(0.0, x, INPUT_DEFAULTS, c, switches(0.0, c)).\n"
-        "All quantities are in SI; arrays may have leading axes (batches).\n"
+        "All quantities are in SI; arrays may have leading axes (batches). Both sides of an `if` are evaluated: where that warns of\n"
+        "a division by zero, `with numpy.errstate(all='ignore')` around the call keeps it quiet.\n"
     )
     return Writer(lowered).module(_tables(lowered), note)
 

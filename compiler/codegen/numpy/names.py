@@ -15,15 +15,19 @@ class Identifiers:
 
     def __init__(self) -> None:
         self.taken: set[str] = set()
+        self.counts: dict[
+            str, int
+        ] = {}  # of the names that were asked for, so that the thousandth costs no thousand tries
 
     def of(self, name: str) -> str:
         """A new identifier that looks like the name."""
         word = re.sub(r"[^A-Za-z0-9_]+", "_", name.replace("]", "")).strip("_") or "value"
         if word[0].isdigit() or word in RESERVED or word.startswith("_"):
             word = f"v_{word}"
-        candidate, count = word, 1
+        candidate, count = word, self.counts.get(word, 1)
         while candidate in self.taken:
             count += 1
             candidate = f"{word}_{count}"
+        self.counts[word] = count
         self.taken.add(candidate)
         return candidate

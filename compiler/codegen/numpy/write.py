@@ -33,7 +33,14 @@ def _select(condition, value, otherwise):
     return np.where(condition, value, otherwise)
 
 
-def _pack(values, shape, batch=()):
+def _leading(time, *arrays):
+    """The leading axes that the arguments have together."""
+    if np.ndim(time) == 0 and all(np.ndim(a) < 2 for a in arrays):
+        return ()
+    return np.broadcast_shapes(np.shape(time), *(np.shape(a)[:-1] for a in arrays))
+
+
+def _pack(values, shape, batch):
     """The values as an array whose last axes have the given shape, after the leading axes of a batch."""
     if not batch and all(np.ndim(v) == 0 for v in values):
         return np.array(values, dtype=float).reshape(shape)
@@ -216,14 +223,16 @@ class Writer:
             leaf = Symbol(Leaf("parameter", position))
             name = self.constant_names.get(leaf) or body.identifiers.of(self._label(leaf))
             body.known[leaf] = name
-            body.lines.append(f"{name} = parameters.T[{position}]")
+            body.lines.append(f"{name} = parameters[{position}]")
         results = body.write(self.constants, self.constant_names)
         lines = [
             "def constants(parameters):",
             '    """All that depends on parameters alone."""',
+            "    batch = _leading(0.0, parameters)",
+            "    parameters = np.asarray(parameters, dtype=float).T",
             *_indented(body.lines),
+            _return(results, (len(self.constants),)),
         ]
-        lines.append(_return(results, (len(self.constants),), "\n        np.shape(parameters)[:-1],"))
         return "\n" + "\n".join(lines) + "\n"
 
     def _function(
@@ -241,16 +250,13 @@ class Writer:
         lines = [f"def {name}({arguments}):", f'    """{note}"""']
         lines += _indented(self._prelude(body.used, arguments))
         lines += _indented(body.lines)
-        batch = "\n        batch," if "state" in arguments else ""
-        lines.append(_return(results, shape, batch))
+        lines.append(_return(results, shape))
         return "\n" + "\n".join(lines) + "\n"
 
     def _prelude(self, used: set[str], arguments: str) -> list[str]:
         """Give the arrays' items their names; only those that the function reads."""
-        lines = []
-        if "state" in arguments:
-            single = "np.ndim(state) == 1 and np.ndim(time) == 0"
-            lines.append(f"batch = () if {single} else np.broadcast_shapes(np.shape(state)[:-1], np.shape(time))")
+        arrays = [a for a in ("state", "inputs", "constants") if a in arguments]
+        lines = [f"batch = _leading({'time' if 'time' in arguments else '0.0'}, {', '.join(arrays)})"]
         if "state" in arguments and self.state_names:
             names = ", ".join(n if n in used else "_" for n in self.state_names)
             lines.append(f"{names}{',' if len(self.state_names) == 1 else ''} = np.asarray(state).T")
@@ -405,10 +411,10 @@ def _indented(lines: Iterable[str]) -> list[str]:
     return [f"    {line}" for line in lines]
 
 
-def _return(results: Sequence[str], shape: tuple[int, ...], batch: str) -> str:
+def _return(results: Sequence[str], shape: tuple[int, ...]) -> str:
     items = "".join(f"            {r},\n" for r in results)
     values = f"(\n{items}        )" if results else "()"
-    return f"    return _pack(\n        {values},\n        {shape},{batch}\n    )"
+    return f"    return _pack(\n        {values},\n        {shape},\n        batch,\n    )"
 
 
 def _bracketed(text: str, needed: bool) -> str:
