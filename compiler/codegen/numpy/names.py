@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import builtins
 import keyword
 import re
 
 RESERVED = frozenset(
-    {*keyword.kwlist, *keyword.softkwlist, "np", "time", "state", "inputs", "constants", "mode", "parameters", "out"}
+    {*keyword.kwlist, *keyword.softkwlist, *dir(builtins), "np", "batch"}
+    | {"time", "state", "inputs", "constants", "mode", "parameters"}
 )
 
 

@@ -1,0 +1,34 @@
+"""What all tests share: golden files, and the option that renews them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# The same examples in every run: what fails here fails everywhere.
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=60)
+settings.load_profile("repeatable")
+
+Golden = Callable[[Path, str], None]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-golden", action="store_true", help="write the golden files anew instead of comparing with them")
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Golden:
+    """`golden(file, text)`: the text is what the file says; with --update-golden the file is made to say it."""
+    update = bool(request.config.getoption("--update-golden"))
+
+    def compare(file: Path, text: str) -> None:
+        text = text.rstrip("\n") + "\n"
+        if update:
+            file.write_text(text, encoding="utf-8")
+        assert file.is_file(), f"{file.name} is missing: run pytest with --update-golden and read what it wrote"
+        assert text == file.read_text(encoding="utf-8"), f"{file.name} is out of date: if the new text is right, --update-golden renews it"
+
+    return compare

@@ -1,0 +1,271 @@
+"""Mechanical parts against ratios, linear responses, conserved quantities."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from tests.library.bench import exact, linear, near, run
+
+# ---------------------------------------------------------------------- ideal transducers
+
+
+@pytest.mark.parametrize("ratio", [4.0, -0.5])
+def test_gear_accelerates_what_is_behind_it(ratio: float) -> None:
+    found = run(
+        "mechanics", "Gear",
+        f"""
+        Se motor : M = 3 [N*m]
+        1 shaft, load
+        I rotor  : p = 0.1 [kg*m^2]*omega
+        I wheel  : p = 0.8 [kg*m^2]*omega
+        Gear gear {{ ratio = {ratio} }}
+        motor -> shaft -> rotor, gear.a
+        gear.b -> load -> wheel
+        output fast = shaft.omega, slow = load.omega
+        output power_in = gear.mesh.M1*gear.mesh.omega1, power_out = gear.mesh.M2*gear.mesh.omega2
+        """,
+        2,
+    )  # fmt: skip
+    near(found["fast"], 3 / (0.1 + 0.8 / ratio**2) * found.time)
+    exact(found["slow"] * ratio, found["fast"])
+    exact(found["power_in"], found["power_out"])
+
+
+def test_lever_turns_forces_round() -> None:
+    found = run(
+        "mechanics", "Lever",
+        """
+        Se hand : F = 10 N
+        1 near, far
+        I stone : p = 5 kg*v
+        R drag  : F = 2 [N*s/m]*v
+        Lever lever { l_a = 0.5 m, l_b = 0.1 m }
+        hand -> near -> lever.a
+        lever.b -> far -> stone, drag
+        output v_near = near.v, v_far = far.v
+        """,
+        3,
+    )  # fmt: skip
+    # The far end goes the other way, at a fifth of the velocity, with five times the force.
+    near(found["v_far"], -50 / 2 * (1 - np.exp(-2 / 5 * found.time)))
+    exact(found["v_near"], -5 * found["v_far"])
+
+
+def test_screw_moves_a_nut() -> None:
+    found = run(
+        "mechanics", "Screw",
+        """
+        Se motor : M = 0.2 [N*m]
+        1 shaft, table
+        I rotor : p = 1e-4 [kg*m^2]*omega
+        I mass  : p = 20 kg*v
+        Screw screw { lead = 10 [mm/rev] }
+        motor -> shaft -> rotor, screw.a
+        screw.b -> table -> mass
+        output v = table.v
+        """,
+        1,
+    )  # fmt: skip
+    lead = 0.010 / (2 * math.pi)
+    near(found["v"], lead * 0.2 / (1e-4 + 20 * lead**2) * found.time)
+
+
+def test_wheel_drives_a_car() -> None:
+    found = run(
+        "mechanics", "Wheel",
+        """
+        Se motor : M = 100 [N*m]
+        1 axle, car
+        I rims : p = 2 [kg*m^2]*omega
+        I mass : p = 1000 kg*v
+        Wheel wheel { radius = 0.25 m }
+        motor -> axle -> rims, wheel.a
+        wheel.b -> car -> mass
+        output v = car.v, omega = axle.omega
+        """,
+        10,
+    )  # fmt: skip
+    near(found["v"], (100 / 0.25) / (1000 + 2 / 0.25**2) * found.time)
+    exact(found["omega"] * 0.25, found["v"])
+
+
+# ---------------------------------------------------------------------- elastic parts
+
+
+def test_belt_between_two_pulleys() -> None:
+    found = run(
+        "mechanics", "Belt",
+        """
+        Se motor : M = 1 [N*m]
+        1 fast, slow
+        I rotor : p = 1e-3 [kg*m^2]*omega
+        I drum  : p = 5e-2 [kg*m^2]*omega
+        R drag  : M = 0.1 [N*m*s]*omega
+        Belt belt { r_a = 20 mm, r_b = 80 mm, k = 2e4 [N/m], r = 30 [N*s/m] }
+        motor -> fast -> rotor, belt.a
+        belt.b -> slow -> drum, drag
+        output fast_omega = fast.omega, slow_omega = slow.omega, stretch = belt.stretch, pull = belt.pull
+        """,
+        0.5, energy=True,
+    )  # fmt: skip
+    ra, rb, k, r, ja, jb = 0.02, 0.08, 2e4, 30.0, 1e-3, 5e-2
+    a = [
+        [-ra * ra * r / ja, ra * rb * r / ja, -ra * k / ja],
+        [ra * rb * r / jb, (-rb * rb * r - 0.1) / jb, rb * k / jb],
+        [ra, -rb, 0],
+    ]
+    expected = linear(a, [1 / ja, 0, 0], [0, 0, 0], found.time)
+    for column, name in enumerate(("fast_omega", "slow_omega", "stretch")):
+        near(found[name], expected[:, column])
+    near(found["pull"], k * expected[:, 2] + r * (ra * expected[:, 0] - rb * expected[:, 1]))
+    assert found.energy is not None
+    near(found.energy.residual, 0, scale=found.energy.supplied)
+
+
+def test_spring_damper_between_two_masses() -> None:
+    found = run(
+        "mechanics", "SpringDamper",
+        """
+        1 left, right
+        I m1 : p = 2 kg*v
+        I m2 : p = 3 kg*v
+        SpringDamper link { k = 50 [N/m], r = 4 [N*s/m], x_0 = 10 mm }
+        left -> m1
+        left -> link.a
+        link.b -> right -> m2
+        output v1 = left.v, v2 = right.v, x = link.compression, force = link.force
+        """,
+        3,
+    )  # fmt: skip
+    a = [[-4 / 2, 4 / 2, -50 / 2], [4 / 3, -4 / 3, 50 / 3], [1, -1, 0]]
+    expected = linear(a, [0, 0, 0], [0, 0, 0.01], found.time)
+    near(found["v1"], expected[:, 0])
+    near(found["v2"], expected[:, 1])
+    near(found["x"], expected[:, 2])
+    near(2 * found["v1"] + 3 * found["v2"], 0, scale=0.1)  # momentum
+    near(found["force"], 50 * expected[:, 2] + 4 * (expected[:, 0] - expected[:, 1]))
+
+
+def test_torsion_spring_swings() -> None:
+    found = run(
+        "mechanics", "TorsionSpring",
+        """
+        Sf wall : omega = 0
+        1 body
+        I disc : p = 0.2 [kg*m^2]*omega
+        TorsionSpring wire { k = 5 [N*m], r = 0.1 [N*m*s], phi_0 = 30 deg }
+        body -> disc
+        body -> wire.a
+        wire.b -> wall
+        output phi = wire.twist, omega = body.omega, torque = wire.torque
+        """,
+        5,
+    )  # fmt: skip
+    w0, delta, start = math.sqrt(5 / 0.2), 0.1 / 0.2 / 2, math.pi / 6
+    w = math.sqrt(w0**2 - delta**2)
+    expected = start * np.exp(-delta * found.time) * (np.cos(w * found.time) + delta / w * np.sin(w * found.time))
+    near(found["phi"], expected)
+    near(found["torque"], 5 * found["phi"] + 0.1 * found["omega"], rtol=1e-14)
+
+
+# ---------------------------------------------------------------------- friction
+
+
+def test_friction_has_stribecks_curve() -> None:
+    found = run(
+        "mechanics", "Friction, RotaryFriction",
+        """
+        Sf drive : v = 0.05 [m/s]*sin(2*pi*1 Hz*time)
+        Sf spin  : omega = 3 [rad/s]*sin(2*pi*1 Hz*time)
+        Friction rail { F_c = 10 N, F_s = 14 N, v_s = 0.01 [m/s], v_0 = 0.001 [m/s], r = 20 [N*s/m] }
+        RotaryFriction bearing { M_c = 0.2 [N*m], M_s = 0.3 [N*m], omega_s = 0.4 [rad/s], omega_0 = 0.02 [rad/s], r = 0.01 [N*m*s] }
+        drive -> rail.ends
+        spin -> bearing.ends
+        output F = rail.force, M = bearing.torque
+        """,
+        1, points=1001,
+    )  # fmt: skip
+    v, omega = 0.05 * np.sin(2 * np.pi * found.time), 3 * np.sin(2 * np.pi * found.time)
+    near(found["F"], (10 + 4 * np.exp(-((v / 0.01) ** 2))) * np.tanh(v / 0.001) + 20 * v, rtol=1e-11, margin=1)
+    near(
+        found["M"],
+        (0.2 + 0.1 * np.exp(-((omega / 0.4) ** 2))) * np.tanh(omega / 0.02) + 0.01 * omega,
+        rtol=1e-11,
+        margin=1,
+    )
+    assert found["F"].max() > 12  # it breaks away before it slides
+
+
+SLED = """
+    Se push : F = %g N
+    1 body
+    I mass : p = 2 kg*v                                { start v = %g [m/s] }
+    Friction rail { F_c = 10 N, F_s = %g N, v_s = 0.02 [m/s], v_0 = 0.01 [m/s], r = %g [N*s/m] }
+    push -> body -> mass, rail.ends
+    output v = body.v
+"""
+
+
+def test_friction_stops_a_sled() -> None:
+    """m dv/dt = -F tanh(v/v0): sinh(v/v0) falls exponentially."""
+    found = run("mechanics", "Friction", SLED % (0, 0.05, 10, 0), 0.03)
+    near(found["v"], 0.01 * np.arcsinh(math.sinh(5) * np.exp(-10 / (2 * 0.01) * found.time)))
+
+
+def test_friction_creeps_below_the_break_away_force() -> None:
+    found = run("mechanics", "Friction", SLED % (8, 0, 14, 5), 1)
+
+    def missing(v: float) -> float:
+        return (10 + 4 * math.exp(-((v / 0.02) ** 2))) * math.tanh(v / 0.01) + 5 * v - 8
+
+    near(found.final("v"), brentq(missing, 0, 0.01, xtol=1e-16, rtol=1e-14))
+
+
+# ---------------------------------------------------------------------- end stop
+
+IMPACT = """
+    1 body
+    I mass : p = 0.5 kg*v                              { start v = %g [m/s] }
+    EndStop stop { side = %d, gap = 5 mm, k = 2e5 [N/m], soft = 0.2 mm, loss = %g [s/m] }
+    body -> mass, stop.ends
+    output v = body.v, x = stop.way, force = stop.force
+"""
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_end_stop_without_loss_returns_the_energy(side: int) -> None:
+    """1 m/s into it and 1 m/s out of it; at the turn all energy is in the contact."""
+    found = run("mechanics", "EndStop", IMPACT % (side, side, 0), 15e-3, points=20001, energy=True)
+    x, v = side * found["x"], side * found["v"]
+    near(found.final("v"), -side)
+    free = x < 5e-3
+    assert np.all(found["force"][free] == 0) and np.all(side * found["force"] >= 0)
+    near(v[: int(np.argmax(~free))], 1)
+
+    def missing(depth: float) -> float:
+        s = 0.2e-3  # a parabola over the first s: s^2/6, then straight
+        return 2e5 * (s**2 / 6 + (depth**2 - s**2) / 2 - s / 2 * (depth - s)) - 0.5 * 0.5 * 1**2
+
+    deepest = brentq(missing, 0.2e-3, 1e-2, xtol=1e-16, rtol=1e-14)
+    # Between two instants the turn is missed by at most half an acceleration times half a step squared.
+    assert x.max() - 5e-3 == pytest.approx(deepest, rel=1e-6)
+    assert found.energy is not None
+    near(found.energy.residual, 0, scale=0.25)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_end_stop_with_loss_after_hunt_and_crossley(side: int) -> None:
+    """v/c - ln(1 + c v)/c^2 + (k/m) (integral of the depth) stays: it has the same value before and after."""
+    found = run("mechanics", "EndStop", IMPACT % (side, side, 0.8), 20e-3, points=2001)
+    v = -side * found.final("v")
+    c = 0.8
+
+    def invariant(speed: float) -> float:
+        return speed / c - math.log1p(c * speed) / c**2
+
+    near(v, -brentq(lambda s: invariant(s) - invariant(1.0), -1.0, -0.1, xtol=1e-16, rtol=1e-14))
+    assert np.all(side * found["force"] >= 0)  # it never pulls

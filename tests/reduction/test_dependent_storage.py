@@ -1,0 +1,171 @@
+"""Storages in derivative form: the physics of what they are tied to, from masses on a lever to a position-dependent ratio."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.compiling import Running, compiled, mistake, mistakes
+
+
+def running(text: str) -> Running:
+    return Running(compiled(text, everything=True))
+
+
+def test_two_masses_on_one_flow() -> None:
+    """F = (m1 + m2) a."""
+    found = running(
+        "model A {\n  1 a\n  I m : p = 2 kg*v\n  I n : p = 3 kg*v\n  Se s : F = 10 N\n  s -> a -> m, n\n  output v = m.v, pn = n.p, Fn = n.F\n}\n"
+    )
+    assert found.program.states.names == ("m.p",)
+    assert found.rates() == {"m.p": pytest.approx(4.0, rel=1e-15)}
+    assert found.outputs({"m.p": 8.0}) == pytest.approx({"v": 4.0, "pn": 12.0, "Fn": 6.0}, rel=1e-15)
+
+
+def test_masses_on_a_lever() -> None:
+    """I - TF - I: v1 = 3 v2, so the second mass weighs a ninth; its momentum and force follow."""
+    text = "model A {\n  Se s : F = 10 N\n  1 a, b : translation\n  TF lever : v1 = 3*v2\n  I m : p = 2 kg*v\n  I n : p = 9 kg*v\n  C k : F = 4 [N/m]*x\n  s -> a -> m, lever\n  lever -> b -> n, k\n  output v2 = b.v, Fn = n.F, Fm = m.F\n}\n"
+    found = running(text)
+    (state,) = (n for n in found.program.states.names if n.endswith(".p"))
+    assert state == "m.p"
+    x, p = 0.5, 6.0
+    a1 = (10 - 4 * x / 3) / (2 + 9 / 9)
+    assert found.rates({"m.p": p, "k.x": x}) == pytest.approx({"m.p": 2 * a1, "k.x": p / 2 / 3}, rel=1e-14)
+    assert found.outputs({"m.p": p, "k.x": x}) == pytest.approx({"v2": 1.0, "Fn": 9 * a1 / 3, "Fm": 2 * a1}, rel=1e-14)
+
+
+def test_three_masses_and_two_gears() -> None:
+    text = "model A {\n  Se s : M = 12 [N*m]\n  1 a, b, c : rotation\n  TF g1 : omega1 = 2*omega2\n  TF g2 : omega1 = 5*omega2\n  I i : L = 1 [kg*m^2]*omega\n  I j : L = 8 [kg*m^2]*omega\n  I k : L = 300 [kg*m^2]*omega\n  s -> a -> i, g1\n  g1 -> b -> j, g2\n  g2 -> c -> k\n}\n"
+    assert running(text).rates() == {"i.L": pytest.approx(12 / (1 + 8 / 4 + 300 / 100), rel=1e-14)}
+
+
+def test_capacitors_in_parallel() -> None:
+    """C || C behind a resistor: one charge, two currents that split by capacitance."""
+    text = "model A {\n  Se s : u = 9 V\n  0 a\n  R r : u = 3 ohm*i\n  C c : u = q/2 F\n  C d : u = q/4 F\n  s -> 1(r) -> a -> c, d\n  output ic = c.i, id = d.i, qd = d.q\n}\n"
+    found = running(text)
+    assert found.program.states.names == ("c.q",)
+    i = (9 - 1.5) / 3
+    assert found.rates({"c.q": 3.0}) == {"c.q": pytest.approx(i * 2 / 6, rel=1e-14)}
+    assert found.outputs({"c.q": 3.0}) == pytest.approx({"ic": i / 3, "id": i * 2 / 3, "qd": 6.0}, rel=1e-14)
+
+
+def test_capacitors_in_series_through_a_gyrator() -> None:
+    """An inertia behind a gyrator is a capacitance; beside another one it depends on it."""
+    text = "model A {\n  Se s : u = 9 V\n  1 m\n  0 a\n  R r : u = 3 ohm*i\n  C c : u = q/2 F\n  GY g : u1 = 2 [V*s]*omega2\n  I j : L = 8 [kg*m^2]*omega\n  s -> 1(r) -> a -> c, m\n  m -> g -> j\n}\n"
+    found = running(text)
+    assert len(found.program.states.names) == 1
+    ((state, rate),) = found.rates({found.program.states.names[0]: 0.0}).items()
+    total = 3.0 / (1 + 8 / 2**2 / 2)  # the current divides between 2 F and 8/4 F
+    assert rate == pytest.approx(total if state == "c.q" else 2 * 3.0 / 2, rel=1e-13)
+
+
+def test_a_nonlinear_storage_in_derivative_form() -> None:
+    """q = C(u) u beside a linear capacitance: the differential capacitance dq/du counts."""
+    text = "model A {\n  Sf s : i = 6 A\n  0 a\n  C c : u = q/2 F\n  C d : q = 1 F*u + 1 [F/V^2]*u^3 { prefer = derivative }\n  s -> a -> c, d\n  output id = d.i\n}\n"
+    found = running(text)
+    assert found.program.states.names == ("c.q",)
+    u = 1.5
+    slope = 1 + 3 * u * u
+    assert found.rates({"c.q": 2 * u})["c.q"] == pytest.approx(6 * 2 / (2 + slope), rel=1e-13)
+    assert found.outputs({"c.q": 2 * u})["id"] == pytest.approx(6 * slope / (2 + slope), rel=1e-13)
+
+
+def test_a_ratio_that_depends_on_position() -> None:
+    """MTF v2 = n(x) v1: the inertia of the far mass is n^2 m, and its change with x gives a force of its own.
+
+    From Lagrange: (m1 + n^2 m2) v' = F - n n' m2 v^2 with n = 1 + 2 x, v the first velocity.
+    """
+    text = "model A {\n  Se s : F = 10 N\n  1 a, b : translation\n  MTF crank : v2 = (1 + 2*k.x/1 m)*v1\n  I m : p = 2 kg*v\n  I n : p = 3 kg*v\n  C k : F = 0.5 [N/m]*x\n  s -> a -> m, k, crank\n  crank -> b -> n\n  output v2 = b.v\n}\n"
+    found = running(text)
+    assert set(found.program.states.names) == {"m.p", "k.x"}
+    x, v = 0.4, 1.7
+    n, slope = 1 + 2 * x, 2.0
+    acceleration = (10 - 0.5 * x - 3 * n * slope * v * v) / (2 + 3 * n * n)
+    assert found.rates({"m.p": 2 * v, "k.x": x}) == pytest.approx({"m.p": 2 * acceleration, "k.x": v}, rel=1e-13)
+    assert found.outputs({"m.p": 2 * v, "k.x": x})["v2"] == pytest.approx(n * v, rel=1e-14)
+
+
+def test_energy_is_kept_by_it() -> None:
+    """The same crank without force: kinetic and stored energy change by nothing."""
+    text = "model A {\n  1 a, b : translation\n  MTF crank : v2 = (1 + 2*k.x/1 m)*v1\n  I m : p = 2 kg*v\n  I n : p = 3 kg*v\n  C k : F = 5 [N/m]*x\n  a -> m, k, crank\n  crank -> b -> n\n  output E = 1/2*m.p*m.v + 1/2*n.p*n.v + 1/2*5 [N/m]*k.x^2\n}\n"
+    found = running(text)
+    x, v, h = 0.4, 1.7, 1e-6
+    state = {"m.p": 2 * v, "k.x": x}
+    rates = found.rates(state)
+    ahead, behind = ({k: s + sign * h * rates[k] for k, s in state.items()} for sign in (1, -1))
+    assert (found.outputs(ahead)["E"] - found.outputs(behind)["E"]) / (2 * h) == pytest.approx(
+        0.0, abs=1e-8 * found.outputs(state)["E"]
+    )
+
+
+def test_the_jacobian_sees_through_it() -> None:
+    text = "model A {\n  Se s : F = 10 N\n  1 a, b : translation\n  MTF crank : v2 = (1 + 2*k.x/1 m)*v1\n  I m : p = 2 kg*v\n  I n : p = 3 kg*v\n  C k : F = 0.5 [N/m]*x\n  s -> a -> m, k, crank\n  crank -> b -> n\n}\n"
+    found = running(text)
+    names = found.program.states.names
+    state = dict(zip(names, (3.4, 0.4), strict=True))
+    exact = np.asarray(found.program.jacobian(*found.arguments(0.0, state, None)))
+    for column, name in enumerate(names):
+        h = 1e-6
+        ahead, behind = (found.rates({**state, name: state[name] + s * h}) for s in (1, -1))
+        assert exact[:, column].tolist() == pytest.approx(
+            [(ahead[n] - behind[n]) / (2 * h) for n in names], rel=1e-7, abs=1e-7
+        )
+
+
+def test_driven_by_a_source_of_flow() -> None:
+    """A mass behind a resistor is free; right at a source of constant flow its force is zero."""
+    text = "model A {\n  Sf s : v = 2 [m/s]\n  1 a\n  I m : p = 3 kg*v\n  C k : F = 4 [N/m]*x\n  s -> a -> m, k\n  output F = m.F, p = m.p\n}\n"
+    assert running(text).outputs() == {"F": 0.0, "p": 6.0}
+
+
+@pytest.mark.parametrize(
+    ("source", "storage", "name"),
+    [
+        ("Se s : u = 1 V*sin(time/1 s)", "C c : u = q/1 F", "0"),
+        ("Sf s : i = 1 A*time/1 s", "I c : lambda = 1 H*i", "1"),
+        ("Se s : u = 1 V*step(time - 1 s)", "C c : u = q/1 F", "0"),
+    ],
+)
+def test_forced_by_a_signal(source: str, storage: str, name: str) -> None:
+    """Its flow would be the derivative of what the author gave; that is refused, with both names."""
+    found = mistake(
+        f"model A {{\n  {source}\n  {name} a : electric\n  {storage}\n  s -> a -> c\n  output y = c.e\n}}\n", "BG503"
+    )
+    assert "`c`" in found.sentence and found.span.line == 4
+
+
+def test_starts_of_dependent_storages() -> None:
+    """They follow from the others; one that is given is told, not dropped."""
+    found = mistake(
+        "model A {\n  1 a\n  I m : p = 2 kg*v\n  I n : p = 3 kg*v { start v = 1 [m/s] }\n  Se s : F = 1 N\n  s -> a -> m, n\n}\n",
+        "BG403",
+    )
+    assert "`n`" in found.sentence
+    assert (
+        mistakes(
+            "model A {\n  1 a\n  I m : p = 2 kg*v { start v = 1 [m/s] }\n  I n : p = 3 kg*v\n  Se s : F = 1 N\n  s -> a -> m, n\n}\n"
+        )
+        == ()
+    )
+
+
+def test_fields_do_not_change_form() -> None:
+    text = "model A {\n  C field(a: translation, b: translation) : energy = (a^2 + b^2 + a*b)*1 [N/m]\n  C one : F = 1 [N/m]*x { require = integral }\n  0 j\n  1 l\n  Sf s : v = 1 [m/s]\n  s -> j -> one, field.a\n  I m : p = 1 kg*v\n  l -> m, field.b\n}\n"
+    found = mistakes(text)
+    assert (
+        found
+        and {d.code for d in found} <= {"BG402", "BG301"}
+        and "`field`" in found[0].sentence + found[0].help + str(found[0].related())
+    )
+
+
+def test_a_storage_behind_an_algebraic_loop() -> None:
+    """A capacitance at a node whose voltage is an algebraic loop through resistors alone: computed, or refused by name."""
+    text = "model A {\n  Se s : u = 6 V\n  0 node, other\n  R r : u = 2 ohm*i\n  R t : u = 3 ohm*i\n  TF ideal : u1 = 2*u2\n  C c : u = q/5 F\n  C d : u = q/7 F\n  s -> 1(r) -> node -> t, c, ideal\n  ideal -> other -> d\n}\n"
+    found = running(text)
+    (state,) = found.program.states.names
+    u = 1.5
+    rate = ((6 - u) / 2 - u / 3) / (5 + 7 / 4)
+    assert found.rates({state: 5 * u if state == "c.q" else 7 * u / 2})[state] == pytest.approx(
+        5 * rate if state == "c.q" else 7 * rate / 2, rel=1e-13
+    )
