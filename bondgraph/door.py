@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compiler.algebra.expression import evaluate
+    from compiler.algebra.sympy_form import to_sympy
     from compiler.codegen.program import Program
     from compiler.driver import Compilation
     from compiler.driver import check as check_source
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from compiler.syntax.tree import Literal
 
 _HOMES = {
-    "evaluate": "algebra.expression", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
+    "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
@@ -36,7 +37,7 @@ _HOMES = {
 __all__ = [
     "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LinearLoop", "Literal", "Override", "Plan",
     "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "parse_expression",
-    "render", "scale_of",
+    "render", "scale_of", "to_sympy",
 ]  # fmt: skip
 
 

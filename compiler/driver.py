@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from .causality import CausalGraph, assign_causality
+from .codegen.lower import lower
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations
 from .errors import CompilationFailed, Diagnostic
@@ -96,7 +97,7 @@ def check(source: Source, model: str | None = None, library: Path | None = None)
         compilation.__dict__["tree"] = tree
         try:
             if not compilation.is_part:
-                _ = compilation.state_space
+                lower(compilation.state_space)
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
     return CompilationFailed(found).diagnostics if found else ()

@@ -10,7 +10,7 @@ import numpy as np
 
 from compiler.driver import Compilation, check
 from compiler.errors import CompilationFailed, Diagnostic
-from compiler.graph.network import BondGraph, Bond, Node
+from compiler.graph.network import Bond, BondGraph, Node
 from compiler.scene import Override, Scene
 from compiler.source import Source, Span
 from compiler.syntax import parse_expression
@@ -25,7 +25,9 @@ Setting = str | float
 def override(name: str, value: Setting) -> Override:
     """What the command line would make of `--set name=value`; a float is in SI."""
     source = Source("setting", value if isinstance(value, str) else repr(value))
-    return Override(name, parse_expression(source) if isinstance(value, str) else value, Span(source, 0, len(source.text)))
+    return Override(
+        name, parse_expression(source) if isinstance(value, str) else value, Span(source, 0, len(source.text))
+    )
 
 
 def compiled(
@@ -39,21 +41,27 @@ def compiled(
     everything: bool = False,
 ) -> Compilation:
     """The stages of a text (or file); nothing runs before it is asked for."""
-    source = Source(str(text), text.read_text(encoding="utf-8"), text) if isinstance(text, Path) else Source("text.bg", text)
+    source = (
+        Source(str(text), text.read_text(encoding="utf-8"), text) if isinstance(text, Path) else Source("text.bg", text)
+    )
     overrides = tuple(override(n, v) for n, v in (settings or {}).items())
     return Compilation(source, Scene(model, experiment, overrides, frozenset(free), outputs), LIBRARY, everything)
 
 
 def mistakes(text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
     """All that `check` finds."""
-    source = Source(str(text), text.read_text(encoding="utf-8"), text) if isinstance(text, Path) else Source("text.bg", text)
+    source = (
+        Source(str(text), text.read_text(encoding="utf-8"), text) if isinstance(text, Path) else Source("text.bg", text)
+    )
     return check(source, model, LIBRARY)
 
 
 def mistake(text: str | Path, code: str) -> Diagnostic:
     """The one thing that is wrong with a text."""
     found = mistakes(text)
-    assert [d.code for d in found] == [code], "\n".join(f"{d.code} {d.span.place} {d.sentence}" for d in found) or "nothing is wrong"
+    assert [d.code for d in found] == [code], (
+        "\n".join(f"{d.code} {d.span.place} {d.sentence}" for d in found) or "nothing is wrong"
+    )
     return found[0]
 
 
@@ -82,7 +90,9 @@ class Running:
         self.inputs = np.array(self.program.input_defaults, dtype=float)
         self.start = np.array(self.program.start(self.constants), dtype=float)
 
-    def arguments(self, time: float, state: Mapping[str, float] | None, inputs: Mapping[str, float] | None) -> tuple[Any, ...]:
+    def arguments(
+        self, time: float, state: Mapping[str, float] | None, inputs: Mapping[str, float] | None
+    ) -> tuple[Any, ...]:
         """The arguments of `derivative` and its like; what is not given starts as the model says."""
         x, u = self.start.copy(), self.inputs.copy()
         for name, value in (state or {}).items():
@@ -91,20 +101,38 @@ class Running:
             u[self.program.inputs.names.index(name)] = value
         return time, x, u, self.constants, self.program.switches(time, self.constants)
 
-    def rates(self, state: Mapping[str, float] | None = None, time: float = 0.0, inputs: Mapping[str, float] | None = None) -> dict[str, float]:
+    def rates(
+        self, state: Mapping[str, float] | None = None, time: float = 0.0, inputs: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
         """State -> its rate."""
-        return dict(zip(self.program.states.names, self.program.derivative(*self.arguments(time, state, inputs)).tolist(), strict=True))
+        return dict(
+            zip(
+                self.program.states.names,
+                self.program.derivative(*self.arguments(time, state, inputs)).tolist(),
+                strict=True,
+            )
+        )
 
-    def outputs(self, state: Mapping[str, float] | None = None, time: float = 0.0, inputs: Mapping[str, float] | None = None) -> dict[str, float]:
+    def outputs(
+        self, state: Mapping[str, float] | None = None, time: float = 0.0, inputs: Mapping[str, float] | None = None
+    ) -> dict[str, float]:
         """Output -> its value."""
-        return dict(zip(self.program.outputs.names, self.program.output(*self.arguments(time, state, inputs)).tolist(), strict=True))
+        return dict(
+            zip(
+                self.program.outputs.names,
+                self.program.output(*self.arguments(time, state, inputs)).tolist(),
+                strict=True,
+            )
+        )
 
     def starts(self) -> dict[str, float]:
         """State -> its value at the start."""
         return dict(zip(self.program.states.names, self.start.tolist(), strict=True))
 
 
-def outputs_of(compilation: Compilation, state: Mapping[str, float] | None = None, time: float = 0.0) -> dict[str, float]:
+def outputs_of(
+    compilation: Compilation, state: Mapping[str, float] | None = None, time: float = 0.0
+) -> dict[str, float]:
     """Output -> its value."""
     return Running(compilation).outputs(state, time)
 

@@ -16,7 +16,9 @@ Golden = Callable[[Path, str], None]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--update-golden", action="store_true", help="write the golden files anew instead of comparing with them")
+    parser.addoption(
+        "--update-golden", action="store_true", help="write the golden files anew instead of comparing with them"
+    )
 
 
 @pytest.fixture
@@ -29,6 +31,8 @@ def golden(request: pytest.FixtureRequest) -> Golden:
         if update:
             file.write_text(text, encoding="utf-8")
         assert file.is_file(), f"{file.name} is missing: run pytest with --update-golden and read what it wrote"
-        assert text == file.read_text(encoding="utf-8"), f"{file.name} is out of date: if the new text is right, --update-golden renews it"
+        assert text == file.read_text(encoding="utf-8"), (
+            f"{file.name} is out of date: if the new text is right, --update-golden renews it"
+        )
 
     return compare

@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from pathlib import PurePath
 from typing import Any
 
-from compiler.algebra.sympy_form import to_sympy
-
-from ..door import LinearLoop, StateSpace
+from ..door import LinearLoop, StateSpace, to_sympy
 
 
 def state_equations(space: StateSpace) -> dict[str, Any]:

@@ -90,8 +90,7 @@ def _causality(compilation: Compilation) -> Iterator[str]:
 
 def _equations(compilation: Compilation) -> Iterator[str]:
     """All assignments, before anything is left out or ordered."""
-    from compiler.algebra.sympy_form import to_sympy
-
+    from ..door import to_sympy
     from .equations import to_number
 
     system = compilation.equations

@@ -64,6 +64,10 @@ class _Conflict(Exception):
         self.bond, self.node, self.reason = bond, node, reason
 
 
+Choice = tuple[int, int, bool, Because]  # bond, node, whether the node decides its effort, why
+MAXIMUM_TRIES = 1000  # choices taken back before a contradiction is believed
+
+
 def assign_causality(graph: BondGraph) -> CausalGraph:
     """Put a stroke on every bond. Raises `CompilationFailed` where two demands cannot both hold."""
     return _Assignment(graph).run()
@@ -90,21 +94,65 @@ class _Assignment:
         self._demands()
         if self.conflicts:
             raise CompilationFailed(self.conflicts)
-        for phase in (self._storages(True), self._storages(False), self._resistors(), self._rest()):
-            for bond, node, effort, because in phase:
-                self._try(bond, node, effort, because)
+        phases = (self._storages(True), self._storages(False), self._resistors(), self._rest())
+        self._choose([choice for phase in phases for choice in phase])
         derivative = tuple(self._derivative_ports())
         strokes = tuple(s for s in self.effort_from if s is not None)
         reasons = tuple(r for r in self.reasons if r is not None)
-        if self.conflicts:
-            raise CompilationFailed(self.conflicts)
         return CausalGraph(self.graph, strokes, reasons, derivative)
+
+    def _choose(self, choices: list[Choice]) -> None:
+        """One choice after the other, each with what follows from it.
+
+        A choice that contradicts is made the other way; if that contradicts too, the last choice before it that could still
+        go the other way is taken back (rings of transformers and gyrators need this).
+        """
+        made: list[tuple[int, int, bool]] = []  # which choice, the trail before it, whether it went the other way
+        position = tries = 0
+        while position < len(choices):
+            if self.effort_from[choices[position][0]] is not None:
+                position += 1
+                continue
+            mark = len(self.trail)
+            first = self._attempt(choices[position], False)
+            second = self._attempt(choices[position], True) if first is not None else None
+            if first is None or second is None:
+                made.append((position, mark, first is not None))
+                position += 1
+                continue
+            conflict = first
+            while made:
+                earlier, mark, other_way = made.pop()
+                self._undo(mark)
+                tries += 1
+                if not other_way and tries < MAXIMUM_TRIES and self._attempt(choices[earlier], True) is None:
+                    made.append((earlier, mark, True))
+                    position = earlier + 1
+                    break
+            else:
+                bond, node, effort, _ = choices[position]
+                raise CompilationFailed([self._explain(conflict, bond, node, effort)])
+
+    def _attempt(self, choice: Choice, other_way: bool) -> _Conflict | None:
+        """Make a choice, or the opposite one; a contradiction leaves nothing behind and comes back."""
+        bond, node, effort, because = choice
+        mark = len(self.trail)
+        try:
+            reason = Reason(Because.FOLLOWS if other_way else because, node)
+            self._assign(bond, node, effort != other_way, reason)
+        except _Conflict as conflict:
+            self._undo(mark)
+            return conflict
+        return None
 
     # ------------------------------------------------------------ the phases
     def _demands(self) -> None:
         """Sources, mechanisms, `require`, and laws that hold in one direction only."""
         for number, node in enumerate(self.graph.nodes):
             demands: list[tuple[int, bool, Because]] = []
+            bonds = self.graph.incident[number]
+            if isinstance(node, Junction) and len(bonds) == 1:  # a free end has no effort, a blocked one no flow
+                self._demand(bonds[0], number, node.kind is Kind.ONE, Because.FOLLOWS)
             if isinstance(node, MechanismNode):
                 demands = [(p, False, Because.MECHANISM) for p in range(len(node.ports))]
             elif isinstance(node, Element):
@@ -118,6 +166,7 @@ class _Assignment:
                 self._demand(self.bond_of[End(number, port)], number, effort, because)
 
     def _demand(self, bond: int, node: int, effort: bool, because: Because) -> None:
+        """What must hold whatever else is chosen."""
         mark = len(self.trail)
         try:
             self._assign(bond, node, effort, Reason(because, node))
@@ -125,7 +174,7 @@ class _Assignment:
             self._undo(mark)
             self.conflicts.append(self._explain(conflict, bond, node, effort))
 
-    def _storages(self, first: bool) -> Iterator[tuple[int, int, bool, Because]]:
+    def _storages(self, first: bool) -> Iterator[Choice]:
         """Storages in integral form; those that prefer the derivative come last, and in derivative form."""
         for number, node in enumerate(self.graph.nodes):
             if not (isinstance(node, Element) and node.kind in STORAGES):
@@ -136,7 +185,7 @@ class _Assignment:
                 if (wanted == integral) is first:
                     yield self.bond_of[End(number, port)], number, wanted, Because.INTEGRAL
 
-    def _resistors(self) -> Iterator[tuple[int, int, bool, Because]]:
+    def _resistors(self) -> Iterator[Choice]:
         """Nonlinear laws first: they may not be invertible, a linear one always is."""
         resistors = [
             (n, node)
@@ -152,26 +201,9 @@ class _Assignment:
                     effort = _wants_effort(node, port, node.prefer) if node.prefer else _written_effort(node, port)
                     yield self.bond_of[End(number, port)], number, effort, Because.PREFERRED
 
-    def _rest(self) -> Iterator[tuple[int, int, bool, Because]]:
+    def _rest(self) -> Iterator[Choice]:
         for number, bond in enumerate(self.graph.bonds):
             yield number, bond.tail.node, True, Because.FREE
-
-    def _try(self, bond: int, node: int, effort: bool, because: Because) -> None:
-        """One choice with what follows from it; the other way if it contradicts."""
-        if self.effort_from[bond] is not None:
-            return
-        mark = len(self.trail)
-        first: _Conflict | None = None
-        for choice in (effort, not effort):
-            try:
-                self._assign(bond, node, choice, Reason(because if choice is effort else Because.FOLLOWS, node))
-                return
-            except _Conflict as conflict:
-                first = first or conflict
-                self._undo(mark)
-        assert first is not None
-        self.conflicts.append(self._explain(first, bond, node, effort))
-        raise CompilationFailed(self.conflicts)
 
     # ------------------------------------------------------------ propagation
     def _assign(self, bond: int, node: int, effort: bool, reason: Reason) -> None:

@@ -104,15 +104,17 @@ class _Reduction:
         for variable, (slopes, rest) in zip(cut, rows, strict=True):
             owner = self.assigned[variable]
             row = [add(ONE if v == variable else ZERO, negate(slopes.get(v, ZERO))) for v in cut]
-            matrix.append(
-                tuple(self._entry(x, f"loop gain for {self.variables[variable].name}", owner, steps) for x in row)
-            )
+            entries = (self._entry(x, self._gain(v, variable), owner, steps) for v, x in zip(cut, row, strict=True))
+            matrix.append(tuple(entries))
             right.append(self._entry(rest, f"right side of the loop for {self.variables[variable].name}", owner, steps))
         if any(all(x == 0.0 for x in row) for row in matrix):
             self.diagnostics.append(SingularLoop(span, named))
             return []
         steps.append(LinearLoop(tuple(cut), tuple(matrix), tuple(right), span, members))
         return [*steps, *(self.assigned[v] for v in order)]
+
+    def _gain(self, column: int, row: int) -> str:
+        return f"loop gain of {self.variables[column].name} for {self.variables[row].name}"
 
     @staticmethod
     def _affine(expression: Expression, block: set[int]) -> tuple[dict[int, Expression], Expression] | None:

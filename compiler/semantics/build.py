@@ -29,7 +29,7 @@ from .experiments import choose_experiment, experiment_overrides, experiments_of
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
-from .scope import ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+from .scope import Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
                     f"It is a {roles[path]}; only parameters and inputs are set from outside.",
                 )
             )
-        elif not elaborator.diagnostics:
+        elif not isinstance(elaborator.root.entries.get(path.split("[")[0].split(".")[0]), Broken):
             hint = suggestion(
                 path,
                 [*settable, *lists],

@@ -138,7 +138,7 @@ class WrongType(Diagnostic):
     advice = "{hint}"
     what: str
     found: str
-    hint: str = ""
+    hint: str = "Write what is expected instead."
 
 
 @dataclass(frozen=True, slots=True)

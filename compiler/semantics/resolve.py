@@ -95,7 +95,9 @@ class Resolver:
         """A whole number known before the run."""
         value = self.static(expression, scope, "A range or index")
         if value != round(value) or abs(value) > 1e9:
-            raise Wrong(WrongType(expression.span, "A whole number", f"{value:g}"))
+            raise Wrong(
+                WrongType(expression.span, "A whole number", f"{value:g}", "Ranges and indices count: 1, 2, 3.")
+            )
         return round(value)
 
     def static(self, expression: tree.Expression, scope: Scope, what: str, dimension: Dimension = ONE) -> float:

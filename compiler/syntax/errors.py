@@ -76,7 +76,7 @@ class WrongUnit(Diagnostic):
 
     code = "BG008"
     title = "{what}"
-    advice = ""
+    advice = "Check the powers and numbers in the brackets; physical units need neither."
     what: str
 
 

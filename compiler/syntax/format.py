@@ -206,7 +206,7 @@ class _Block:
     brace: _Word | None = None  # the brace that opened it
     beside: _Word | None = None  # the word that follows that brace in the same line
     first: str = ""
-    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, but for those that begin a line
+    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, but for punctuation and what begins a line
     brackets: list[_Word] = field(default_factory=list)  # those that are open in it
 
 
@@ -227,7 +227,7 @@ def _judge(lines: Sequence[_Line]) -> None:
                 continue
             if word.begins:
                 block.first, block.by_column, block.brackets = word.text, {}, []
-            elif word.before is not None:
+            elif word.before is not None and _SORTS.get(word.kind) != "":
                 block.by_column[word.column] = word
             word.unary = word.text in ("+", "-") and (last is None or last.kind not in _OPERAND_ENDS)
             if word.before is not None:
@@ -273,9 +273,7 @@ def _open_or_close(word: _Word, first: _Word, blocks: list[_Block]) -> None:
         case "RPAR" | "RSQB":
             block.brackets.pop()
         case "LBRACE":
-            outer = block.brace
-            depth = block.depth if outer is not None and outer.line == word.line else first.depth
-            blocks.append(_Block(depth + 1, word))
+            blocks.append(_Block(first.depth + 1, word))
         case "RBRACE":
             brace = blocks.pop().brace
             word.brace = None if blocks[-1].first in _HAS_BLOCK else brace

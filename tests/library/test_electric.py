@@ -183,6 +183,34 @@ def test_mos_is_level_1(ug: float, ud: float, polarity: int) -> None:
     near(found.final("out"), found.final("i"), scale=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("part", "pins", "field", "ports"),
+    [
+        ("Bjt", ("base", "collector", "emitter"), "junctions", ("be", "bc")),
+        ("Mos", ("gate", "drain", "source"), "channel", ("gs", "gd")),
+    ],
+)
+def test_transistors_give_no_energy(part: str, pins: tuple[str, ...], field: str, ports: tuple[str, ...]) -> None:
+    """Two voltages that sweep all regions at unrelated frequencies: what the field takes is never negative."""
+    power = " + ".join(f"t.{field}.{p}.u*t.{field}.{p}.i" for p in ports)
+    found = run(
+        "electric", part,
+        f"""
+        Se one : u = 0.9 V*sin(2*pi*1 kHz*time)
+        Se two : u = 3 V*sin(2*pi*1.618 kHz*time)
+        Se earth : u = 0
+        {part} t
+        one -> t.{pins[0]}
+        two -> t.{pins[1]}
+        t.{pins[2]} -> earth
+        output power = {power}
+        """,
+        20e-3, points=2001, rtol=1e-6, settings={"t.U_th": "0.2 V"} if part == "Mos" else {},
+    )  # fmt: skip
+    assert found["power"].max() > 1e-3
+    near(np.minimum(found["power"], 0), 0, scale=found["power"].max(), rtol=1e-6)
+
+
 # ---------------------------------------------------------------------- op-amp
 
 AMPLIFIER = """

@@ -58,8 +58,12 @@ def _solve(count, *entries):
     right = entries[..., count * count :, None]
     try:
         return np.linalg.solve(matrix / scale, right / scale)[..., 0].T
-    except np.linalg.LinAlgError:
-        return np.full(right[..., 0].shape, np.nan).T
+    except np.linalg.LinAlgError:  # one of a batch at least has no solution: the others keep theirs
+        solution = np.full(right.shape, np.nan)
+        for index in np.ndindex(*matrix.shape[:-2]):
+            if np.linalg.matrix_rank(matrix[index] / scale[index]) == count:
+                solution[index] = np.linalg.solve(matrix[index] / scale[index], right[index] / scale[index])
+        return solution[..., 0].T
 '''
 
 

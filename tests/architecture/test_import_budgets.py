@@ -1,0 +1,56 @@
+"""What is loaded when: the facade nothing heavy, a check no solver and no computer algebra."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.compiling import ROOT
+
+HEAVY = ("numpy", "sympy", "scipy", "networkx", "lark", "matplotlib", "pandas", "click", "rich")
+
+
+def loaded(code: str) -> set[str]:
+    """The heavy packages after some code, in a fresh interpreter."""
+    script = f"import sys\n{code}\nprint(*(m for m in {HEAVY!r} if m in sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    return set(done.stdout.split())
+
+
+def test_the_facade() -> None:
+    assert loaded("import bondgraph") == set()
+    assert loaded("import bondgraph; dir(bondgraph); bondgraph.__all__") == set()
+
+
+@pytest.mark.parametrize("model", ["manipulator.bg", "feed_forward.bg"])
+def test_check(model: str) -> None:
+    """Up to the equations: neither scipy nor sympy, and no arrays."""
+    found = loaded(f"import bondgraph\nassert bondgraph.check('models/{model}') == ()")
+    assert not found & {"scipy", "sympy", "matplotlib", "pandas", "numpy"}
+    assert "lark" in found, "the model was not read"
+
+
+def test_a_program_needs_no_scipy() -> None:
+    found = loaded("import bondgraph\nassert 'def derivative' in bondgraph.load('models/manipulator.bg').compile()")
+    assert not found & {"scipy", "matplotlib", "pandas", "sympy"}
+
+
+def test_nothing_lasting_happens_on_import() -> None:
+    """Every module of both packages can be imported by itself, without a warning and without output."""
+    modules = [
+        ".".join(p.relative_to(ROOT).with_suffix("").parts)
+        for package in ("compiler", "bondgraph")
+        for p in sorted((ROOT / package).rglob("*.py"))
+        if p.name not in ("__main__.py",)
+    ]
+    script = "import importlib\n" + "\n".join(
+        f"importlib.import_module({m.removesuffix('.__init__')!r})" for m in modules
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,116 @@
+"""Who imports whom: one arrow from the product to the compiler, through one door; rooms in the order of the pipeline."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.compiling import ROOT
+
+COMPILER = sorted((ROOT / "compiler").rglob("*.py"))
+PRODUCT = sorted((ROOT / "bondgraph").rglob("*.py"))
+DOOR = ROOT / "bondgraph" / "door.py"
+
+
+def imports(path: Path) -> Iterator[tuple[str, int]]:
+    """Absolute names of everything a module imports, and the lines."""
+    package = path.relative_to(ROOT).parent.parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), str(path))):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            yield ".".join(x for x in (base, node.module or "") if x), node.lineno
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) == "import_module":
+            yield from ((str(a.value), node.lineno) for a in node.args[:1] if isinstance(a, ast.Constant))
+
+
+def of(path: Path, package: str) -> list[str]:
+    return [f"{path.relative_to(ROOT)}:{line}: {name}" for name, line in imports(path) if name.split(".")[0] == package]
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def test_there_is_something_to_look_at() -> None:
+    assert len(COMPILER) > 40 and len(PRODUCT) > 10
+    assert any(n.startswith("compiler.") for n, _ in imports(DOOR)), "the reader of imports does not see them"
+
+
+@pytest.mark.parametrize("path", COMPILER, ids=name)
+def test_the_compiler_knows_nothing_of_the_product(path: Path) -> None:
+    assert of(path, "bondgraph") == []
+
+
+@pytest.mark.parametrize("path", [p for p in PRODUCT if p != DOOR], ids=name)
+def test_the_product_enters_through_its_door(path: Path) -> None:
+    assert of(path, "compiler") == []
+
+
+# Each room, and what it may import of the others. `algebra`, `errors`, `source` and `graph` (nouns) serve all.
+ROOMS = {
+    "algebra": set(),
+    "syntax": set(),
+    "graph": {"algebra"},
+    "semantics": {"syntax", "graph", "algebra"},
+    "multibody": {"graph", "algebra"},
+    "causality": {"graph", "algebra"},
+    "equations": {"causality", "multibody", "graph", "algebra"},
+    "reduction": {"equations", "algebra"},
+    "codegen": {"reduction", "equations", "algebra"},
+}
+
+
+def test_every_room_is_listed() -> None:
+    found = {p.name for p in (ROOT / "compiler").iterdir() if p.is_dir() and p.name != "__pycache__"}
+    assert found == set(ROOMS)
+
+
+@pytest.mark.parametrize("room", sorted(ROOMS))
+def test_rooms_import_in_the_order_of_the_pipeline(room: str) -> None:
+    allowed = ROOMS[room] | {room, "errors", "source", "scene"}
+    found = []
+    for path in sorted((ROOT / "compiler" / room).rglob("*.py")):
+        for imported, line in imports(path):
+            parts = imported.split(".")
+            if parts[0] == "compiler" and len(parts) > 1 and parts[1] not in allowed:
+                found.append(f"{name(path)}:{line}: {imported}")
+    assert found == []
+
+
+@pytest.mark.parametrize("path", [*COMPILER, *PRODUCT], ids=name)
+def test_no_text_is_ever_run(path: Path) -> None:
+    """A file is data: nothing named eval, exec, sympify or parse_expr is called or imported, no text is compiled but generated code."""
+    forbidden = {"eval", "exec", "sympify", "parse_expr", "execfile"}
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in forbidden:
+                found.append(f"{name(path)}:{node.lineno}: {called}")
+        elif isinstance(node, ast.ImportFrom):
+            found += [f"{name(path)}:{node.lineno}: {a.name}" for a in node.names if a.name in forbidden]
+    assert found == []
+
+
+@pytest.mark.parametrize("path", COMPILER, ids=name)
+def test_the_compiler_opens_nothing_but_bg_files(path: Path) -> None:
+    """No network, no processes, no environment; files are read in the room of imports, the command line and the grammar only."""
+    outside = {
+        "socket",
+        "urllib",
+        "http",
+        "subprocess",
+        "os",
+        "shutil",
+        "ctypes",
+        "pickle",
+        "marshal",
+        "requests",
+        "tempfile",
+    }
+    assert [n for n, _ in imports(path) if n.split(".")[0] in outside] == []
