@@ -1,0 +1,211 @@
+"""An independent solution of a bond graph: all element and junction equations at once, as an implicit DAE, in numbers.
+
+Nothing here knows the compiler. A network is given flat: bonds with an effort and a flow each, storage ports with one stored
+quantity each, and residual functions. With B bonds and S storage ports the equations are F(w, s, t) = 0, 2B of them in the
+efforts and flows w (2B) and the stored quantities s, and s' = S w: the flow into a C, the effort on an I.
+
+Some of the s are given (the states that a compiler chose), the others follow. The equations and their derivative in time,
+
+    F(w, s, t) = 0,    F_w w' + F_s S w + F_t = 0,
+
+are solved together for w, w' and what is not given of s, by Newton with least squares. The null space of the Jacobian tells
+what the equations determine; a residual that stays tells that the given s contradict each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Array = Any
+STEP = 1e-6  # of the difference quotients for Newton's matrix: it only steers, the residual is exact
+TINY = 1e-40  # complex step in time
+RANK = 1e-8  # singular values below this share of the largest are zero
+
+
+class Values(NamedTuple):
+    """What a residual may read: efforts and flows by bond, stored quantities by storage port, time."""
+
+    effort: Array
+    flow: Array
+    stored: Array
+    time: Any
+
+
+Residual = Callable[[Values], Sequence[Any]]
+
+
+class StoragePort(NamedTuple):
+    """A port that stores: its element and name, its bond, and whether the flow ("C") or the effort ("I") is integrated."""
+
+    name: str
+    bond: int
+    kind: str
+
+
+@dataclass
+class Network:
+    """A flat bond graph."""
+
+    bonds: int = 0
+    storages: list[StoragePort] = field(default_factory=list)
+    residuals: list[Residual] = field(default_factory=list)
+
+    def bond(self) -> int:
+        self.bonds += 1
+        return self.bonds - 1
+
+    def junction(self, kind: str, ends: Sequence[tuple[int, int]]) -> None:
+        """`ends`: (bond, +1 if the arrow points to the junction, else -1)."""
+
+        def residual(v: Values) -> list[Any]:
+            shared, split = (v.effort, v.flow) if kind == "0" else (v.flow, v.effort)
+            first = ends[0][0]
+            return [shared[b] - shared[first] for b, _ in ends[1:]] + [sum(sign * split[b] for b, sign in ends)]
+
+        if ends:
+            self.residuals.append(residual)
+
+    def storage(self, name: str, bond: int, kind: str) -> int:
+        self.storages.append(StoragePort(name, bond, kind))
+        return len(self.storages) - 1
+
+    # ------------------------------------------------------------ residuals
+    def values(self, w: Array, s: Array, time: Any) -> Values:
+        return Values(w[: self.bonds], w[self.bonds :], s, time)
+
+    def residual(self, w: Array, s: Array, time: Any) -> Array:
+        v = self.values(w, s, time)
+        shape = np.broadcast_shapes(np.shape(w)[1:], np.shape(s)[1:])
+        return np.array([np.broadcast_to(r, shape) for part in self.residuals for r in part(v)])
+
+    def rates(self, w: Array) -> Array:
+        """s' = S w."""
+        return np.array([w[p.bond + (self.bonds if p.kind == "C" else 0)] for p in self.storages]).reshape(
+            len(self.storages), *np.shape(w)[1:]
+        )
+
+    def jacobians(self, w: Array, s: Array, time: float) -> tuple[Array, Array, Array]:
+        """F_w, F_s, F_t at a point, by complex steps."""
+        n, m = 2 * self.bonds, len(self.storages)
+        eye = np.eye(n + m + 1)
+        both = self.residual(
+            w[:, None] + 1j * TINY * eye[:n], s[:, None] + 1j * TINY * eye[n : n + m], time + 1j * TINY * eye[-1]
+        )
+        whole = both.imag / TINY
+        return whole[:, :n], whole[:, n : n + m], whole[:, -1]
+
+
+@dataclass
+class Solution:
+    """The solution for given states, and what it leaves open."""
+
+    network: Network
+    w: Array
+    stored: Array
+    converged: bool
+    error: float
+    null: Array  # (unknowns, k): directions that the equations do not determine
+    free: list[int]  # storage ports that were not given
+
+    def determined(self, unknown: int) -> bool:
+        """Whether w[unknown] (or behind it the stored quantities that were not given) is determined."""
+        return not self.null.size or float(np.abs(self.null[unknown]).max()) < 1e-6
+
+    def effort(self, bond: int) -> float:
+        return float(self.w[bond])
+
+    def flow(self, bond: int) -> float:
+        return float(self.w[self.network.bonds + bond])
+
+
+def solve(network: Network, given: dict[int, float], time: float) -> Solution:
+    """All efforts, flows and stored quantities, for given stored quantities (by storage port)."""
+    n, m = 2 * network.bonds, len(network.storages)
+    free = [i for i in range(m) if i not in given]
+    fixed = np.array([given.get(i, 0.0) for i in range(m)])
+
+    def split(z: Array) -> tuple[Array, Array, Array]:
+        s = np.empty((m, *z.shape[1:]))
+        s[:] = fixed.reshape(m, *[1] * (z.ndim - 1))
+        s[free] = z[n : n + len(free)]
+        return z[:n], s, z[n + len(free) :]
+
+    def function(z: Array) -> Array:
+        w, s, v = split(z)
+        moving = network.residual(w + 1j * TINY * v, s + 1j * TINY * network.rates(w), time + 1j * TINY)
+        return np.concatenate([moving.real, moving.imag / TINY])
+
+    z = np.zeros(2 * n + len(free))
+    with np.errstate(all="ignore"):
+        for damped in (False, True):  # most networks are monotone: full steps converge; the others get a second try
+            found, jacobian, error = _newton(function, z, damped)
+            scale = max(1.0, float(np.abs(found).max(initial=0.0)))
+            if error < 1e-10 * scale:
+                break
+    _, sizes, vt = np.linalg.svd(jacobian)
+    rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
+    w, s, _ = split(found)
+    scale = max(1.0, float(np.abs(w).max(initial=0.0)))
+    return Solution(network, w, s, error < 1e-10 * scale, error, vt[rank:].T, free)
+
+
+def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple[Array, Array, float]:
+    """A zero of a function, by Newton with least squares; the last matrix and the largest residual come with it."""
+    eye = np.eye(len(z)) * STEP
+    value = function(z)
+    jacobian = np.zeros((len(value), len(z)))
+    best, stalled = np.inf, 0
+    for _ in range(200 if damped else 40):
+        jacobian = (function(z[:, None] + eye) - function(z[:, None] - eye)) / (2 * STEP)
+        if not np.isfinite(jacobian).all():
+            break
+        step = np.linalg.lstsq(jacobian, -value, rcond=RANK)[0]
+        length = 1.0
+        trial = function(z + step)
+        while damped and not np.linalg.norm(trial) < (1 - 1e-4 * length) * np.linalg.norm(value) and length > 1e-10:
+            length /= 2
+            trial = function(z + length * step)
+        z, value = z + length * step, trial
+        error = float(np.abs(value).max(initial=0.0))
+        scale = max(1.0, float(np.abs(z).max(initial=0.0)))
+        stalled = stalled + 1 if error > 0.5 * best else 0
+        best = min(best, error)
+        if not np.isfinite(error) or error < 1e-14 * scale or (stalled > 1 and error < 1e-11 * scale) or stalled > 15:
+            break
+    return z, jacobian, float(np.abs(value).max(initial=0.0))
+
+
+def is_regular(network: Network, rng: np.random.Generator) -> bool:
+    """Whether the linearised equations have one solution at all, whatever is chosen as state: det(sE - A) is not zero."""
+    n, m = 2 * network.bonds, len(network.storages)
+    regular = False
+    for _ in range(2):
+        w, s = rng.uniform(0.5, 1.5, n), rng.uniform(0.5, 1.5, m)
+        f_w, f_s, _ = network.jacobians(w, s, 0.3)
+        if f_w.shape[0] != n:
+            return False
+        rates = network.rates(np.eye(n))
+        matrix = np.block([[f_w, f_s], [-rates, rng.uniform(0.6, 0.9) * np.eye(m)]])
+        rows = np.abs(matrix).max(axis=1, keepdims=True)
+        if (rows == 0).any():
+            continue
+        sizes = np.linalg.svd(matrix / rows, compute_uv=False)
+        regular = regular or bool(sizes[-1] > 1e-9 * sizes[0])
+    return regular
+
+
+def constraints(network: Network, rng: np.random.Generator) -> tuple[Array, Array]:
+    """What the equations demand of the stored quantities alone: rows over s, and over time; linearised at a random point.
+
+    A row that is not zero says that some of these storages cannot be chosen freely.
+    """
+    n, m = 2 * network.bonds, len(network.storages)
+    f_w, f_s, f_t = network.jacobians(rng.uniform(0.5, 1.5, n), rng.uniform(0.5, 1.5, m), 0.3)
+    u, sizes, _ = np.linalg.svd(f_w)
+    rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
+    left = u[:, rank:].T
+    return left @ f_s, left @ f_t
