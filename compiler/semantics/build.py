@@ -14,6 +14,7 @@ from ..scene import Plan, Scene
 from ..source import Span
 from ..syntax import SyntaxTree, tree
 from .connect import Connector
+from .domain_table import slot_defaults
 from .elaborate import Elaborator
 from .errors import (
     NoSingleModel,
@@ -82,7 +83,10 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
             return own[wanted]
         hint = suggestion(wanted, list(own), f"It defines: {', '.join(own) or 'no model'}.")
         raise CompilationFailed([*diagnostics, UnknownName(span, wanted, "the models of the file", hint)])
-    used = {d.kind for m in own.values() for d in _declarations(m.model.statements)}
+    declarations = [d for m in own.values() for d in _declarations(m.model.statements)]
+    used = {d.kind for d in declarations}
+    used |= {name for m in own.values() for name in slot_defaults(m.model.statements).values()}
+    used |= {a.value.words for d in declarations for a in d.attributes if isinstance(a.value, tree.Path)}
     free = [n for n in own if n not in used]
     if len(free) == 1:
         return own[free[0]]

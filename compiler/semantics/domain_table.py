@@ -89,6 +89,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
                             domain, [*DOMAINS, *BUNDLES], "Domains: " + ", ".join(DOMAINS) + ", planar, spatial."
                         )
                         table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
+    slots = slot_defaults(model.statements)
     mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
 
     def ends(place: tree.Path | tree.Nest, is_head: bool) -> dict[str, Key]:
@@ -112,7 +113,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
             if members:
                 return {"": (place.head, members[0])}
             return {p: (place.head, p) for p in ports}
-        inner = definition.file.models.get(declaration.kind)
+        inner = definition.file.models.get(slots.get(declaration.kind, declaration.kind))
         if inner is None or not members:
             return {}
         inner_table = table_of(inner)
@@ -158,6 +159,17 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
                     for head in second:
                         connect(ends(tail, False), ends(head, True), head.span)
     return table
+
+
+def is_slot(item: tree.Item) -> bool:
+    """Whether a parameter stands for a model."""
+    return item.unit is not None and [name for name, _, _ in item.unit.factors] == ["model"]
+
+
+def slot_defaults(statements: tuple[tree.Node, ...]) -> dict[str, str]:
+    """The slots of a model, and the models that stand in them by default."""
+    items = (i for s in statements if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
+    return {i.name: i.value.words for i in items if isinstance(i.value, tree.Path)}
 
 
 def wall_components(item: tree.PortItem) -> dict[str, str | None]:

@@ -15,7 +15,7 @@ from ..graph.units import ONE
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
-from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, wall_components
+from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, is_slot, wall_components
 from .errors import (
     Cycle,
     DuplicateName,
@@ -25,6 +25,7 @@ from .errors import (
     UnknownDomain,
     UnknownKind,
     Unsupported,
+    WrongConnection,
     WrongType,
 )
 from .mechanisms import declare_mechanism
@@ -42,6 +43,7 @@ from .scope import (
     Pending,
     Scalar,
     Scope,
+    SlotEntry,
     WallEntry,
     Wrong,
     suggestion,
@@ -106,7 +108,8 @@ class Elaborator(Resolver):
         self._declare(scope, definition.model.statements, bindings, chain)
         for name, (attribute, _) in bindings.items():
             entry = scope.entries.get(name)
-            if not (isinstance(entry, Pending) and entry.role in ("parameter", "input")):
+            settable = isinstance(entry, Pending) and entry.role in ("parameter", "input")
+            if not settable and not isinstance(entry, SlotEntry | Broken):
                 known = [
                     n for n, e in scope.entries.items() if isinstance(e, Pending) and e.role in ("parameter", "input")
                 ]
@@ -219,6 +222,9 @@ class Elaborator(Resolver):
     def _declare_quantity(
         self, scope: Scope, role: str, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
     ) -> None:
+        if role == "parameter" and is_slot(item):
+            self._declare_slot(scope, item, bindings)
+            return
         if role == "mode":
             raise Wrong(Unsupported(item.span, "`mode`", "Modes come with events."))
         index = self.index_of(item.index, scope)
@@ -229,6 +235,51 @@ class Elaborator(Resolver):
         pending = Pending(item, role, scope.full(local), value, where, scope, is_default)
         self._enter_indexed(scope, item.name, index, pending, item.span)
         self.pending.append(pending)
+
+    def _declare_slot(
+        self, scope: Scope, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
+    ) -> None:
+        """`parameter Joint: model = Flexure`: a kind that an instance or a setting may replace by another model."""
+        default = self._model_of(item.value, scope, item.span)
+        found, span = default, item.span
+        override = self.overrides.get(scope.full(item.name))
+        if override is not None:
+            self.used_overrides.add(override.path)
+            value = None if isinstance(override.value, float) else override.value
+            found, span = self._model_of(value, scope, override.span), override.span
+        elif item.name in bindings:
+            attribute, where = bindings[item.name]
+            found, span = self._model_of(attribute.value, where, attribute.span), attribute.span
+        wanted, given = self._walls(default), self._walls(found)
+        if wanted != given:
+            what = f"`{found.name}` cannot stand for `{default.name}`: its ports are {_listed(given)}, not {_listed(wanted)}"
+            raise Wrong(WrongConnection(span, what, "A model in a slot has ports of the same names and domains."))
+        self.enter(scope, item.name, SlotEntry(found, item.span), item.span)
+
+    def _model_of(self, value: tree.Expression | None, scope: Scope, span: Span) -> ModelDefinition:
+        """The model that a slot's value names."""
+        name = value.words if isinstance(value, tree.Path) else ""
+        entry = scope.find(name)
+        if isinstance(entry, SlotEntry):
+            return entry.definition
+        definition = scope.definition.file.models.get(name)
+        if definition is None:
+            hint = suggestion(
+                name, list(scope.definition.file.models), "A slot names a model: `parameter Joint: model = Flexure`."
+            )
+            raise Wrong(UnknownKind(span if value is None else value.span, name or "this", hint))
+        return definition
+
+    def _walls(self, definition: ModelDefinition) -> dict[str, str]:
+        """The ports of a model with their domains."""
+        table = self.table_of(definition)
+        walls = {}
+        for statement in definition.model.statements:
+            for item in statement.items if isinstance(statement, tree.Ports) else ():
+                for component in wall_components(item):
+                    domain = table.of(item.name, component)
+                    walls[f"{item.name}.{component}".rstrip(".")] = domain.name if domain else "unknown"
+        return walls
 
     def _declare_ports(self, scope: Scope, statement: tree.Ports) -> None:
         for item in statement.items:
@@ -258,7 +309,12 @@ class Elaborator(Resolver):
             for declared in statement.names:
                 self.guard(self._declare_element, scope, statement, declared)
             return
-        definition = scope.definition.file.models.get(statement.kind)
+        slot = scope.find(statement.kind)
+        if isinstance(slot, Broken):
+            raise AlreadyTold
+        definition = (
+            slot.definition if isinstance(slot, SlotEntry) else scope.definition.file.models.get(statement.kind)
+        )
         if definition is None and statement.kind in scope.definition.file.missing:
             raise AlreadyTold
         if definition is None:
@@ -381,6 +437,10 @@ class Elaborator(Resolver):
         entry = declare_mechanism(self, scope, statement)
         self.enter(scope, statement.name, entry, statement.span)
         self.mechanisms.append((scope, statement, entry))
+
+
+def _listed(walls: Mapping[str, str]) -> str:
+    return ", ".join(f"{name}: {domain}" for name, domain in walls.items()) or "none"
 
 
 def _loop_names(scope: Scope) -> str:

@@ -163,8 +163,26 @@ class Broken:
     span: Span
 
 
+@dataclass(frozen=True, slots=True)
+class SlotEntry:
+    """A parameter that stands for a model: what its name means as a kind."""
+
+    definition: ModelDefinition
+    span: Span
+
+
 Entry = (
-    Broken | Scalar | Items | Pending | Array | ElementEntry | WallEntry | InstanceEntry | PartEntry | MechanismEntry
+    SlotEntry
+    | Broken
+    | Scalar
+    | Items
+    | Pending
+    | Array
+    | ElementEntry
+    | WallEntry
+    | InstanceEntry
+    | PartEntry
+    | MechanismEntry
 )
 
 

@@ -460,8 +460,8 @@ class ExpressionCompiler:
             return self._integral(node)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
-            if node.function in ("chirp", "noise", "table"):
-                hint = "Signals are made of step, pulse, ramp, smoothstep5, sin and `if`."
+            if node.function in ("noise", "table", "linear", "cubic", "monotone", "column"):
+                hint = "Signals are made of step, pulse, ramp, smoothstep5, sin, chirp and `if`."
                 raise Wrong(Unsupported(node.span, f"`{node.function}`", hint))
             hint = suggestion(
                 node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`."
@@ -626,6 +626,19 @@ def _smooth5(u: Expression) -> Expression:
     return multiply(u, u, u, 10 + u * (6 * u - 15))
 
 
+def _chirp(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    t, f0, f1, t1 = arguments
+    places = [a.span for a in node.arguments]
+    time = compiler._common([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
+    frequency = compiler._common([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
+    if time is not None and frequency is not None and time * frequency != ONE:
+        hint = "Write `chirp(time, 1 Hz, 20 Hz, 10 s)`."
+        raise Wrong(DimensionMismatch(node.span, "Time and frequency in `chirp` do not fit each other", hint))
+    x, low, high, end = (a.expression for a in arguments)
+    turns = x * (low + (high - low) * x / (2 * end))
+    return Typed(call("sin", 2 * math.pi * turns), ONE)
+
+
 def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Value:
     r, angle = arguments
     if angle.dimension not in (None, ONE):
@@ -674,6 +687,7 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
     "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
     "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
+    "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
     "polar": (2, "polar(radius, angle)", _polar),
     "rotate": (2, "rotate((x, y), angle)", _polar),
 }

@@ -305,3 +305,16 @@ def test_a_condition_read_as_a_number_is_one_or_zero() -> None:
         OSCILLATOR % "  output a = spring.x < 0 m, b = spring.x > 0 m\n  signal c = spring.x > 0.1 m\n  output d = 5*c"
     )
     assert Running(compiled(text)).outputs(STATE) == {"a": 0.0, "b": 1.0, "d": 5.0}
+
+
+def test_a_named_condition_is_a_condition() -> None:
+    """`signal on = time > 1 s` may stand where a condition stands, and reads as 1 or 0 where a number does."""
+    text = "model A {\n  signal on = time > 1 s\n  output y = 5 if on else 6, z = 7 if not on and time < 5 s else 8, w = 2*on\n}\n"
+    running = Running(compiled(text))
+    assert running.outputs(time=0.5) == {"y": 6.0, "z": 7.0, "w": 0.0}
+    assert running.outputs(time=2.0) == {"y": 5.0, "z": 8.0, "w": 2.0}
+
+
+def test_what_an_experiment_sets_by_a_long_name() -> None:
+    text = "model S { parameter k = 1; output y = k }\nmodel A {\n  for i in 1..2 { S s[i] }\n  parameter gap = (1, 2)\n  output y = s[2].y, z = gap[1], w = s[1].y\n  experiment e {\n    set s[ 2 ].k = 5\n    set gap[ 1 ] = 7\n    simulate 0 .. 1 s\n  }\n}\n"
+    assert Running(compiled(text, experiment="e")).outputs() == {"y": 5.0, "z": 7.0, "w": 1.0}
