@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|run|show|equations|compile`.
+"""The command line: `bondgraph check|run|show|equations|compile|fmt|new`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -232,3 +232,46 @@ def compile_(file: str, out: str, model: str | None) -> None:
 
         _check_target(out, (".py",), "--out")
         write_text(out, _load(file, model).compile())
+
+
+# ---------------------------------------------------------------- texts
+
+
+@commands.command()
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file would change.")
+def fmt(files: Sequence[str], only_check: bool) -> None:
+    """Format files; comments, blank lines and columns stay."""
+    with _told():
+        from .door import Source, format_text
+        from .files import write_text
+
+        changed = []
+        for file in files:
+            with open(file, encoding="utf-8-sig", newline="") as stream:
+                source = Source(file, stream.read(), Path(file))
+            text = format_text(source)
+            if text != source.text:
+                changed.append(file)
+                if not only_check:
+                    write_text(file, text)
+        for file in changed:
+            click.echo(f"{'would change' if only_check else 'formatted'} {file}")
+    if only_check and changed:
+        raise click.exceptions.Exit(WRONG)
+
+
+@commands.command()
+@click.argument("file", metavar="NAME.bg")
+def new(file: str) -> None:
+    """Write a first model to start from; an existing file is never touched."""
+    with _told():
+        from .files import write_text
+        from .starter import starter_text
+
+        path = Path(file)
+        _check_target(file, (".bg",), "new")
+        if path.exists():
+            raise click.UsageError(f"`{file}` exists already; choose another name")
+        write_text(path, starter_text(path.stem))
+        click.echo(f"wrote {file}; try: bondgraph run {file}")

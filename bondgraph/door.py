@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from compiler.semantics.typed import scale_of
     from compiler.source import Source, Span
     from compiler.syntax import parse_expression
+    from compiler.syntax.format import format_text
     from compiler.syntax.tree import Literal
 
 _HOMES = {
@@ -31,12 +32,12 @@ _HOMES = {
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "scale_of": "semantics.typed", "Source": "source", "Span": "source",
-    "parse_expression": "syntax", "Literal": "syntax.tree",
+    "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree",
 }  # fmt: skip
 
 __all__ = [
     "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LinearLoop", "Literal", "Override", "Plan",
-    "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "parse_expression",
+    "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "format_text", "parse_expression",
     "render", "scale_of", "to_sympy",
 ]  # fmt: skip
 

@@ -17,6 +17,7 @@ from ..door import Program
 from .segments import Segment
 
 STEPS = 60  # of the coarse run
+SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
 LARGEST = 200  # states up to which the modes are computed
 SHARE = 1e-2  # of the largest state of the same unit, at least
 
@@ -31,6 +32,8 @@ def nominal_magnitudes(program: Program, constants: Any, state: Any, inputs: Any
         same = np.array([u == unit for u in units])
         largest = result[same].max(initial=0.0)
         result[same] = np.maximum(result[same], SHARE * largest)
+    bare = np.array([u in ("1", "1/s") for u in units], dtype=bool)
+    result[bare] = np.maximum(result[bare], SMALLEST_ANGLE)
     result[(result == 0) | ~np.isfinite(result)] = 1.0
     return result
 

@@ -30,7 +30,7 @@ from .experiments import choose_experiment, experiment_overrides, experiments_of
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
-from .scope import Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,9 +242,14 @@ class _Nodes:
         found = self._laws.get(id(declaration))
         if found is None:
             elaborator = self.elaborator
-            compiled = compile_law(
-                declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
-            )
+            try:
+                compiled = compile_law(
+                    declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
+                )
+            except Wrong:
+                if elaborator.table_of(scope.definition).diagnostics:
+                    raise AlreadyTold from None  # with a wrong domain its letters mean nothing
+                raise
             found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots, compiled.stored)
             self._laws[id(declaration)] = found
         return found

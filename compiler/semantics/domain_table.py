@@ -27,6 +27,7 @@ class DomainTable:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     parents: dict[Key, Key] = field(default_factory=dict)
     known: dict[Key, tuple[str, Span]] = field(default_factory=dict)
+    guesses: list[tuple[Key, str, set[str], Span]] = field(default_factory=list)  # what the letters of laws tell
     told: set[Key] = field(default_factory=set)  # classes that met another domain: once is enough
 
     def root(self, key: Key) -> Key:
@@ -40,7 +41,8 @@ class DomainTable:
         """A port is of this domain, because of that place."""
         root = self.root(key)
         before = self.known.setdefault(root, (domain, span))
-        if before[0] != domain:
+        if before[0] != domain and root not in self.told:
+            self.told.add(root)
             name = ".".join(k for k in key if k)
             self.diagnostics.append(DomainConflict(span, name, domain, before[0], before[1]))
 
@@ -59,6 +61,13 @@ class DomainTable:
         self.parents[second] = first
         if one is None and two is not None:
             self.known[first] = two
+
+    def guess(self) -> None:
+        """Let the letters of laws tell what no declaration has told; letters of another domain are a conflict."""
+        for key, domain, letters, span in self.guesses:
+            known = self.known.get(self.root(key))
+            if known is None or not letters <= {*DOMAINS[known[0]].letters, *GENERIC}:
+                self.learn(key, domain, span)
 
     def of(self, *key: str) -> Domain | None:
         """The domain of a port; None if nothing tells it."""
@@ -158,6 +167,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
                 for tail in first:
                     for head in second:
                         connect(ends(tail, False), ends(head, True), head.span)
+    table.guess()
     return table
 
 
@@ -260,7 +270,7 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
                     if d.typed and d.guessed and letters and all(w in d.letters or w in GENERIC for w in letters)
                 ]
                 if len(fitting) == 1:
-                    table.learn((declared.name, port), fitting[0].name, definition.span)
+                    table.guesses.append(((declared.name, port), fitting[0].name, letters, definition.span))
 
 
 def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:

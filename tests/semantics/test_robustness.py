@@ -20,10 +20,10 @@ FOLDERS = [
     ROOT / "models",
 ]
 FILES = [p for folder in FOLDERS for p in sorted(folder.glob("*.bg")) if p.stat().st_size < 2600]
-KINDS = (
+WORDS = (
     "C I R Se Sf TF GY MSe MSf MR MTF RS IC splitter body frame slide hinge free weld ground x phi F v p e f q time pi true if "
     "translation rotation electric thermal hydraulic parameter constant signal output input port for experiment um kg N"
-).split()
+)
 TOKENS = re.compile(r"\s+|\w+|[^\w\s]")
 
 
@@ -40,7 +40,7 @@ def mutated(text: str, chance: random.Random) -> str:
             case 0:
                 tokens[here] = tokens[there]
             case 1:
-                tokens[here] = chance.choice(KINDS)
+                tokens[here] = chance.choice(WORDS.split())
             case 2:
                 tokens[here], tokens[there] = tokens[there], tokens[here]
             case 3 if numbers:
