@@ -1,0 +1,146 @@
+"""The command line as a user meets it: exit codes, files, messages."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from bondgraph.cli import commands
+
+WRONG = "model A {\n  C c : F = k*x\n}\n"
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(commands, [*arguments])
+
+
+@pytest.fixture
+def wrong(tmp_path: Path) -> str:
+    path = tmp_path / "wrong.bg"
+    path.write_text(WRONG)
+    return str(path)
+
+
+def test_check_tells_the_place(wrong: str) -> None:
+    assert run("check", "models/rlc.bg", "models/manipulator.bg").exit_code == 0
+    found = run("check", wrong)
+    assert found.exit_code == 1
+    assert f"{wrong}:2:13: BG101" in found.stderr
+    assert found.stdout == ""
+
+
+def test_check_as_json(wrong: str) -> None:
+    found = run("check", "--json", "models/rlc.bg", wrong)
+    told = json.loads(found.stdout)
+    assert found.exit_code == 1
+    assert told["schema"] == "bondgraph-check/1"
+    assert told["diagnostics"][0] | {"message": "", "help": ""} == {
+        "file": wrong, "line": 2, "column": 13, "code": "BG101", "message": "", "help": "",
+    }  # fmt: skip
+
+
+def test_run_writes_values_in_si(tmp_path: Path) -> None:
+    out, archive = tmp_path / "r.csv", tmp_path / "r.npz"
+    found = run("run", "models/rlc.bg", "--points", "5", "--to", "20 ms", "--out", str(out))
+    assert found.exit_code == 0, found.stderr
+    rows = list(csv.reader(out.read_text().splitlines()))
+    assert rows[0] == ["time [s]", "u [V]", "i [A]"]
+    assert [float(r[0]) for r in rows[1:]] == pytest.approx([0, 0.005, 0.01, 0.015, 0.02])
+    assert run("run", "models/rlc.bg", "--points", "5", "--out", str(archive)).exit_code == 0
+    with np.load(archive) as arrays:
+        assert arrays["u"][-1] == float(rows[-1][1])
+
+
+def test_run_as_json_with_settings() -> None:
+    found = run("run", "models/rlc.bg", "--set", "U=10 V", "--set", "R=20 ohm", "--to", "0.5", "--energy", "--json")
+    told = json.loads(found.stdout)
+    assert told["schema"] == "bondgraph-result/1"
+    assert told["outputs"]["u"]["final"] == pytest.approx(10, rel=1e-5)
+    assert told["energy"]["supplied"] == pytest.approx(1e-5 * 100, rel=1e-4)
+
+
+def test_an_input_is_set_as_an_expression_of_time() -> None:
+    arguments = ("run", "models/dc_motor.bg", "-e", "none", "--to", "20", "--json")
+    twelve, ramp = (
+        json.loads(run(*arguments, "--set", f"volt={v}").stdout) for v in ("12 V", "12 V*ramp(time, 0 s, 1 s)")
+    )
+    assert ramp["outputs"]["speed"]["final"] == pytest.approx(twelve["outputs"]["speed"]["final"], rel=1e-6)
+    assert ramp["experiment"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("run", "no_such_file.bg"), 2, "no_such_file.bg"),
+        (("run", "models/rlc.bg", "--set", "U"), 2, "NAME=VALUE"),
+        (("run", "models/rlc.bg", "--set", "U=3 m"), 1, "BG103"),
+        (("run", "models/rlc.bg", "--set", "nothing=3 m"), 1, "nothing"),
+        (("run", "models/rlc.bg", "--to", "3 m"), 2, "no time"),
+        (("run", "models/rlc.bg", "--out", "r.txt"), 2, ".csv or .npz"),
+        (("run", "models/rlc.bg", "--out", "no_such_folder/r.csv"), 2, "no such folder"),
+        (("run", "models/rlc.bg", "--points", "1"), 2, "points"),
+        (("run", "models/rlc.bg", "-e", "nothing"), 1, "nothing"),
+        (("run", "models/mems.bg"), 1, "BG132"),
+        (("run", "models/rlc.bg", "-e", "none"), 2, "--to"),
+        (("show", "models/rlc.bg", "--stage", "nothing"), 2, "stages are"),
+        (("compile", "models/rlc.bg", "-o", "model.txt"), 2, ".py"),
+    ],
+)
+def test_what_cannot_be(arguments: tuple[str, ...], code: int, words: str) -> None:
+    found = run(*arguments)
+    assert found.exit_code == code, found.output
+    assert words in found.stderr
+    assert "Traceback" not in found.output
+
+
+def test_numbers_that_fail(tmp_path: Path) -> None:
+    path = tmp_path / "burst.bg"
+    path.write_text("plain model Burst { output x = integral(x^2, 1) }")
+    found = run("run", str(path), "--to", "2")
+    assert found.exit_code == 3
+    assert "t = 1" in found.stderr or "t = 0.99" in found.stderr
+    assert "`x`" in found.stderr
+
+
+def test_a_compiled_module_runs_alone(tmp_path: Path) -> None:
+    out = tmp_path / "model.py"
+    assert run("compile", "models/manipulator.bg", "-o", str(out)).exit_code == 0
+    code = (
+        "import model, numpy as np\n"
+        "c = model.constants(model.DEFAULTS); x = model.start(c)\n"
+        "f = model.derivative(0.0, x, np.array(model.INPUT_DEFAULTS), c, model.switches(0.0, c))\n"
+        "print(len(x), abs(f).max(), [n for n, _ in model.INPUTS][:2])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split()[:2] == ["12", "0.0"]
+
+
+def test_equations_and_stages() -> None:
+    assert "d/dt mass.p = mass.F" in run("equations", "models/oscillator.bg").stdout
+    assert r"\frac{\mathrm{d}}{\mathrm{d}t}" in run("equations", "models/oscillator.bg", "--latex").stdout
+    for stage in ("syntax", "graph", "causality", "equations", "reduction", "code"):
+        assert run("show", "models/oscillator.bg", "--stage", stage).exit_code == 0
+
+
+def test_new_and_fmt(tmp_path: Path) -> None:
+    path = tmp_path / "first.bg"
+    assert run("new", str(path)).exit_code == 0
+    assert run("new", str(path)).exit_code == 2
+    assert run("check", str(path)).exit_code == 0
+    assert run("fmt", "--check", str(path)).exit_code == 0
+    path.write_text(path.read_text().replace(" = ", "="))
+    assert run("fmt", "--check", str(path)).exit_code == 1
+    assert run("fmt", str(path)).exit_code == 0
+    assert run("fmt", "--check", str(path)).exit_code == 0
+
+
+def test_python_m_bondgraph() -> None:
+    done = subprocess.run([sys.executable, "-m", "bondgraph", "check", "models/rlc.bg"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "1 file fine\n")

@@ -1,0 +1,82 @@
+"""Results by the author's names, in SI, to files and tables."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.results import Column, Result, Shown
+
+
+def made(values: object = ((0.0, 1.0), (2.0, math.nan))) -> Result:
+    columns = (Column("x", "m"), Column('a, "b"', "1"))
+    return Result(
+        "M",
+        "e",
+        np.array([0.0, 0.5]),
+        columns,
+        np.array(values),
+        (Shown("x", "mm", 1e3),),
+        "s",
+        3,
+        {"derivative": 7},
+        1e-6,
+        0.1,
+    )
+
+
+def test_names_units_and_values() -> None:
+    result = made()
+    assert result["x"].tolist() == [0.0, 2.0]
+    assert (result.unit("x"), result.unit("time"), result.final("x")) == ("m", "s", 2.0)
+    assert "x" in result
+    with pytest.raises(KeyError, match="did you mean `x`"):
+        result["xx"]
+
+
+def test_csv_quotes_and_keeps_seventeen_digits(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    made(((0.1, 1 / 3), (1e-300, 2.0))).to_csv(path)
+    lines = path.read_bytes().decode().split("\n")
+    assert lines[0] == 'time [s],x [m],"a, ""b"" [1]"'
+    assert [float(v) for v in lines[1].split(",")] == [0.0, 0.1, 1 / 3]
+    assert lines[-1] == ""
+
+
+def test_a_failed_write_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("before")
+    broken = made()
+    object.__setattr__(broken, "values", None)
+    with pytest.raises(Exception):  # noqa: B017  whatever goes wrong
+        broken.to_csv(path)
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_json_has_null_for_what_is_not_finite() -> None:
+    told = made().to_json()
+    assert told["outputs"]['a, "b"']["final"] is None
+    assert told["outputs"]["x"] == {"unit": "m", "final": 2.0, "minimum": 0.0, "maximum": 2.0}
+
+
+def test_pandas_and_plot(tmp_path: Path) -> None:
+    result = bondgraph.load("models/rlc.bg").simulate(points=11)
+    table = result.to_pandas()
+    assert table.index.name == "time"
+    assert table.attrs["units"] == {"time": "s", "u": "V", "i": "A"}
+    for ending in ("png", "svg"):
+        path = tmp_path / f"r.{ending}"
+        result.plot(path)
+        assert path.stat().st_size > 5000
+
+
+def test_summary_is_in_the_units_of_the_report() -> None:
+    text = bondgraph.load("models/rlc.bg").simulate(points=11, energy=True).summary()
+    assert "mA" in text
+    assert "residual" in text
+    assert "Radau" in text
