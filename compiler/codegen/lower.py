@@ -289,8 +289,13 @@ class _Switching:
             a, b = condition.operands
             self._instant(self.replaced(a - b, span))
             self.modes[condition] = Symbol(Leaf("mode", len(self.result.switches)))
-            self.result.switches.append(condition)
+            self.result.switches.append(substitute(condition, self._opened))
         return self.modes[condition]
+
+    def _opened(self, symbol: Symbol) -> Expression:
+        """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
+        leaf: Leaf = symbol.key
+        return self.result.switches[leaf.position] if leaf.role == "mode" else symbol
 
     def _instant(self, g: Expression) -> None:
         """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""
@@ -299,7 +304,7 @@ class _Switching:
         self.bends.add(g)
         time = Symbol(Leaf("time", 0))
         slope = derivative(g, time)
-        if not self.result.dependence(slope) & (TIME | MODE):
+        if not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE):
             if slope != ZERO:
                 at_zero = substitute(g, lambda s: ZERO if s == time else s)
                 self.result.instants.append(negate(divide(at_zero, slope)))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from ..algebra.expression import ZERO, Number, evaluate, select
@@ -200,7 +201,7 @@ class Resolver:
         found = self.lookup(path, scope)
         if isinstance(found, Items):
             return Readable(tuple(i.dimension for i in found.items), True, tuple(map(_known, found.items)))
-        return Readable((found.dimension,), False, (_known(found),))
+        return Readable((found.dimension,), False, (_known(found),), found.truth)
 
     def lookup(self, path: tree.Path, scope: Scope) -> Scalar | Items:
         """What a path reads. Raises `Wrong` or `AlreadyTold`."""
@@ -526,7 +527,8 @@ class Resolver:
                     Bound(Formula(b.formula.arity, select(b.formula.expression, Number(1.0), ZERO)), b.arguments)
                     for b in bounds
                 ]
-            return self._enter_quantity(pending, "", bounds[0], dimension, value.span)
+            entered = self._enter_quantity(pending, "", bounds[0], dimension, value.span)
+            return replace(entered, truth=template.value.truth)
         if pending.role == "input":
             raise Wrong(WrongType(value.span, "A single number", "a list", "An input is one signal."))
         items = tuple(

@@ -73,6 +73,7 @@ class Scalar:
     dimension: Dimension | None
     role: str  # parameter, constant, input, signal, output, index, number, time, reading
     name: str
+    truth: bool = False  # a condition with a name: 1 or 0 as a number
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,7 @@ class Readable:
     dimensions: tuple[Dimension | None, ...]
     is_list: bool
     values: tuple[float | None, ...] = ()  # of constants
+    truth: bool = False
 
 
 Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]
@@ -301,7 +302,10 @@ class ExpressionCompiler:
             return self._in_function(node)
         found = self.resolve(node, self.scope)
         if not found.is_list:
-            return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
+            symbol = Symbol(self._slot(node, None))
+            if found.truth:
+                return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
+            return Typed(symbol, found.dimensions[0])
         return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
 
     def _item_of_argument(self, node: tree.Path) -> Value:

@@ -88,3 +88,17 @@ def test_a_jump_through_parameters_and_signals() -> None:
 def test_a_jump_that_needs_the_search_is_found_to_rounding() -> None:
     result = run("1 N if exp(time/1 s) > 2 else 0 N")
     assert result.final("v") == pytest.approx(1 - np.log(2), rel=1e-9)
+
+
+def test_conditions_within_conditions() -> None:
+    text = """
+    model Nested {
+      signal saw = time if time < 0.5 s else time - 0.5 s
+      MSe push : F = 1 N*step(saw - 0.2 s) if saw < 0.4 s else 3 N*abs(saw/1 s)
+      1 body
+      I mass : p = 1 kg*v
+      push -> body -> mass
+      output v = mass.v
+    }"""
+    # Twice: 0.2 s of 1 N, then 3 t from 0.4 s to 0.5 s.
+    assert bondgraph.load(text).simulate(to=1.0).final("v") == pytest.approx(2 * (0.2 + 1.5 * (0.25 - 0.16)), rel=1e-9)
