@@ -139,8 +139,9 @@ def functions_of(path: Path) -> dict[str, ast.FunctionDef]:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tests."):
             names = {a.name for a in node.names}
             file = ROOT.joinpath(*(node.module or "").split(".")).with_suffix(".py")
-            others = ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if file.is_file() else ()
-            found |= {n.name: n for n in others if isinstance(n, ast.FunctionDef) and n.name in names}
+            body = ast.parse(file.read_text(encoding="utf-8")).body if file.is_file() else []
+            imported = [n for n in body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name in names]
+            found |= {n.name: n for i in imported for n in ast.walk(i) if isinstance(n, ast.FunctionDef)}
     return found
 
 

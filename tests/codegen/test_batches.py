@@ -10,7 +10,7 @@ import pytest
 
 from compiler.codegen.numpy.generate import load_module
 from compiler.codegen.program import Program
-from tests.codegen.test_module import OSCILLATOR, every_model
+from tests.codegen.test_module import OSCILLATOR, compiled_model, every_model
 from tests.compiling import Running, compiled
 
 FUNCTIONS = ("derivative", "jacobian", "output", "powers")
@@ -31,7 +31,7 @@ def close(batch: Any, single: Any) -> None:
 @every_model
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_a_batch_is_its_members(path: Path, name: str, function: str) -> None:
-    running = Running(compiled(path, model=name, everything=True))
+    running = Running(compiled_model(path, name, everything=True))
     f = getattr(running.program, function)
     time, _, inputs, constants, mode = running.arguments(1e-3, None, None)
     batch = states(running, (3, 2))
@@ -107,7 +107,7 @@ def pattern(program: Program) -> set[tuple[int, int]]:
 @every_model
 def test_jacobian_entries_on_their_pattern(path: Path, name: str) -> None:
     """The sparse entries are those of the dense matrix, and outside of the pattern there is nothing."""
-    running = Running(compiled(path, model=name, everything=True))
+    running = Running(compiled_model(path, name, everything=True))
     arguments = list(running.arguments(1e-3, None, None))
     arguments[1] = states(running, ())
     dense, entries = running.program.jacobian(*arguments), running.program.jacobian_entries(*arguments)

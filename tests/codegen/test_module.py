@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,12 @@ def runnable(path: Path) -> list[str]:
     return found
 
 
+@cache
+def compiled_model(path: Path, name: str, free: bool = False, everything: bool = False) -> Compilation:
+    """One model of models/, compiled once for all tests of this folder."""
+    return compiled(path, model=name, free=("*",) if free else (), everything=everything)
+
+
 MODELS_OF_FILES = [(path, name) for path in FILES for name in runnable(path)]
 every_model = pytest.mark.parametrize(
     ("path", "name"), MODELS_OF_FILES, ids=lambda v: v.stem if isinstance(v, Path) else v
@@ -73,7 +80,7 @@ def imported(source: str) -> set[str]:
 
 @every_model
 def test_it_needs_numpy_alone(path: Path, name: str) -> None:
-    source = compiled(path, model=name, free=("*",)).program.source
+    source = compiled_model(path, name, free=True).program.source
     assert imported(source) == {"numpy"}
     names = {n.id for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Name)}
     assert not names & {"eval", "exec", "open", "__import__", "getattr", "compile", "globals"}
@@ -82,7 +89,7 @@ def test_it_needs_numpy_alone(path: Path, name: str) -> None:
 @every_model
 def test_it_states_its_names(path: Path, name: str) -> None:
     """Tables of (name, SI unit), as the program's."""
-    program = compiled(path, model=name, free=("*",)).program
+    program = compiled_model(path, name, free=True).program
     tables = {
         t.targets[0].id: ast.literal_eval(t.value)
         for t in ast.parse(program.source).body
@@ -102,7 +109,7 @@ def test_it_states_its_names(path: Path, name: str) -> None:
 @every_model
 def test_it_cites_lines_that_exist(path: Path, name: str) -> None:
     """Every comment names a file and a line, and that line says something."""
-    source = compiled(path, model=name).program.source
+    source = compiled_model(path, name).program.source
     cited = re.findall(r"# (\w+\.bg):(\d+)", source)
     assert cited or "STATES = ()" in source
     for file, line in cited:

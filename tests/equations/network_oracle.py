@@ -84,9 +84,13 @@ class Network:
 
     def rates(self, w: Array) -> Array:
         """s' = S w."""
-        return np.array([w[p.bond + (self.bonds if p.kind == "C" else 0)] for p in self.storages]).reshape(
-            len(self.storages), *np.shape(w)[1:]
-        )
+        places = [self.rate_of(i) for i in range(len(self.storages))]
+        return np.array([w[i] for i in places]).reshape(len(places), *np.shape(w)[1:])
+
+    def rate_of(self, storage: int) -> int:
+        """The place in w of the rate of a stored quantity."""
+        port = self.storages[storage]
+        return port.bond + (self.bonds if port.kind == "C" else 0)
 
     def jacobians(self, w: Array, s: Array, time: float) -> tuple[Array, Array, Array]:
         """F_w, F_s, F_t at a point, by complex steps."""
@@ -159,7 +163,7 @@ def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple
     value = function(z)
     jacobian = np.zeros((len(value), len(z)))
     best, stalled = np.inf, 0
-    for _ in range(200 if damped else 40):
+    for _ in range(150):
         jacobian = (function(z[:, None] + eye) - function(z[:, None] - eye)) / (2 * STEP)
         if not np.isfinite(jacobian).all():
             break

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, Phase, assume, given, note, settings
 import bondgraph
 from compiler.errors import CompilationFailed, Diagnostic, render
 from tests.equations.network_oracle import Solution, constraints, is_regular, solve
-from tests.equations.random_network import Example, examples
+from tests.equations.random_network import Example, Flat, examples
 
 EXAMPLES = int(os.environ.get("BONDGRAPH_RANDOM", "100"))
 KINDS: Counter[str] = Counter()
@@ -93,7 +93,7 @@ def _check_program(example: Example, program: Any) -> None:
         assert value == pytest.approx(flat.starts.get(number, 0.0), rel=1e-15)
     states = _states(example, len(numbers))
     for x in states:
-        found = solve(flat.network, dict(zip(numbers, x, strict=True)), example.time)
+        found = _solution(flat, dict(zip(numbers, x, strict=True)), example.time)
         assert found.converged, f"the states {program.states.names} contradict each other, by {found.error:.3g}"
         scale = max(1.0, float(np.abs(found.w).max(initial=0.0)))
         _check_rates(found, program, numbers, derivative(x), scale)
@@ -111,6 +111,17 @@ def _check_program(example: Example, program: Any) -> None:
         _check_batch(states, derivative, jacobian)
 
 
+def _solution(flat: Flat, given: dict[int, float], time: float) -> Solution:
+    """What the equations say; a storage that they leave open and that nothing flows into stays at its start."""
+    found = solve(flat.network, given, time)
+    idle = [s for i, s in enumerate(found.free) if not found.determined(2 * flat.network.bonds + i)]
+    rates = flat.network.rates(found.w)
+    idle = [s for s in idle if abs(rates[s]) < 1e-9 and found.determined(flat.network.rate_of(s))]
+    if not idle:
+        return found
+    return solve(flat.network, given | {s: flat.starts.get(s, 0.0) for s in idle}, time)
+
+
 def _states(example: Example, count: int) -> Any:
     """Three states: spread over some numbers; never all zero."""
     numbers = np.array(example.numbers)
@@ -120,8 +131,7 @@ def _states(example: Example, count: int) -> Any:
 def _check_rates(found: Solution, program: Any, numbers: list[int], rates: Any, scale: float) -> None:
     network = found.network
     for name, number, rate in zip(program.states.names, numbers, rates, strict=True):
-        port = network.storages[number]
-        unknown = port.bond + (network.bonds if port.kind == "C" else 0)
+        unknown = network.rate_of(number)
         assert found.determined(unknown), f"the equations do not determine the rate of {name}, the program gives {rate}"
         assert abs(found.w[unknown] - rate) <= 1e-9 * scale, f"rate of {name}: {rate}, oracle {found.w[unknown]}"
 
@@ -188,7 +198,8 @@ def _check_refusal(example: Example, diagnostic: Diagnostic) -> None:
             assert fields, told
         case "BG403" | "BG504":
             stored, _ = constraints(flat.network, rng)
-            assert np.abs(stored).max(initial=0.0) > 1e-8, f"refused, but no storage depends on another:\n{told}"
+            depends = np.abs(stored).max(initial=0.0) > 1e-8 or not is_regular(flat.network, rng)
+            assert depends, f"refused, but no storage depends on another:\n{told}"
         case "BG503":
             _, forced = constraints(flat.network, rng)
             assert np.abs(forced).max(initial=0.0) > 1e-8, f"refused, but time forces no storage:\n{told}"
