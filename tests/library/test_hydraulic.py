@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 from tests.library.bench import exact, near, run
 
@@ -253,13 +253,47 @@ CYLINDER = """
 def test_cylinder_comes_to_rest_against_a_spring() -> None:
     """P_a A_a (1 + P_a/2E) - P_b A_b (1 + P_b/2E) = k x: what the oil stores pushes the piston, too."""
     found = run("hydraulic", "Cylinder", CYLINDER, 30)
-    leak = 1e-16 * 75e5 / (1 + 2e10 * 1e-16)  # past the piston, and so through both throttles
-    a, b, bulk = 80e5 - 1e10 * leak, 5e5 + 1e10 * leak, 1.4e9
+    leak = 1e-16 * 75e5 / (1 + 2 * 1.001e10 * 1e-16)  # past the piston, and so through throttles and connections
+    a, b, bulk = 80e5 - 1.001e10 * leak, 5e5 + 1.001e10 * leak, 1.4e9
     force = 12e-4 * a * (1 + a / (2 * bulk)) - 7e-4 * b * (1 + b / (2 * bulk))
     near(found.final("a"), a)
     near(found.final("b"), b, scale=a)
     near(found.final("force"), force)
     near(found.final("x"), force / 4e4)
+
+
+def test_cylinder_may_stand_between_two_reservoirs() -> None:
+    """Its connections have a resistance, so any pressure can be put on it. At last it moves steadily, with steady pressures."""
+    found = run(
+        "hydraulic", "Cylinder, Reservoir",
+        """
+        Reservoir high { pressure = 20 bar }
+        Reservoir tank
+        Cylinder cylinder { r = 1e5 [N*s/m] }
+        I load : p = 10 kg*v
+        high.line -> cylinder.a
+        tank.line -> cylinder.b
+        cylinder.rod -> load
+        output v = load.v, a = cylinder.pressure_a, b = cylinder.pressure_b
+        """,
+        0.05,
+    )  # fmt: skip
+    bulk, area_a, area_b = 1.4e9, 10e-4, 6e-4
+
+    def missing(x: np.ndarray) -> list[float]:
+        v, a, b = x[0] * 1e-2, x[1] * 1e6, x[2] * 1e6
+        leak = 1e-13 * (a - b)
+        # At a pressure P the moving piston takes A v of oil and P/E of that to fill the room that it leaves.
+        return [
+            1e7 * (area_a * v * (1 + a / bulk) + leak) - (20e5 - a),
+            1e7 * (area_b * v * (1 + b / bulk) + leak) - b,
+            area_a * a * (1 + a / (2 * bulk)) - area_b * b * (1 + b / (2 * bulk)) - 1e5 * v,
+        ]
+
+    v, a, b = fsolve(missing, [2.0, 2.0, 0.0], xtol=1e-13) * [1e-2, 1e6, 1e6]
+    near(found.final("v"), v)
+    near(found.final("a"), a)
+    near(found.final("b"), b, scale=a)
 
 
 def test_cylinder_conserves_energy() -> None:
