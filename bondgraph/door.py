@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from compiler.syntax import parse_expression
     from compiler.syntax.format import format_text
     from compiler.syntax.tree import Literal
+    from compiler.writing import write_text
 
 _HOMES = {
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
@@ -32,13 +33,13 @@ _HOMES = {
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "scale_of": "semantics.typed", "Source": "source", "Span": "source",
-    "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree",
+    "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
 }  # fmt: skip
 
 __all__ = [
     "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LinearLoop", "Literal", "Override", "Plan",
     "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "format_text", "parse_expression",
-    "render", "scale_of", "to_sympy",
+    "render", "scale_of", "to_sympy", "write_text",
 ]  # fmt: skip
 
 

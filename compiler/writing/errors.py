@@ -1,0 +1,65 @@
+"""What no text can say: BG7xx."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import Diagnostic
+from ..source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrittenUnit(Diagnostic):
+    """BG701."""
+
+    code = "BG701"
+    title = "`{name}` cannot be written as text: the language has no unit for {unit}"
+    advice = "Use exponents up to 20, and fractions with denominators up to 20; or divide by a constant so that it has no unit."
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrittenSize(Diagnostic):
+    """BG702."""
+
+    code = "BG702"
+    title = "`{name}` cannot be written as text: its expression has {what}"
+    advice = "Give its parts names of their own, as signals or constants."
+    name: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrittenDomain(Diagnostic):
+    """BG703."""
+
+    code = "BG703"
+    title = "The bond from `{tail}` to `{name}` cannot be written as text: nothing tells its domain"
+    advice = "Put a junction between them; a junction says its domain."
+    name: str
+    tail: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrittenNumber(Diagnostic):
+    """BG704."""
+
+    code = "BG704"
+    title = "`{name}` cannot be written as text: it contains the number {number}"
+    advice = "Keep numbers finite."
+    name: str
+    number: float
+
+
+class Refused(Exception):
+    """Something cannot be written; where it stands is known further out."""
+
+    def __init__(self, kind: Callable[..., Diagnostic], **values: Any) -> None:
+        self.kind, self.values = kind, values
+        super().__init__(values)
+
+    def diagnostic(self, span: Span, name: str) -> Diagnostic:
+        return self.kind(span, name, **self.values)
