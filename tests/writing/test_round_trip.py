@@ -2,92 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 import bondgraph
-from bondgraph.builder import Graph
-from bondgraph.errors import UsageError
-from bondgraph.views.text import bond_lines, graph_text, number_text
-from compiler.algebra.expression import (
-    CONDITIONS,
-    Apply,
-    Expression,
-    Number,
-    Symbol,
-    add,
-    call,
-    divide,
-    multiply,
-    negate,
-    power,
-    select,
-    substitute,
-)
-from compiler.algebra.formula import Bound, Formula
-from compiler.driver import Compilation
-from compiler.errors import CompilationFailed
-from compiler.graph.network import BondGraph, Quantity
-from compiler.source import Source
-from compiler.syntax import parse, parse_expression, tree
+from compiler.writing import write_text
+from tests.compiling import MODELS
 from tests.writing.same_graph import Same, same_motion
-
-MODELS = Path(__file__).resolve().parents[2] / "models"
-
-
-def runnable() -> list[tuple[str, str, str | None]]:
-    """Every model that stands by itself, without experiment and with each of its own."""
-    found: list[tuple[str, str, str | None]] = []
-    for file in sorted(MODELS.glob("*.bg")):
-        for name, model in parse(Source(file.name, file.read_text(encoding="utf-8"))).models.items():
-            try:
-                _ = bondgraph.load(file, name).compilation().program
-            except CompilationFailed:
-                continue  # a part: ports are open, values are missing
-            experiments = [s.name for s in model.statements if isinstance(s, tree.Experiment)]
-            found += [(file.name, name, e) for e in [None, *experiments]]
-    return found
-
-
-def again(compilation: Compilation) -> Compilation:
-    """The compilation of what the graph says as text."""
-    return bondgraph.load(graph_text(compilation.whole_graph)).compilation(everything=True)
 
 
 def there_and_back(text: str, tries: int = 20) -> str:
     """The flat text of a text, once it has been seen to mean the same."""
     original = bondgraph.load(text).compilation(everything=True)
-    flat = graph_text(original.whole_graph)
+    flat = write_text(original.whole_graph)
     reread = bondgraph.load(flat).compilation(everything=True)
     Same(original.whole_graph, reread.whole_graph).check()
     same_motion(original, reread, tries)
-    assert without_comments(graph_text(reread.whole_graph)) == without_comments(flat), "writing it again changes it"
+    assert without_comments(write_text(reread.whole_graph)) == without_comments(flat), "writing it again changes it"
     return flat
 
 
 def without_comments(text: str) -> str:
     return re.sub(r" *#.*", "", text)
-
-
-def test_there_are_models() -> None:
-    assert {("manipulator.bg", "Manipulator", None), ("flexure.bg", "FlexureOrders", "force")} <= set(runnable())
-
-
-@pytest.mark.parametrize(("file", "model", "experiment"), runnable())
-def test_every_model_comes_back(file: str, model: str, experiment: str | None) -> None:
-    loaded = bondgraph.load(MODELS / file, model)
-    original = loaded.compilation(loaded.scene(experiment), everything=True)
-    reread = again(original)
-    Same(original.whole_graph, reread.whole_graph).check()
-    same_motion(original, reread)
 
 
 def test_names_with_dots_and_brackets() -> None:
@@ -254,7 +192,7 @@ def test_zero_times_what_changes_is_no_modulation() -> None:
     original = bondgraph.load(
         "model M { input u = 1 N; MSe s : F = 2 N + 0*u; 1 j; I m : p = 1 kg*v; s -> j -> m; output v = m.v }"
     )
-    flat = graph_text(original.compilation().whole_graph)
+    flat = write_text(original.compilation().whole_graph)
     assert "  Se s : F = 2 N\n" in flat
     assert bondgraph.load(flat).simulate(to=3.0, points=2).final("v") == pytest.approx(6.0)
 
@@ -417,7 +355,7 @@ def test_what_an_experiment_sets_and_reports() -> None:
       }
     """)
     original = model.compilation(model.scene(), everything=True)
-    flat = graph_text(original.whole_graph)
+    flat = write_text(original.whole_graph)
     reread = bondgraph.load(flat).compilation(everything=True)
     same_motion(original, reread)
     assert "  input u: N = 3 N*sin(1 [1/s]*time)\n" in flat
@@ -426,262 +364,10 @@ def test_what_an_experiment_sets_and_reports() -> None:
 
 
 def test_what_is_set_from_outside_can_still_be_set() -> None:
-    flat = bondgraph.load(graph_text(bondgraph.load(MODELS / "manipulator.bg").compilation().whole_graph))
+    flat = bondgraph.load(write_text(bondgraph.load(MODELS / "manipulator.bg").compilation().whole_graph))
     original = bondgraph.load(MODELS / "manipulator.bg")
     push = {"fx": "1 uN*smoothstep5(time, 0 s, 0.5 ms)"}
     first = original.simulate(None, {"comb[1].k": "9 [N/m]", "d[2]": "1.8 um", **push}, to="1 ms", points=3)
     second = flat.simulate(None, {"comb_1_k": "9 [N/m]", "d_2": "1.8 um", **push}, to="1 ms", points=3)
     np.testing.assert_allclose(second["x"], first["x"], rtol=1e-9)
     assert np.abs(first["x"]).max() > 0
-
-
-def test_units_beyond_the_language_become_a_plain_model() -> None:
-    """A 37th root of metres has no unit that can be written: the numbers stay, and a comment says why."""
-    text = """
-      model M {
-        C c : F = 2 [N/m]*x { start x = 0.5 m }
-        R r : F = 3 [N*s/m]*v
-        1 j
-        j -> c, r
-        output y = (c.x)^(1/37), x = c.x
-      }
-    """
-    original = bondgraph.load(text).compilation(everything=True)
-    flat = graph_text(original.whole_graph)
-    assert re.search(
-        r"^# Written without units, with the same numbers: the language has no unit for m\^\(1/37\)\.\nplain model M",
-        flat,
-        re.M,
-    )
-    reread = bondgraph.load(flat).compilation(everything=True)
-    one, two = original.program, reread.program
-    assert (one.states.names, two.states.names) == (("c.x",), ("c.q",))
-    arguments = (0.0, np.array([0.25]), np.zeros(0))
-    for a, b in ((one.derivative, two.derivative), (one.output, two.output)):
-        mine = a(*arguments, one.constants(np.zeros(0)), np.zeros(0))
-        assert np.array_equal(b(*arguments, two.constants(np.zeros(0)), np.zeros(0)), mine)
-
-
-def test_no_text_without_units_for_a_mechanism() -> None:
-    text = """
-      model M {
-        multibody m : planar { body b { mass = 1 kg }; slide s : ground to b { along = 0 } }
-        R r : F = 3 [N*s/m]*v
-        m.s -> r
-        output y = (m.s.x)^(1/37)
-      }
-    """
-    with pytest.raises(UsageError, match=r"cannot be written as text: the language has no unit for m\^\(1/37\)"):
-        graph_text(bondgraph.load(text).compilation().whole_graph)
-
-
-def test_a_bond_whose_domain_nothing_tells() -> None:
-    text = """
-      model Part { port a: untyped; C c : e = 3*q; a -> c }
-      model M { Part p; Se s : e = 2; s -> p.a; output x = p.c.q, t = time }
-    """
-    flat = graph_text(bondgraph.load(text).compilation().whole_graph)
-    assert "nothing could tell the domain of the bond from `s` to `p.c`" in flat
-    assert "  signal" not in flat and "  output x = p_c.q\n" in flat
-
-
-# ---------------------------------------------------------------- graphs that no text made
-
-
-def small() -> BondGraph:
-    text = 'model M {\n parameter k: N/m = 3 "stiff"\n C c : F = k*x\n 1 j\n I m : p = 1 kg*v\n j -> c, m\n output x = c.x\n}'
-    return bondgraph.load(text).compilation().whole_graph
-
-
-def named(graph: BondGraph, **changes: object) -> BondGraph:
-    return replace(graph, quantities={**graph.quantities, "k": replace(graph.quantities["k"], **changes)})
-
-
-@pytest.mark.parametrize("description", ['with a "quote"', "two\nlines"])
-def test_descriptions_cannot_end_their_literal(description: str) -> None:
-    with pytest.raises(UsageError, match="a description with a quotation mark or a line break"):
-        graph_text(named(small(), description=description))
-
-
-@pytest.mark.parametrize(
-    "evil", ["c\nSe x : F = 1 N", "c\r\u2028\x85 }", "c\u202e#\x1b[31m", '"', "model", "1", "..", ""]
-)
-def test_names_cannot_leave_their_comment(evil: str) -> None:
-    graph = small()
-    (c, j, m) = graph.nodes
-    renamed = replace(graph, nodes=(replace(c, name=evil), j, m), outputs={}, quantities={"k": graph.quantities["k"]})
-    reread = bondgraph.load(graph_text(renamed))
-    assert len(reread.compilation().whole_graph.nodes) == 3
-    assert len(reread.compilation().whole_graph.bonds) == 2
-
-
-@settings(max_examples=100, deadline=None)
-@given(st.lists(st.text(max_size=8), min_size=3, max_size=3, unique=True))
-def test_any_names_are_mapped_one_to_one(names: list[str]) -> None:
-    graph = small()
-    nodes = tuple(replace(n, name=name) for n, name in zip(graph.nodes, names, strict=True))
-    flat = graph_text(replace(graph, nodes=nodes, outputs={}, quantities={"k": graph.quantities["k"]}))
-    found = bondgraph.load(flat).compilation().whole_graph
-    assert len({n.name for n in found.nodes}) == 3
-    assert [b.tail.node for b in found.bonds] == [b.tail.node for b in graph.bonds]
-
-
-def test_what_no_text_can_say() -> None:
-    graph = small()
-    with pytest.raises(UsageError, match="`k` has no value"):
-        graph_text(named(graph, definition=None))
-    strange = Bound(Formula(1, Apply("gamma", (Symbol(0),))), (Quantity("k"),))
-    with pytest.raises(UsageError, match="the operator `gamma` of the graph has no name in the language"):
-        graph_text(named(graph, definition=strange))
-    endless = Bound(Formula(1, multiply(Number(math.inf), Symbol(0))), (Quantity("k"),))
-    with pytest.raises(UsageError, match="the graph has the number inf, which no text can say"):
-        graph_text(named(graph, definition=endless))
-    (first, second) = graph.bonds
-    with pytest.raises(UsageError, match="a bond leaves `c`"):
-        graph_text(replace(graph, bonds=(replace(first, tail=first.head, head=first.tail), second)))
-
-
-def test_shared_expressions_that_grow_too_large() -> None:
-    """What is shared in the graph is written out in the text; an exponential text is refused in words."""
-    expression = Symbol(0)
-    for _ in range(40):
-        expression = Apply("multiply", (Apply("sin", (expression,)), Apply("cos", (expression,))))
-    graph = (
-        bondgraph.load("model M {\n parameter k = 3\n input u = 0\n signal s = u\n output x = s\n}")
-        .compilation()
-        .whole_graph
-    )
-    s = graph.quantities["s"]
-    grown = replace(s, definition=Bound(Formula(1, expression), s.definition.arguments if s.definition else ()))
-    with pytest.raises(UsageError, match="an expression of more than 200000 terms"):
-        graph_text(replace(graph, quantities={**graph.quantities, "s": grown}))
-
-
-def test_expressions_that_are_nested_too_deep() -> None:
-    expression = Symbol(0)
-    for _ in range(110):
-        expression = Apply("sin", (expression,))
-    graph = bondgraph.load("model M {\n input u = 0\n signal s = u\n output x = s\n}").compilation().whole_graph
-    s = graph.quantities["s"]
-    grown = replace(s, definition=Bound(Formula(1, expression), s.definition.arguments if s.definition else ()))
-    with pytest.raises(UsageError, match="too large for one of the text"):
-        graph_text(replace(graph, quantities={**graph.quantities, "s": grown}))
-
-
-def test_a_large_graph_in_linear_time() -> None:
-    """A ladder of 2000 parts: there and back in seconds."""
-    g = Graph("Ladder", plain=True)
-    before = g.Se("source", "e = 1")
-    for i in range(500):
-        one, zero = g.one(f"a[{i}]"), g.zero(f"b[{i}]")
-        before >> one >> (g.R(f"r[{i}]", "e = 2*f"), zero)
-        zero >> g.C(f"c[{i}]", "e = q")
-        before = zero
-    graph = g.model().compilation().whole_graph
-    flat = graph_text(graph)
-    assert flat.count("\n  C c_") == 500
-    Same(graph, bondgraph.load(flat).compilation().whole_graph).check()
-
-
-# ---------------------------------------------------------------- pieces
-
-
-NUMBERS = (2.0, -1.0, 1.0, -2.0, 0.5, -3.25, 1e-7, 3e5, 1e-305, 0.1)
-CALLS = {"sin": 1, "exp": 1, "sqrt": 1, "abs": 1, "tanh": 1, "sign": 1, "floor": 1, "min": 2, "max": 2, "atan2": 2}
-
-
-@st.composite
-def expressions(draw: st.DrawFn, depth: int = 4) -> Expression:
-    """Over the symbols 0 to 3: a length, a time, two bare numbers; made by the constructors that the compiler uses."""
-    form = draw(st.integers(0, 9 if depth else 1))
-    inner = expressions(depth - 1)
-    if form == 0:
-        return Symbol(draw(st.integers(0, 3)))
-    if form == 1:
-        return Number(draw(st.sampled_from(NUMBERS)))
-    if form in (2, 3):
-        return (add if form == 2 else multiply)(*draw(st.lists(inner, min_size=2, max_size=4)))
-    if form == 4:
-        return negate(draw(inner))
-    if form in (5, 6):
-        return divide(draw(inner), draw(inner))
-    if form == 7:
-        return power(draw(inner), Number(draw(st.sampled_from([2.0, -1.0, 3.0, -2.0, 0.5, 1.5, -0.25]))))
-    if form == 8:
-        name = draw(st.sampled_from(sorted(CALLS)))
-        return call(name, *(draw(inner) for _ in range(CALLS[name])))
-    return select(draw(conditions(depth - 1)), draw(inner), draw(inner))
-
-
-@st.composite
-def conditions(draw: st.DrawFn, depth: int) -> Expression:
-    form = draw(st.sampled_from(["less", "less_equal", "equal", *(["not", "and", "or"] if depth > 0 else [])]))
-    inner = conditions(depth - 1) if form in ("not", "and", "or") else expressions(max(depth, 0))
-    return call(form, *(draw(inner) for _ in range(1 if form == "not" else 2)))
-
-
-HOST = """model M {
-  input a = 1 m, b = 2 s, c = 0.5, d = -1.5
-  signal y = a*b/1 s%s
-  output z = y
-}"""
-
-
-@settings(max_examples=int(__import__("os").environ.get("N", "400")), deadline=None)
-@given(expressions(), st.sampled_from(["m", "1", "N", "kg/m^3", "s^(1/2)"]))
-def test_any_expression_is_read_again_as_the_same(expression: Expression, unit: str) -> None:
-    """Brackets, signs, units: the text means the same expression, operand by operand."""
-    assume(not isinstance(expression, Number) and all(map(_is_sound, _nodes(expression))))
-    graph = bondgraph.load(HOST % "").compilation().whole_graph
-    names = tuple(Quantity(n) for n in "abcd")
-    y = replace(graph.quantities["y"], definition=Bound(Formula(4, expression), names), unit=unit)
-    flat = graph_text(replace(graph, quantities={**graph.quantities, "y": y}, outputs={}))
-    try:
-        found = bondgraph.load(flat).compilation().whole_graph.quantities["y"]
-    except CompilationFailed as failed:
-        assert {d.code for d in failed.diagnostics} <= {"BG105"}, flat  # numbers that have no value: 0^-1
-        return
-    assert found.unit == unit or "without units, with the same numbers" in flat
-    assert found.definition is not None
-    arguments = found.definition.arguments
-    read = substitute(found.definition.formula.expression, lambda s: Symbol("abcd".index(arguments[s.key].name)))
-    assert read == substitute(expression, lambda s: s), flat
-
-
-def _nodes(x: Expression) -> Iterator[Expression]:
-    yield x
-    for operand in x.operands if isinstance(x, Apply) else ():
-        yield from _nodes(operand)
-
-
-def _is_sound(x: Expression) -> bool:
-    """Finite numbers, and no operation on numbers alone that has no value, which no text may contain."""
-    if isinstance(x, Number):
-        return math.isfinite(x.value)
-    return not (
-        isinstance(x, Apply) and x.operator not in CONDITIONS and all(isinstance(o, Number) for o in x.operands)
-    )
-
-
-@settings(max_examples=300, deadline=None)
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_any_number_is_read_again(value: float) -> None:
-    model = bondgraph.load(f"model M {{\n parameter a = {number_text(value)}\n}}")
-    assert model.parameters["a"].value == value
-    parse_expression(Source("number", number_text(value)))
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.lists(st.tuples(*[st.sampled_from("abcd")] * 2, st.sampled_from(["->", "=>"])), max_size=30))
-def test_chains_and_fans_are_the_same_bonds(bonds: list[tuple[str, str, str]]) -> None:
-    wanted = [(tail, arrow, head) for tail, head, arrow in bonds]
-    text = "model M {\n" + "\n".join(bond_lines(wanted)) + "\n}"
-    (model,) = parse(Source("text", text)).statements
-    assert isinstance(model, tree.Model)
-    found = []
-    for statement in model.statements:
-        assert isinstance(statement, tree.Bonds)
-        for arrow, tails, heads in zip(statement.arrows, statement.places, statement.places[1:], strict=False):
-            assert len(tails) == 1 or len(heads) == 1
-            found += [(t.words, arrow, h.words) for t in tails for h in heads]  # type: ignore[union-attr]
-    assert found == wanted
