@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bondgraph
-from bondgraph.builder import Graph
+from bondgraph import Graph, UsageError
 from compiler.errors import CompilationFailed
 from compiler.semantics.scope import RESERVED
 from compiler.source import Source
@@ -58,7 +58,7 @@ def test_what_is_no_name(name: Any) -> None:
         lambda n: g.port(n, "planar"),
         Graph,
     ):
-        with pytest.raises(ValueError, match="is no name"):
+        with pytest.raises(UsageError, match="is no name"):
             call(name)
     assert kinds(g.text()) == []
 
@@ -66,15 +66,15 @@ def test_what_is_no_name(name: Any) -> None:
 @pytest.mark.parametrize("name", sorted(RESERVED))
 def test_words_of_the_language(name: str) -> None:
     g = Graph("M")
-    with pytest.raises(ValueError, match=f"`{name}` is a word of the language"):
+    with pytest.raises(UsageError, match=f"`{name}` is a word of the language"):
         g.parameter(name, 1)
-    with pytest.raises(ValueError, match="is a word of the language"):
+    with pytest.raises(UsageError, match="is a word of the language"):
         g.one("j")[name] if name == "" else g.splitter("s", [name])
 
 
 @pytest.mark.parametrize("name", ["C", "TF", "splitter", "M[1]"])
 def test_kinds_are_no_names_of_models(name: str) -> None:
-    with pytest.raises(ValueError, match="cannot be the name of a model"):
+    with pytest.raises(UsageError, match="cannot be the name of a model"):
         Graph(name)
 
 
@@ -85,7 +85,7 @@ def test_a_name_is_given_once() -> None:
     g.one("j[2]")
     before = g.text()
     for name in ("a", "j[1]", "j[ 1]".replace(" ", ""), "j[01]", "j", "a[1]"):
-        with pytest.raises(ValueError, match=r"`M` already has `"):
+        with pytest.raises(UsageError, match=r"`M` already has `"):
             g.zero(name)
     assert g.text() == before
 
@@ -102,7 +102,7 @@ def test_descriptions_stay_in_their_literals(text: Any) -> None:
         lambda: g.C("c", "F = k*x", description=text),
     ]
     for call in calls:
-        with pytest.raises(ValueError, match="a description has no quotation marks"):
+        with pytest.raises(UsageError, match="a description has no quotation marks"):
             call()
     assert kinds(g.text()) == []
 
@@ -113,7 +113,7 @@ def test_any_description_is_kept_or_refused(text: str) -> None:
     g = Graph("M", plain=True)
     try:
         g.parameter("a", 1.5, description=text)
-    except ValueError:
+    except UsageError:
         assert '"' in text or not text.isprintable()
         return
     assert g.model().parameters["a"].description == text
@@ -132,7 +132,7 @@ def test_any_name_is_kept_or_refused(name: str) -> None:
     g = Graph("M", plain=True)
     try:
         g.parameter(name, 2.5)
-    except ValueError:
+    except UsageError:
         assert not re.fullmatch(r"[A-Za-z_][A-Za-z_0-9]*", name) or name in RESERVED
         return
     assert g.model().parameters[name].value == 2.5
@@ -144,6 +144,85 @@ def test_any_number_comes_back(value: float, unit: str) -> None:
     g = Graph("M")
     g.parameter("a", value, unit)
     assert g.model().parameters["a"].value == value
+
+
+TOKENS = ["F", "=", "k", "x", "*", "+", "1", "N", "m", ".", "(", ")", "[", "]", "{", "}", ",", ";", ":", "\n", "\r", "#", '"', "'", " ", "->", "=>",
+          "model", "Se", "output", "y", " if ", " to ", " in ", "..", "\\", "\x00", "\u2028", "\u202e", "$", "^"]  # fmt: skip
+HOSTILE = st.one_of(st.text(max_size=20), st.lists(st.sampled_from(TOKENS), max_size=14).map("".join))
+
+
+def spots(g: Graph) -> dict[str, Any]:
+    """Every place that takes a text -> a call that puts it there."""
+    part = Graph("Inner")
+    part.parameter("a")
+    stage, j = g.multibody("stage"), g.one("j")
+    return {
+        "law": lambda t: g.C("c", t),
+        "energy": lambda t: g.C("c", energy=t),
+        "start": lambda t: g.C("c", "F = x", start={"x": t}),
+        "what starts": lambda t: g.C("c", "F = x", start={t: "1 m"}),
+        "prefer": lambda t: g.C("c", "F = x", prefer=t),
+        "port": lambda t: g.C("c", "F = x", ports=(t, "b")),
+        "port's domain": lambda t: g.C("c", "F = x", ports={"a": t}),
+        "name": lambda t: g.R(t, "F = v"),
+        "description": lambda t: g.zero("z", description=t),
+        "domain": lambda t: g.zero("z", t),
+        "value": lambda t: g.parameter("p", t),
+        "item": lambda t: g.parameter("p", ("1", t)),
+        "unit": lambda t: g.parameter("p", 1, t),
+        "passed": lambda t: g.instance("i", part, a=t),
+        "passed to": lambda t: g.instance("i", part, **{t: 1}),
+        "model": lambda t: g.instance("i", t),
+        "place": lambda t: g.bond(j, t),
+        "where": lambda t: stage.body("b", at=(0, t)),
+        "along": lambda t: stage.slide("s", "ground", "ground", along=t),
+        "body": lambda t: stage.weld("w", t, "ground"),
+        "settings": lambda t: g.experiment("e", 1, settings={"a": t}),
+        "set": lambda t: g.experiment("e", 1, settings={t: 1}),
+        "end": lambda t: g.experiment("e", t),
+        "report": lambda t: g.experiment("e", 1, report=[t]),
+        "report's unit": lambda t: g.experiment("e", 1, report={"a": t}),
+    }
+
+
+def shape(text: str) -> list[tuple[str, int]]:
+    """The statements of all models of a text, with how many stand in each."""
+    found: list[tuple[str, int]] = []
+    for outer in parse(Source("text", text)).statements:
+        inner = outer.statements if isinstance(outer, tree.Model) else ()
+        found.append((type(outer).__name__, len(inner)))
+        for s in inner:
+            many = getattr(s, "statements", getattr(s, "steps", getattr(s, "attributes", getattr(s, "items", ()))))
+            found.append((type(s).__name__, len(many)))
+    return found
+
+
+# What stands in each place when it is harmless: the text must have the same statements whatever is put there.
+HARMLESS = {
+    "law": "F = x", "prefer": "effort", "port": "a", "port's domain": "electric", "name": "r", "domain": "electric", "unit": "N",
+    "description": "told", "model": "electric.Diode", "body": "ground", "report's unit": "mm", "place": "j",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("spot", sorted(spots(Graph("M"))))
+@settings(max_examples=60, deadline=None)
+@given(HOSTILE)
+def test_no_text_leaves_its_place(spot: str, text: str) -> None:
+    expected, g = Graph("M"), Graph("M")
+    before = shape(g.text())
+    assert before == [("Model", 0)]
+    spots(expected)[spot](HARMLESS.get(spot, "a"))
+    call = spots(g)[spot]
+    before = shape(g.text())
+    try:
+        call(text)
+    except (UsageError, CompilationFailed):
+        assert shape(g.text()) == before
+        return
+    found, wanted = shape(g.text()), shape(expected.text())
+    if spot in ("description", "domain", "port's domain") and text == "":
+        return
+    assert found == wanted, g.text()
 
 
 BREAKING = [
@@ -169,8 +248,8 @@ BREAKING = [
 @pytest.mark.parametrize("law", BREAKING)
 def test_a_law_is_one_law(law: str) -> None:
     g = Graph("M")
-    for call in (g.C, g.I, g.R, g.Se, g.TF, g.GY):
-        with pytest.raises((ValueError, CompilationFailed)):
+    for call in (g.C, g.I, g.R, g.Se, g.MSe, g.TF, g.GY):
+        with pytest.raises((UsageError, CompilationFailed)):
             call("a", law)
     assert kinds(g.text()) == []
 
@@ -178,7 +257,7 @@ def test_a_law_is_one_law(law: str) -> None:
 @pytest.mark.parametrize("law", [law for law in BREAKING if law not in ("translation", "k*x")])
 def test_an_energy_is_one_expression(law: str) -> None:
     g = Graph("M")
-    with pytest.raises((ValueError, CompilationFailed)):
+    with pytest.raises((UsageError, CompilationFailed)):
         g.C("a", energy=law)
     assert kinds(g.text()) == []
 
@@ -211,7 +290,7 @@ def test_a_value_is_one_expression(value: str) -> None:
         lambda: g.instance("p", part, a=value),
         lambda: g.multibody("m", gravity=(0, value)),
     ):
-        with pytest.raises((ValueError, CompilationFailed)):
+        with pytest.raises((UsageError, CompilationFailed)):
             call()
     assert kinds(g.text()) == []
 
@@ -219,7 +298,7 @@ def test_a_value_is_one_expression(value: str) -> None:
 @pytest.mark.parametrize("unit", ["N]*1 [N", "N = 5", "N\nm", "N, b", "N]", "[N]", "N; m", '"', "1 2", "N*"])
 def test_a_unit_is_one_unit(unit: str) -> None:
     g = Graph("M")
-    with pytest.raises((ValueError, CompilationFailed)):
+    with pytest.raises((UsageError, CompilationFailed)):
         g.parameter("a", 1, unit)
     assert kinds(g.text()) == []
 
@@ -228,21 +307,21 @@ def test_a_unit_is_one_unit(unit: str) -> None:
 def test_a_place_is_one_place(place: str) -> None:
     g = Graph("M")
     j = g.one("j")
-    with pytest.raises((ValueError, CompilationFailed)):
+    with pytest.raises((UsageError, CompilationFailed)):
         g.bond(j, place)
-    with pytest.raises((ValueError, CompilationFailed)):
+    with pytest.raises((UsageError, CompilationFailed)):
         g.bond(place, j)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
 def test_numbers_are_finite(value: float) -> None:
-    with pytest.raises(ValueError, match="`a` is no finite number"):
+    with pytest.raises(UsageError, match="`a` is no finite number"):
         Graph("M").parameter("a", value)
 
 
 @pytest.mark.parametrize("value", [True, b"12", {"a": 1}, object(), 1j, {1, 2}, lambda: 1])
 def test_other_values(value: Any) -> None:
-    with pytest.raises(TypeError, match="is a number, a text of the language, or a list"):
+    with pytest.raises(UsageError, match="is a number, a text of the language, or a list"):
         Graph("M").parameter("a", value)
 
 
@@ -252,8 +331,8 @@ def test_calls_that_make_no_sense() -> None:
     spring = g.C("spring", "F = 1 [N/m]*x")
     plates = g.C("plates", energy="a^2", ports=("a", "b"))
     refusals: list[tuple[str, Any]] = [
-        ("needs either its law or its energy", lambda: g.C("c")),
-        ("needs either its law or its energy", lambda: g.I("c", "p = m*v", energy="p^2")),
+        ("an energy stands in a storage (C, I, IC), in place of its law", lambda: g.I("c", "p = m*v", energy="p^2")),
+        ("an energy stands in a storage", lambda: g.R("c", "", energy="p^2")),
         ("there is no domain 'mechanical'", lambda: g.one("k", "mechanical")),
         ("there is no domain", lambda: g.C("c", "a.F = a.x", ports={"a": "mechanical"})),
         ("have different names", lambda: g.C("c", "a.F = a.x", ports=["a", "a"])),
@@ -264,10 +343,16 @@ def test_calls_that_make_no_sense() -> None:
         ("which goes to which is not guessed", lambda: g.bond((j, spring), (j, spring))),
         ("belongs to the graph `Other`", lambda: j >> other.one("j")),
         ("is one of integral, derivative, effort, flow", lambda: g.R("r", "F = v", prefer="both")),
+        ("`start x` of `c`: a number needs its unit here", lambda: g.C("c", "F = k*x", start={"x": 1e-3})),
         (
-            "its law does not tell the unit of `q`; write the value with its unit",
-            lambda: g.C("c", "e = k*q", start={"q": 1}),
+            "numbers start x, y, phi, v, omega, not `F`",
+            lambda: g.multibody("m0").hinge("h", "ground", "ground", start={"F": 1}),
         ),
+        (
+            "already uses another model `Same`",
+            lambda: (g.instance("s1", Graph("Same")), g.instance("s2", Graph("Same"))),
+        ),
+        ("an instance is one of a model, not of 5", lambda: g.instance("s3", 5)),
         ("a plain graph has no units", lambda: Graph("P", plain=True).parameter("a", 1, "m")),
         ("a list has two items or more", lambda: g.parameter("a", [1])),
         ("axes are from, to or middle", lambda: g.multibody("m1").free("f", "ground", "ground", axes="x")),
@@ -279,7 +364,7 @@ def test_calls_that_make_no_sense() -> None:
         ("counted from 1", lambda: list(g.parameter("list", (1, 2)))),
     ]
     for message, call in refusals:
-        with pytest.raises(ValueError, match=re.escape(message)):
+        with pytest.raises(UsageError, match=re.escape(message)):
             call()
     for wrong in (
         lambda: g.R("r", "F = v", begin={}),
@@ -287,14 +372,14 @@ def test_calls_that_make_no_sense() -> None:
         lambda: g.C("c", "F = x", ports="xy"),
         lambda: g.R("r", 5),
     ):
-        with pytest.raises(TypeError):
+        with pytest.raises(UsageError):
             wrong()
 
 
 def test_graphs_that_contain_each_other() -> None:
     a, b = Graph("A"), Graph("B")
     a.instance("b", b)
-    with pytest.raises(ValueError, match="`B` cannot contain itself"):
+    with pytest.raises(UsageError, match="`B` cannot contain itself"):
         b.instance("a", a)
 
 
@@ -315,7 +400,7 @@ def test_mistakes_of_meaning_are_told_as_for_text() -> None:
 
 
 def test_syntax_is_told_where_it_is_given() -> None:
-    with pytest.raises(CompilationFailed, match=r"C spring : F = k\*\(x"):
+    with pytest.raises(CompilationFailed, match=r"the law of `spring`:1:7: BG007: This `\(` is never closed"):
         Graph("M").C("spring", "F = k*(x")
     with pytest.raises(CompilationFailed, match="the value of `a`:1:"):
         Graph("M").parameter("a", "1 +")
