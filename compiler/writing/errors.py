@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from ..errors import Diagnostic
-from ..source import Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +49,3 @@ class UnwrittenNumber(Diagnostic):
     advice = "Keep numbers finite."
     name: str
     number: float
-
-
-class Refused(Exception):
-    """Something cannot be written; where it stands is known further out."""
-
-    def __init__(self, kind: Callable[..., Diagnostic], **values: Any) -> None:
-        self.kind, self.values = kind, values
-        super().__init__(values)
-
-    def diagnostic(self, span: Span, name: str) -> Diagnostic:
-        return self.kind(span, name, **self.values)

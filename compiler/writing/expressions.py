@@ -18,8 +18,8 @@ from ..errors import CompilationFailed, InternalError
 from ..graph.units import ONE, Dimension
 from ..source import Source
 from ..syntax import parse_expression
-from .errors import Refused, UnwrittenNumber, UnwrittenSize
-from .literals import number_text, unit_after
+from .errors import UnwrittenNumber, UnwrittenSize
+from .literals import Refused, number_text, unit_after
 
 MAXIMUM_TERMS = 200_000  # of one expression: what is shared in the graph is written out here
 

@@ -1,20 +1,32 @@
-"""The smallest pieces of text: numbers, units, descriptions, comments, names, and bonds in chains."""
+"""The smallest pieces of text: numbers, units, descriptions, comments, names, and bonds in chains; and what is none."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from typing import Any
 
-from ..errors import CompilationFailed, InternalError, printable
+from ..errors import CompilationFailed, Diagnostic, InternalError, printable
 from ..graph.units import Dimension
 from ..semantics.typed import scale_of
-from ..source import Source
+from ..source import Source, Span
 from ..syntax import parse_expression
 from ..syntax.tree import Literal
-from .errors import Refused, UnwrittenUnit
+from .errors import UnwrittenUnit
 
 MAXIMUM_FAN = 12  # places of one line
+
+
+class Refused(Exception):
+    """Something cannot be written; where it stands is known further out."""
+
+    def __init__(self, kind: Callable[..., Diagnostic], **values: Any) -> None:
+        self.kind, self.values = kind, values
+        super().__init__(values)
+
+    def diagnostic(self, span: Span, name: str) -> Diagnostic:
+        return self.kind(span, name, **self.values)
 
 
 def number_text(value: float) -> str:

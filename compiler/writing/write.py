@@ -10,9 +10,9 @@ from ..graph.domains import DOMAINS
 from ..graph.network import BondGraph, End, Junction, MechanismNode, Named, Node
 from ..graph.units import ONE, SECOND
 from .element import element_line
-from .errors import Refused, UnwrittenDomain
+from .errors import UnwrittenDomain
 from .folded import heating_resistors, shared_ports
-from .literals import bond_lines, description_text, former_name, number_text, unit_text
+from .literals import Refused, bond_lines, description_text, former_name, number_text, unit_text
 from .mechanism import mechanism_lines
 from .names import TWO_SIDED, choose_names, lone_bonds
 from .words import Words

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +12,12 @@ import pytest
 
 import bondgraph
 from bondgraph import Graph
+from compiler.source import Source
+from compiler.syntax.format import format_text
+from tests.compiling import MODELS, ROOT
 from tests.writing.same_graph import Same, same_motion
 
-ROOT = Path(__file__).resolve().parents[2]
-MODELS = ROOT / "models"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 OSCILLATOR = """model Oscillator {
   "A mass on a hardening spring, pushed."
@@ -422,6 +425,24 @@ def test_experiments_are_those_of_a_text() -> None:
     assert result.final("spring.F") == pytest.approx(1.0, rel=1e-4)
     assert g.model().simulate("long").time[-1] == 10.0
     assert "    report position in mm\n" in g.text()
+
+
+def test_the_text_is_formatted() -> None:
+    for g in (oscillator(), manipulator()):
+        assert format_text(Source("text", g.text())) == g.text()
+
+
+@pytest.mark.parametrize(
+    "example", re.findall(r"^```python\n(.*?)^```$", README, re.M | re.S), ids=lambda e: e.split()[1]
+)
+def test_the_examples_of_the_readme_run(example: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", example], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    if "Graph(" in example:
+        assert float(done.stdout.split()[0]) == pytest.approx(0.06, rel=1e-5)
+        assert "\nmodel Chain {" in done.stdout and "\n# Chain, flat" in done.stdout
 
 
 def test_nothing_heavy_is_imported() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from itertools import product
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from compiler.driver import Compilation
 from compiler.errors import CompilationFailed
 from compiler.source import Source
 from compiler.syntax import parse, tree
+from compiler.syntax.format import format_text
 from compiler.writing import write_text
 from tests.compiling import LIBRARY, MODELS, compiled
 from tests.equations.random_network import Example, examples
@@ -64,6 +66,15 @@ def test_there_are_models_and_parts() -> None:
 def test_every_model_comes_back(file: str, model: str, experiment: str | None) -> None:
     original = compiled(MODELS / file, model=model, experiment=experiment, everything=True)
     same_motion(original, again(original))
+
+
+@pytest.mark.parametrize("file", sorted({f for f, _, _ in GALLERY}))
+def test_the_text_is_formatted_and_stays(file: str) -> None:
+    """It is what `fmt` makes of it, and what is written of the model that it gives, but for the former names."""
+    for name in [n for f, n, e in GALLERY if f == file and e is None]:
+        text = bondgraph.load(MODELS / file, name).text()
+        assert format_text(Source("text", text)) == text
+        assert re.sub(r" *#.*", "", bondgraph.load(text).text()) == re.sub(r" *#.*", "", text)
 
 
 def test_a_run_of_the_text_is_the_run_of_the_model() -> None:
