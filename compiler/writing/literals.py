@@ -64,9 +64,10 @@ def unit_after(dimension: Dimension) -> str:
     return f" {unit}" if unit.isidentifier() else f" [{unit}]"
 
 
-def is_name(name: str) -> bool:
-    """Whether the language has such a name, without an index."""
-    return re.fullmatch(r"[A-Za-z_][A-Za-z_0-9]*", name) is not None
+def word_of(name: str) -> str | None:
+    """`mass` for the names `mass` and `mass[2]`; None for what is no name of the language."""
+    match = re.fullmatch(r"([A-Za-z_][A-Za-z_0-9]*)(\[[0-9]{1,9}\])?", name)
+    return None if match is None else match.group(1)
 
 
 def braces(attributes: Iterable[str]) -> str:

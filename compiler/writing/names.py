@@ -1,4 +1,4 @@
-"""Names of the text for names of the graph: those that are valid stay, `comb[1].folded` becomes `comb_1_folded`.
+"""Names of the text for names of the graph: those that are valid stay, also `mass[1]`; `comb[1].folded` becomes `comb_1_folded`.
 
 No two become one, and none takes a letter that a law needs for its own variables.
 """
@@ -14,7 +14,7 @@ from ..graph.mechanism import Mechanism
 from ..graph.network import Bond, BondGraph, Element, End, Kind, MechanismNode, Quantity, Reading
 from ..semantics.laws import LAW_VARIABLES
 from ..semantics.scope import RESERVED
-from .literals import is_name
+from .literals import word_of
 
 TWO_SIDED = (Kind.TRANSFORMER, Kind.GYRATOR)
 
@@ -69,11 +69,16 @@ def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence
     wanted += [("node", n.name) for n in graph.nodes if n.name not in shared]
     home = {"quantity": names.quantities, "output": names.outputs, "node": names.nodes}
     later = []
+    letters = {word for element in elements for word in _own_words(element)}
+    plain_names = {name for _, name in wanted if name == word_of(name)}
     for kind, name in wanted:
-        refused = name in names.taken or name in always or name in blocked.get((kind, name), ())
-        if is_name(name) and not refused:
+        word = word_of(name)
+        refused = name in names.taken or word in always or word in blocked.get((kind, name), ())
+        if word != name:  # of an array: its word must be free too
+            refused = refused or word in plain_names or word in letters
+        if word is not None and not refused:
             home[kind][name] = name
-            names.taken.add(name)
+            names.taken |= {name, word}
         else:
             later.append((kind, name))
     for kind, name in later:
@@ -99,11 +104,13 @@ def _blocked_by_readers(elements: Sequence[Element]) -> dict[tuple[str, str], se
 
 def _part_names(mechanism: Mechanism, names: Names, always: set[str]) -> None:
     """Parts are looked up before quantities, so none has the name of one."""
-    taken = set(names.quantities.values())
+    taken = {w for name in names.quantities.values() for w in (name, word_of(name) or name)}
     bodies, frames, joints = mechanism.bodies, mechanism.frames, mechanism.joints
     parts = [b.name for b in bodies] + [f.name for f in frames] + [j.name for j in joints]
-    for name in sorted(parts, key=lambda n: not is_name(n)):  # those that can stay come first
-        found = names.free(name, always, taken)
+    for name in sorted(parts, key=lambda n: n != word_of(n)):  # those that can stay come first
+        word = word_of(name)
+        stays = word is not None and not {name, word} & (taken | always)
+        found = name if stays else names.free(name, always, taken)
         names.parts[mechanism.name, name] = found
         taken.add(found)
 

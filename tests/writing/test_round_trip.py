@@ -47,6 +47,30 @@ def test_names_with_dots_and_brackets() -> None:
     assert "  C q_1_c_2 : F = q_1_k*x  # q_1.c\n" in flat
 
 
+def test_arrays_stay_unless_their_word_is_a_letter() -> None:
+    flat = there_and_back("""
+      model Part { parameter n = 2, x = 3; output y[1] = n*x }
+      model M {
+        parameter k = (1 [N/m], 2 [N/m]), x[1] = 3 [N/m], a_1 = 5, b = 2
+        Part part { n = a_1*b }
+        for i in 1..2 {
+          1 body[i] : translation
+          C spring[i] : F = (k[i] + x[1])*x
+          I mass[i, 1] : p = 1 kg*v
+          body[i] -> spring[i], mass[i, 1]
+          output stretch[i] = spring[i].x + mass[i, 1].v*1 s
+        }
+        output b_2 = part.y[1]
+      }
+    """)
+    assert "  parameter k[1]: N/m = 1\n" in flat
+    assert "  parameter x_1: N/m = 3  # x[1]\n" in flat
+    assert "  C spring[2] : F = (k[2] + x_1)*x\n" in flat
+    assert "  I mass_2_1 : p = 1 kg*v  # mass[2, 1]\n" in flat
+    assert "  body[2] -> spring[2], mass_2_1\n" in flat
+    assert "  output stretch[2]: m = spring[2].x + 1 s*mass_2_1.v\n" in flat
+
+
 def test_letters_that_quantities_have() -> None:
     """A law names its own variables by `e f q p` if their letters are taken; a quantity is renamed if these are taken too."""
     flat = there_and_back(
@@ -335,7 +359,7 @@ def test_mechanisms() -> None:
       }
     """)
     assert "  multibody one_chain : planar {  # one.chain\n" in flat
-    assert "    hinge middle : link_1 to link_2 { at = (one_l, 0) }\n" in flat
+    assert "    hinge middle : link[1] to link[2] { at = (one_l, 0) }\n" in flat
     assert flat.count("one_chain.top.phi -> one_top_loss, one_other_loss\n") == 1
 
 
@@ -368,6 +392,6 @@ def test_what_is_set_from_outside_can_still_be_set() -> None:
     original = bondgraph.load(MODELS / "manipulator.bg")
     push = {"fx": "1 uN*smoothstep5(time, 0 s, 0.5 ms)"}
     first = original.simulate(None, {"comb[1].k": "9 [N/m]", "d[2]": "1.8 um", **push}, to="1 ms", points=3)
-    second = flat.simulate(None, {"comb_1_k": "9 [N/m]", "d_2": "1.8 um", **push}, to="1 ms", points=3)
+    second = flat.simulate(None, {"comb_1_k": "9 [N/m]", "d[2]": "1.8 um", **push}, to="1 ms", points=3)
     np.testing.assert_allclose(second["x"], first["x"], rtol=1e-9)
     assert np.abs(first["x"]).max() > 0
