@@ -15,6 +15,7 @@ from .given import (
     is_number,
     law_of,
     literal_of,
+    mapping_of,
     name_of,
     path_of,
     ports_of,
@@ -133,6 +134,8 @@ class Elements:
             if kind not in STORAGES or law:
                 raise UsageError(f"`{own}`: an energy stands in a storage ({', '.join(STORAGES)}), in place of its law")
             text = f"energy = {expression_of(given['energy'], f'the energy of `{own}`')}"
+        elif law == "":
+            raise UsageError(f"`{own}` needs its law{', or its energy' if kind in STORAGES else ''}")
         else:
             text = law_of(law, f"the law of `{own}`")
         listed, names = ports_of(given.get("ports", ()))
@@ -142,7 +145,7 @@ class Elements:
 
     def _attributes(self, name: str, given: Given) -> Iterator[str]:
         for word, values in (("start", given.get("start", {})), ("nominal", given.get("nominal", {}))):
-            for key, value in values.items():
+            for key, value in mapping_of(values, f"`{word}` of `{name}`").items():
                 yield f"{word} {path_of(key)} = {self._with_unit(value, f'`{word} {key}` of `{name}`')}"
         for word, side in (("prefer", given.get("prefer")), ("require", given.get("require"))):
             if side is not None:
@@ -152,5 +155,5 @@ class Elements:
 
     def _with_unit(self, value: Any, what: str) -> str:
         if is_number(value) and value != 0 and not self.plain:
-            raise UsageError(f"{what}: a number needs its unit here, as text: '{value} mm'")
+            raise UsageError(f"{what}: a number needs its unit here, as text: '1 mm', not {value!r}")
         return value_of(value, what)

@@ -22,6 +22,7 @@ from ..door import (
     number_text,
     parse_expression,
     parse_law,
+    read_unit,
 )  # fmt: skip
 from ..errors import UsageError
 from .parts import Part, Quantity
@@ -74,7 +75,7 @@ def domain_of(domain: Any, also: Iterable[str] = ()) -> str:
 
 def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
     """Ports in parentheses, and their names."""
-    if isinstance(ports, str):
+    if not isinstance(ports, Mapping | list | tuple):
         raise UsageError(f"ports are a list of names or a mapping from names to domains, not {ports!r}")
     given = dict(ports) if isinstance(ports, Mapping) else dict.fromkeys(ports, "")
     if len(given) < len(ports) or any("[" in name_of(p) for p in given):
@@ -119,10 +120,15 @@ def path_of(text: Any) -> str:
 def unit_of(unit: Any) -> str:
     """One unit of the language."""
     line = _one_line(unit, "a unit")
-    found = parse_expression(Source("unit", f"1 [{line}]"))
-    if not isinstance(found, Literal) or found.unit is None:
-        raise UsageError(f"{unit!r} is no unit")
+    read_unit(Source("unit", line))
     return line
+
+
+def mapping_of(given: Any, what: str) -> Mapping[Any, Any]:
+    """A mapping, from names to what they get."""
+    if not isinstance(given, Mapping):
+        raise UsageError(f"{what} is a mapping, {{name: value}}, not {given!r}")
+    return given
 
 
 def value_of(value: Value, what: str, unit: str = "", declared: bool = False) -> str:
@@ -162,4 +168,5 @@ def _number(value: Any, what: str, unit: str, declared: bool) -> str:
     lone = "^" not in text  # else the number is too large or small for a literal
     if not unit or number == 0 or (lone and declared):
         return text
-    return f"{text} [{unit}]" if lone else f"{text}*1 [{unit}]"
+    after = unit if unit.isidentifier() else f"[{unit}]"
+    return f"{text} {after}" if lone else f"{text}*1 {after}"

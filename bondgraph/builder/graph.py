@@ -29,6 +29,7 @@ from .given import (
     description_of,
     is_one_number,
     literal_of,
+    mapping_of,
     model_name_of,
     name_of,
     path_of,
@@ -209,18 +210,22 @@ class Graph(Elements):
     # ------------------------------------------------------------ experiments
     def experiment(
         self, name: str, to: Value, *, settings: Mapping[Any, Value] | None = None,
-        report: Mapping[Any, str] | Sequence[Any] = (), points: int | None = None, rtol: float | None = None,
+        report: Mapping[Any, str] | Sequence[Any] | Quantity = (), points: int | None = None, rtol: float | None = None,
     ) -> None:  # fmt: skip
         """A run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` says what in which unit."""
         own = name_of(name)
         if own in self._experiments:
             raise UsageError(f"`{self.name}` already has an experiment `{own}`")
-        lines = [f"set {path_of(n)} = {value_of(v, f'`{n}` in `{own}`')}" for n, v in (settings or {}).items()]
+        lines = [
+            f"set {path_of(n)} = {value_of(v, f'`{n}` in `{own}`')}"
+            for n, v in mapping_of(settings or {}, "`settings`").items()
+        ]
         given = {"points": points, "rtol": rtol}
         inner = [f"{word} = {value_of(v, f'`{word}` of `{own}`')}" for word, v in given.items() if v is not None]
         end = value_of(to, f"the end of `{own}`", "" if self.plain else "s")
         lines.append(f"simulate 0 .. {end if is_one_number(end) else f'({end})'}{braces(inner)}")
-        wanted = report if isinstance(report, Mapping) else dict.fromkeys(report, "")
+        listed = [report] if isinstance(report, str | Quantity) else report
+        wanted = listed if isinstance(listed, Mapping) else dict.fromkeys(listed, "")
         for what, unit in wanted.items():
             reading = value_of(what, f"what `{own}` reports")
             lines.append(f"report {reading}{f' in {unit_of(unit)}' if unit else ''}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..door import braces
 from ..errors import UsageError
-from .given import Value, is_number, name_of, path_of, value_of
+from .given import Value, is_number, mapping_of, name_of, path_of, value_of
 from .parts import Part
 
 if TYPE_CHECKING:
@@ -93,7 +93,10 @@ class Mechanism:
             for word, (value, unit) in given.items()
             if value is not None
         ]
-        inner += [*(more or ()), *(_start(own, key, value) for key, value in (start or {}).items())]
+        inner += [
+            *(more or ()),
+            *(_start(own, key, value) for key, value in mapping_of(start or {}, f"the start of `{own}`").items()),
+        ]
         self._taken.add(own)
         self.lines.append(f"{kind} {own}{definition}{braces(inner)}")
         return Part(self.graph, f"{self.path}.{own}", ports)

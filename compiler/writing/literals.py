@@ -9,10 +9,8 @@ from typing import Any
 
 from ..errors import CompilationFailed, Diagnostic, InternalError, printable
 from ..graph.units import Dimension
-from ..semantics.typed import scale_of
+from ..semantics.unit import read_unit
 from ..source import Source, Span
-from ..syntax import parse_expression
-from ..syntax.tree import Literal
 from .errors import UnwrittenUnit
 
 MAXIMUM_FAN = 12  # places of one line
@@ -44,11 +42,9 @@ def number_text(value: float) -> str:
 def dimension_of(unit: str) -> Dimension:
     """The dimension of a unit as graphs write it. Raises `Refused` if the language cannot read it."""
     try:
-        found = parse_expression(Source("unit", f"1 [{unit}]"))
+        return read_unit(Source("unit", unit)).dimension
     except CompilationFailed:
         raise Refused(UnwrittenUnit, unit=unit) from None
-    assert isinstance(found, Literal) and found.unit is not None
-    return scale_of(found.unit).dimension
 
 
 def unit_text(dimension: Dimension) -> str:

@@ -295,7 +295,9 @@ def test_a_value_is_one_expression(value: str) -> None:
     assert kinds(g.text()) == []
 
 
-@pytest.mark.parametrize("unit", ["N]*1 [N", "N = 5", "N\nm", "N, b", "N]", "[N]", "N; m", '"', "1 2", "N*"])
+@pytest.mark.parametrize(
+    "unit", ["N]*1 [N", "N = 5", "N\nm", "N, b", "N]", "[N]", "N; m", '"', "1 2", "N*", "foo", "N*foo", "degC*m"]
+)
 def test_a_unit_is_one_unit(unit: str) -> None:
     g = Graph("M")
     with pytest.raises((UsageError, CompilationFailed)):
@@ -353,6 +355,11 @@ def test_calls_that_make_no_sense() -> None:
             lambda: (g.instance("s1", Graph("Same")), g.instance("s2", Graph("Same"))),
         ),
         ("an instance is one of a model, not of 5", lambda: g.instance("s3", 5)),
+        ("`c` needs its law, or its energy", lambda: g.C("c")),
+        ("`r` needs its law", lambda: g.R("r", "")),
+        ("`start` of `c` is a mapping, {name: value}, not 5", lambda: g.C("c", "F = k*x", start=5)),
+        ("`settings` is a mapping", lambda: g.experiment("e", 1, settings=["a"])),
+        ("already has an experiment `twice`", lambda: [g.experiment("twice", 1) for _ in "12"]),
         ("a plain graph has no units", lambda: Graph("P", plain=True).parameter("a", 1, "m")),
         ("a list has two items or more", lambda: g.parameter("a", [1])),
         ("axes are from, to or middle", lambda: g.multibody("m1").free("f", "ground", "ground", axes="x")),
