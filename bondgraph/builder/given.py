@@ -117,10 +117,10 @@ def path_of(text: Any) -> str:
     return found.words
 
 
-def unit_of(unit: Any) -> str:
+def unit_of(unit: Any, what: str) -> str:
     """One unit of the language."""
-    line = _one_line(unit, "a unit")
-    read_unit(Source("unit", line))
+    line = _one_line(unit, what)
+    read_unit(Source(what, line))
     return line
 
 

@@ -92,7 +92,9 @@ class Graph(Elements):
         own = name_of(name)
         if unit and self.plain:
             raise UsageError(f"`{own}`: a plain graph has no units")
-        text = f"{role} {own}{f': {unit_of(unit)}' if unit else ''}"
+        text = f"{role} {own}"
+        if unit:
+            text += f": {unit_of(unit, f'the unit of `{own}`')}"
         if value is not None:
             text += f" = {value_of(value, f'the value of `{own}`', unit, declared=True)}"
         text += literal_of(description)
@@ -228,7 +230,7 @@ class Graph(Elements):
         wanted = listed if isinstance(listed, Mapping) else dict.fromkeys(listed, "")
         for what, unit in wanted.items():
             reading = value_of(what, f"what `{own}` reports")
-            lines.append(f"report {reading}{f' in {unit_of(unit)}' if unit else ''}")
+            lines.append(f"report {reading}" + (f" in {unit_of(unit, f'the unit of {reading}')}" if unit else ""))
         self._experiments[own] = lines
 
     # ------------------------------------------------------------ what comes of it

@@ -83,6 +83,22 @@ def test_a_run_of_the_text_is_the_run_of_the_model() -> None:
     np.testing.assert_array_equal(second["position"], first["position"])
 
 
+def test_a_ladder_of_two_thousand_parts() -> None:
+    """Writing takes the time of a few passes over the graph; names keep their indices."""
+    steps = "b[i - 1] -> a[i] -> r[i], b[i];  b[i] -> c[i]"
+    original = compiled(f"""
+      plain model Ladder {{
+        Se source : e = 1
+        0 b[0]
+        source -> b[0]
+        for i in 1..500 {{ 1 a[i];  0 b[i];  R r[i] : e = i*f;  C c[i] : e = q;  {steps} }}
+      }}
+    """)
+    text = write_text(original.whole_graph)
+    assert "  R r[17] : e = 17*f\n" in text and len(original.whole_graph.nodes) == 2002
+    Same(original.whole_graph, compiled(text).whole_graph).check()
+
+
 PLANAR = (("x", "translation"), ("y", "translation"), ("phi", "rotation"))
 
 
