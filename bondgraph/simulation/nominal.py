@@ -54,7 +54,7 @@ def _coarse_peak(program: Program, constants: Any, state: Any, inputs: Any, stre
             jacobian = program.jacobian(time + h, x, inputs, constants, stretch.mode)
             if not (np.isfinite(slope).all() and np.isfinite(jacobian).all()):
                 return peak
-            scale = np.maximum(np.maximum(peak, np.abs(h * slope)), 1e-300)
+            scale = _scale(np.maximum(peak, np.abs(h * slope)), np.abs(h * jacobian))
             system = identity - h * jacobian * scale / scale[:, None]
             try:
                 step = np.linalg.solve(system, h * slope / scale) * scale
@@ -67,6 +67,24 @@ def _coarse_peak(program: Program, constants: Any, state: Any, inputs: Any, stre
             if reach is not None:
                 peak = np.maximum(peak, reach(x))
     return peak
+
+
+def _scale(moved: Any, gain: Any) -> Any:
+    """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.
+
+    A number of its own, however small, would be large in some units and overflow in others.
+    """
+    scale = moved.copy()
+    for _ in range(len(scale)):
+        still = scale == 0
+        if not still.any():
+            break
+        reached = (gain * scale).max(axis=1)
+        if not reached[still].any():
+            break
+        scale[still] = reached[still]
+    scale[scale == 0] = 1.0
+    return scale
 
 
 def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:

@@ -36,7 +36,7 @@ class Powers:
 
     def of_unit(self, words: str) -> float:
         """The factor of a quantity in this unit of SI."""
-        return 10.0 ** self.of(scale_of(unit(words)).dimension)
+        return 10.0 ** self.of(scale_of(unit(words or "1")).dimension)
 
     # ------------------------------------------------------------ the text
     def scaled(self, node: Any) -> Any:
