@@ -56,7 +56,11 @@ HARD = [
     "energy", "electron", "ln", "And", "Or", "Not", "Piecewise", "Function", "re", "im", "errno", "main", "NULL", "EOF", "X" * 60,
 ]  # fmt: skip
 LETTERS = frozenset(
-    f"{letter}{side}" for d in DOMAINS.values() for letter in (*d.letters, *GENERIC) if letter for side in ("", "1", "2")
+    f"{letter}{side}"
+    for d in DOMAINS.values()
+    for letter in (*d.letters, *GENERIC)
+    if letter
+    for side in ("", "1", "2")
 )
 FREEDOMS = frozenset({"x", "y", "phi", "z", "rx", "ry", "rz", "ground"})
 
@@ -78,7 +82,22 @@ class Rename:
         if self.by_word and key[0] == "model":
             key = ("name", key[-1])
         if key not in self.given:
-            kinds = {"C", "R", "I", "Se", "Sf", "TF", "GY", "splitter", "body", "hinge", "slide", "weld", "free", "frame"}
+            kinds = {
+                "C",
+                "R",
+                "I",
+                "Se",
+                "Sf",
+                "TF",
+                "GY",
+                "splitter",
+                "body",
+                "hinge",
+                "slide",
+                "weld",
+                "free",
+                "frame",
+            }
             functions = {"sin", "exp", "abs", "step", "polar", "integral", "min", "max"}
             for position, word in enumerate(self.pool):
                 if key[0] == "model" or word not in kinds | functions:

@@ -168,7 +168,9 @@ def _statement(node: Any, margin: str) -> str:
         case tree.Loop():
             return _block(f"for {node.name} in {_range(node.range)}", node.statements, margin)
         case tree.Mechanism():
-            return _block(f"multibody {node.name}" + (f" : {node.space}" if node.space else ""), node.statements, margin)
+            return _block(
+                f"multibody {node.name}" + (f" : {node.space}" if node.space else ""), node.statements, margin
+            )
         case tree.Event():
             resets = "; ".join(f"{expression(r.target)} = {expression(r.value)}" for r in node.resets)
             return f"when {expression(node.condition)} {{ {resets} }}"

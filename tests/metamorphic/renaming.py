@@ -182,9 +182,7 @@ class Place:
                 return self.path(node, own)
             case tree.Call():
                 known = node.function in self.file.functions
-                function = (
-                    self.renamer.choose(("file", self.file.path, node.function)) if known else node.function
-                )
+                function = self.renamer.choose(("file", self.file.path, node.function)) if known else node.function
                 return replace(node, function=function, arguments=tuple(self.value(a, own) for a in node.arguments))
             case tuple():
                 return tuple(self.value(n, own) for n in node)
@@ -237,7 +235,6 @@ class Place:
                 return (*steps[:position], tree.Member(word), *steps[position + 1 :])
             break
         return steps
-
 
     # ------------------------------------------------------------ statements
     def statement(self, node: Any) -> Any:

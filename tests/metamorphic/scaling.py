@@ -30,7 +30,9 @@ class Powers:
 
     def of(self, dimension: Dimension) -> int:
         """The power of ten by which a quantity grows."""
-        power = sum((Fraction(self.powers[b]) * e for b, e in zip(BASES, dimension.exponents, strict=True)), Fraction(0))
+        power = sum(
+            (Fraction(self.powers[b]) * e for b, e in zip(BASES, dimension.exponents, strict=True)), Fraction(0)
+        )
         assert power.denominator == 1, f"a root of higher degree in [{dimension}]"
         return power.numerator
 
