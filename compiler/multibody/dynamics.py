@@ -410,8 +410,8 @@ class _Dynamics:
         for letter, coordinate, rate in zip(("x", "y", "phi"), coordinates, rates, strict=True):
             held = self._variable_of(coordinate, f"{name}.{letter}")
             assert held is not None
-            turns = letter == "phi"
-            flow = self.let(f"{name}.{letter}.{'omega' if turns else 'v'}", rate, "1/s" if turns else "m/s")
+            word, unit = ("omega", "1/s") if letter == "phi" else ("v", "m/s")
+            flow = self.let(f"{name}.{letter}.{word}", rate, unit)
             self.result.motions[f"{name}.{letter}"] = Motion(flow, Symbol(held), held)
         e = [self.efforts.get(f"{name}.{letter}", ZERO) for letter in ("x", "y", "phi")]
         force = [self.let(f"{name}.force.x", c * e[0] - s * e[1]), self.let(f"{name}.force.y", s * e[0] + c * e[1])]
