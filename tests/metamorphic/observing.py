@@ -151,7 +151,14 @@ class Text:
 
     def share(self) -> float:
         """Of the time of a run: how much of it can be gone in `STEPS` equal steps whose equations Newton's method solves."""
-        for share in (0.2, 0.02, 2e-3, 2e-4, 2e-5, 2e-6):
+        for share in (
+            0.1937,
+            0.01937,
+            1.937e-3,
+            1.937e-4,
+            1.937e-5,
+            1.937e-6,
+        ):  # no step ends or halves where a source jumps
             values, solved = self.march(share, self.horizon)
             if solved and np.isfinite(values).all():
                 return share

@@ -41,6 +41,8 @@ RTOL = 1e-8
 # A state is held to a hundredth of the largest of its unit: next to a large capacitor the charge of a junction is hardly held
 # at all, and what is exponential in it carries the error. So many tolerances it is there.
 HELD_LOOSELY = {"amplifier": 1e3, "rectifier": 1e4}
+# Stiffness ratios of 6e5 and outputs that are differences: rounding alone is so many times `EXACT` there.
+ROUNDED = {"flexure": 10}
 
 every_case = pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 each_case = pytest.mark.parametrize("case", FEW, ids=lambda c: c.name)
@@ -114,9 +116,9 @@ def agree(case: Case, changed: Changed, powers: Powers | None = None) -> Text:
         order(new.outputs.names, [changed.outputs(n)[k] for n in old.outputs.names]) for k in range(changed.copies)
     ]
     times, states = first.samples()
-    results = steps(case, second, unit("s"))
+    results, limit = steps(case, second, unit("s")), EXACT * ROUNDED.get(case.path.stem, 1)
     for column in columns:
-        assert difference(steps_of(case), results[:, column] / by_output, old.outputs.units) < EXACT
+        assert difference(steps_of(case), results[:, column] / by_output, old.outputs.units) < limit
     if places is None:
         return second
     times, states = first.samples()
