@@ -13,6 +13,14 @@ from .radau import Factorised
 Shifted = Callable[[complex, Any], Factorised]
 
 
+DENSE = 100  # states up to which the linear algebra is dense
+
+
+def is_large(states: int, entries: int) -> bool:
+    """Whether a Jacobian is better treated as sparse."""
+    return states > DENSE and entries < 0.2 * states**2
+
+
 @dataclass(frozen=True, slots=True)
 class _Dense:
     factors: Any

@@ -14,12 +14,11 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
-from .factorise import dense, sparse
+from .factorise import dense, is_large, sparse
 from .loops import LoopSolver
 from .radau import Problem, Radau, StepFailed
 from .segments import Segment, follower
 
-DENSE = 100  # states up to which the linear algebra is dense
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
 _PLACES = np.array([0.4342437493468026, 0.7745966692414834, 0.9604912687080202])
@@ -176,7 +175,6 @@ class _Stepper:
         rows, columns = program.pattern
         unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
         ratio = magnitude[columns] / unit[rows]
-        large = len(x) > DENSE and len(rows) < 0.2 * len(x) ** 2
 
         def derivative(time: float, scaled: Any) -> Any:
             return program.derivative(time, scaled * magnitude, *fixed) / unit
@@ -188,7 +186,7 @@ class _Stepper:
         if not np.isfinite(slope).all():
             raise RunFailed(_not_finite(program, stretch.start, slope, x))
         relative = self.tolerances.relative * self.tolerances.share
-        shifted = (sparse if large else dense)(rows, columns, differential)
+        shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
         problem = Problem(derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows)
         return Radau(problem, stretch.start, x / magnitude, stretch.stop)

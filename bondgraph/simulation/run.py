@@ -170,12 +170,13 @@ class _Run:
 
     def _magnitudes(self) -> Any:
         """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
-        result = nominal_magnitudes(self.program, self.constants, self.state, self.inputs, self.stretches)
+        mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
+        result = nominal_magnitudes(self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches)
         if not self.needed.all():
             lean = self.lean.program
             constants = lean.constants(np.array(lean.defaults, dtype=float))
             start, _ = self._start(lean, self.lean)
-            result[self.needed] = nominal_magnitudes(lean, constants, start, self.inputs, self.stretches)
+            result[self.needed] = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
         return result
 
     def _needed(self) -> Any:
