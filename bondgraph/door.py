@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from compiler.reduction.state_space import LinearLoop, StateSpace
     from compiler.scene import Override, Plan, Reported, Scene
     from compiler.semantics.errors import Unsupported
-    from compiler.semantics.typed import scale_of
+    from compiler.semantics.scales import scale_of
     from compiler.source import Source, Span
     from compiler.syntax import parse_expression
     from compiler.syntax.format import format_text
@@ -31,7 +31,7 @@ _HOMES = {
     "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
-    "Unsupported": "semantics.errors", "scale_of": "semantics.typed", "Source": "source", "Span": "source",
+    "Unsupported": "semantics.errors", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree",
 }  # fmt: skip
 

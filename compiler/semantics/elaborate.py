@@ -29,7 +29,8 @@ from .errors import (
     WrongType,
 )
 from .mechanisms import declare_mechanism
-from .resolve import Resolver, indexed
+from .quantities import QuantityResolver
+from .resolve import indexed
 from .scope import (
     RESERVED,
     AlreadyTold,
@@ -54,7 +55,7 @@ MAXIMUM_ROUNDS = 100_000  # rounds of one loop
 MAXIMUM_HIERARCHY = 60  # models within models
 
 
-class Elaborator(Resolver):
+class Elaborator(QuantityResolver):
     """Opens one model; `part` also allows open ports."""
 
     def __init__(self, overrides: Iterable[Override], part: bool) -> None:

@@ -14,7 +14,8 @@ from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of
 from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
 from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
-from .typed import ExpressionCompiler, OwnVariable, Resolve, Slot
+from .template import OwnVariable, Resolve, Slot
+from .typed import ExpressionCompiler
 
 # The variables that a law may relate, kind by kind.
 LAW_VARIABLES: Mapping[str, str] = {

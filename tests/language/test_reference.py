@@ -18,8 +18,8 @@ from bondgraph.starter import starter_text
 from compiler.errors import Diagnostic
 from compiler.graph.domains import BUNDLES, DOMAINS
 from compiler.graph.units import UNITS, Scale
+from compiler.semantics.functions import FUNCTIONS
 from compiler.semantics.scope import RESERVED
-from compiler.semantics.typed import FUNCTIONS
 from compiler.source import Source
 from compiler.syntax import parse
 from compiler.syntax.format import format_text
