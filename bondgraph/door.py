@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compiler.algebra.expression import evaluate
     from compiler.algebra.sympy_form import to_sympy
-    from compiler.codegen.program import Program
+    from compiler.codegen.program import LimitNote, Program
     from compiler.driver import Compilation
     from compiler.driver import check as check_source
     from compiler.equations.system import Assignment, Storage
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
-    "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
+    "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
@@ -36,7 +36,7 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LinearLoop", "Literal", "Override", "Plan",
+    "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LimitNote", "LinearLoop", "Literal", "Override", "Plan",
     "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "format_text", "parse_expression",
     "render", "scale_of", "to_sympy",
 ]  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 from ..door import Program
 from ..errors import RunFailed
 from .segments import Segment
+from .validity import Watch
 
 DENSE = 100  # states up to which the linear algebra is dense
 # Radau IIA, 3 stages: the places of its stages in a step, and its quadrature weights.
@@ -71,13 +72,14 @@ def integrate(
     instants: Any,
     tolerances: Tolerances,
     powers: Powers | None,
+    watch: Watch,
 ) -> Trajectory:
-    """Integrate over the stretches. Raises `RunFailed` with time and variable.
+    """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
     `powers` are integrated with the solver's own quadrature, outside its error control: the value is that of further states
     which nothing depends on, so asking for it changes no step.
     """
-    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers)
+    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch)
     x = np.array(state, dtype=float)
     for stretch in stretches:
         x = stepper.run(stretch, x)
@@ -97,7 +99,10 @@ class _Stepper:
         instants: Any,
         tolerances: Tolerances,
         powers: Powers | None,
+        watch: Watch,
     ) -> None:
+        self.watch = watch
+        self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.tolerances, self.powers = instants, tolerances, powers
         self.position = 0  # the next instant to be reported
@@ -109,14 +114,18 @@ class _Stepper:
             self.result.states[self.position] = x
             self.position += 1
         if not len(x):
+            self._look_along(stretch, x)
             return x
+        self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
         solver = self._solver(stretch, x)
         magnitude = self.tolerances.magnitude
         relative = self.tolerances.scaled
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
         while solver.status == "running":
             self._step(solver)
+            before = self.position
             self._sample(solver, stretch)
+            self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
                 self._add_work(solver, self.powers, stretch)
             peak = np.maximum(peak, np.abs(solver.y))
@@ -160,6 +169,7 @@ class _Stepper:
                 rtol=tolerances.relative * tolerances.share,
                 atol=tolerances.scaled,
                 jac=jacobian,
+                max_step=self.longest,
             )
         solver.newton_tol = max(10 * np.finfo(float).eps / tolerances.relative, min(0.03, tolerances.relative**0.5))
         return solver
@@ -188,6 +198,21 @@ class _Stepper:
             states = solver.dense_output()(self.instants[first:last]).T
             self.result.states[first:last] = states * self.tolerances.magnitude
             self.position = last
+
+    def _look(self, solver: Any, stretch: Segment, reported: Any) -> None:
+        """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
+        if self.program.limits:
+            step = solver.t - solver.t_old
+            stages = [solver.t_old, *(solver.t_old + STAGES[:-1] * step), solver.t]
+            times = np.unique(np.concatenate([stages, reported]))
+            dense, magnitude = solver.dense_output(), self.tolerances.magnitude
+            self.watch.look(times, stretch.mode, lambda t: dense(t).T * magnitude)
+
+    def _look_along(self, stretch: Segment, x: Any) -> None:
+        """The same where nothing has a state: at the reported instants of a stretch and its ends."""
+        inside = self.instants[(self.instants > stretch.start) & (self.instants < stretch.stop)]
+        times = np.array([stretch.start, *inside, stretch.stop])
+        self.watch.look(times, stretch.mode, lambda t: np.tile(x, (len(t), 1)))
 
     def _add_work(self, solver: Any, powers: Powers, stretch: Segment) -> None:
         """Quadrature at the stages of the step: the collocation polynomial passes through them."""

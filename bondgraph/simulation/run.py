@@ -28,6 +28,7 @@ from .energy import energy_balance
 from .integrate import Tolerances, Trajectory, integrate
 from .nominal import nominal_magnitudes
 from .segments import mode_after, segments
+from .validity import Watch
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -73,7 +74,7 @@ def simulate(
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     return Result(
         model.name, plan.experiment, instants, columns, values, plan.report, "Radau IIA 5 (scipy)" if program.states.names else "none", run.trajectory.steps,
-        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance,
+        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance, run.watch.warnings,
     )  # fmt: skip
 
 
@@ -131,6 +132,7 @@ class _Run:
         self.magnitude = self._magnitudes()
         self.atol = self._tolerances(atol)
         self.trajectory = Trajectory(np.empty((0, 0)))
+        self.watch = Watch(program, self.constants, self.inputs)
 
     def _tolerances(self, atol: float | None) -> Any:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
@@ -178,7 +180,15 @@ class _Run:
         powers = self._powers if self.energy else None
         tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed)
         self.trajectory = integrate(
-            program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances, powers
+            program,
+            self.constants,
+            self.inputs,
+            self.state,
+            self.stretches,
+            self.instants,
+            tolerances,
+            powers,
+            self.watch,
         )
         values = self._outputs()
         return values, self._balance() if self.energy else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import (
@@ -35,6 +36,7 @@ from ..graph.network import (
     Quantity,
     Reading,
     Reference,
+    Requirement,
 )
 from ..graph.prune import adjustable
 from ..multibody import Motion, mechanism_equations
@@ -42,7 +44,7 @@ from ..source import Span
 from .errors import DerivativeField, NotInvertible, StartOfDependent, Undetermined
 from .laws import ratio, solved
 from .naming import bond_names, letter_of, port_name, unit_of
-from .system import Argument, Assignment, Derivative, EquationSystem, PowerPort, State, Storage, Variable
+from .system import Argument, Assignment, Derivative, EquationSystem, PowerPort, State, Storage, Validity, Variable
 
 GIVEN = {"q": "e", "p": "f"}  # stored -> what the law gives in integral form; the other one is integrated
 INTEGRATED = {"q": "f", "p": "e"}
@@ -102,12 +104,13 @@ class EquationBuilder:
             name: self._output(named.name, named.definition, named.unit, named.span)
             for name, named in self.graph.outputs.items()
         }
+        limits = [self._limit(requirement) for requirement in self.graph.requirements]
         if self.diagnostics:
             raise CompilationFailed(self.diagnostics)
         return EquationSystem(
             self.graph.name, tuple(self.variables), tuple(self._resolved()), tuple(self.derivatives), tuple(self.states),
             {n: self.root(v) for n, v in outputs.items()}, {n: self.root(v) for n, v in self.quantities.items()},
-            tuple(self.ports), tuple(self.storages), self.stored,
+            tuple(self.ports), tuple(self.storages), self.stored, tuple(map(self._resolved_limit, limits)),
         )  # fmt: skip
 
     # ------------------------------------------------------------ what rooms write with
@@ -239,6 +242,17 @@ class EquationBuilder:
             definition = Bound(Formula(0, ZERO), ())  # a quantity that is known to be zero
         self.apply(variable, definition, span, name)
         return variable
+
+    def _limit(self, required: Requirement) -> Validity:
+        """A condition as a variable that is 1 where it holds."""
+        condition = self.variable(f"{required.words} of {required.name}".removesuffix(" of "), "computed", "1")
+        self.apply(condition, required.condition, required.span, required.name)
+        values = tuple((words, self.reference(reference), unit) for words, reference, unit in required.readings)
+        return Validity(required.name, required.words, required.text, condition, values, required.span, required.stands)
+
+    def _resolved_limit(self, limit: Validity) -> Validity:
+        values = tuple((name, self._through(value), unit) for name, value, unit in limit.values)
+        return replace(limit, condition=self.root(limit.condition), values=values)
 
     # ------------------------------------------------------------ nodes
     def _junction(self, number: int, node: Junction) -> None:

@@ -74,8 +74,8 @@ class Differentiator:
             inner = self._rate(argument)  # first: what jumps with time has no slope, but no derivative either
             if inner is None:
                 return None
-            slope = derivative(assignment.formula.expression, Symbol(slot))
-            if inner != ZERO and slope != ZERO:
+            slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
+            if slope != ZERO:
                 terms.append(multiply(self._put(slope, assignment), inner))
         total = add(*terms)
         if isinstance(total, Number | Symbol):

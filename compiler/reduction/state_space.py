@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..equations.system import Assignment, PowerPort, State, Storage, Variable
+from ..equations.system import Assignment, PowerPort, State, Storage, Validity, Variable
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number
@@ -42,3 +42,4 @@ class StateSpace:
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]
     dependent: tuple[str, ...]  # storages in derivative form
+    limits: tuple[Validity, ...] = ()

@@ -62,6 +62,7 @@ class Elaborator(QuantityResolver):
         super().__init__(overrides, part)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
+        self.requirements: list[tuple[Scope, tree.Requirement]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
@@ -149,6 +150,8 @@ class Elaborator(QuantityResolver):
                     later.append(statement)
                 case tree.Bonds():
                     self.bonds.append((scope, statement))
+                case tree.Requirement():
+                    self.requirements.append((scope, statement))
                 case tree.Event():
                     self.tell(
                         Unsupported(

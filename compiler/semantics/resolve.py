@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from ..algebra.expression import evaluate
-from ..algebra.formula import Bound, Formula
+from ..algebra.expression import Expression, Number, evaluate, symbols
+from ..algebra.formula import Bound, Formula, bind
+from ..algebra.interpolate import OutsideTable
 from ..errors import Diagnostic
 from ..graph.domains import DOMAINS, Domain
 from ..graph.network import TIME, Named, Quantity, Reading
@@ -29,6 +30,7 @@ from .errors import (
     WrongType,
 )
 from .members import element_member, not_a_number, part_member, port_variable
+from .scales import scale_of
 from .scope import (
     STATIC_ROLES,
     AlreadyTold,
@@ -49,7 +51,8 @@ from .scope import (
     suggestion,
     unit_hint,
 )
-from .template import Readable, Slot, Template, Typed, bind_template
+from .tables import check_static
+from .template import Check, Readable, Slot, Template, Typed, bind_template
 from .typed import ExpressionCompiler
 
 
@@ -67,7 +70,7 @@ class Resolver(ABC):
         self.pending: list[Pending] = []
         self.element_names: dict[str, ElementEntry] = {}
         self._file_constants: dict[str, Pending] = {}
-        self._templates: dict[tuple[int, Scale | None], Template] = {}
+        self._templates: dict[tuple[int, Scale | None], list[Template]] = {}
         self._keep: list[tree.Expression] = []  # nodes whose identity is a key above must not be freed
 
     def tell(self, diagnostic: Diagnostic) -> None:
@@ -160,18 +163,47 @@ class Resolver(ABC):
 
     # ------------------------------------------------------------ expressions
     def template(self, expression: tree.Expression, scope: Scope, unit: Scale | None = None) -> Template:
-        """The expression compiled, once per place in the text."""
-        key = (id(expression), unit)
-        found = self._templates.get(key)
-        if found is None:
-            found = ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression)
-            self._templates[key] = found
-            self._keep.append(expression)
-        return found
+        """The expression compiled, once per place in the text (and per lengths of the lists that it reads)."""
+        known = self._templates.setdefault((id(expression), unit), [])
+        for template in known:
+            if self.same_lists(template.lists, scope):
+                return template
+        self._keep.append(expression)
+        known.append(ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression))
+        return known[-1]
+
+    def same_lists(self, lists: Iterable[tuple[tree.Path, int]], scope: Scope) -> bool:
+        """Whether lists have the lengths here that they had where a template was made."""
+        for path, length in lists:
+            found = self.lookup(path, scope)
+            if not isinstance(found, Items) or len(found.items) != length:
+                return False
+        return True
 
     def bind(self, template: Template, formula: Formula, scope: Scope) -> Bound:
-        """A formula with what its slots read in this scope."""
+        """A formula with what its slots read in this scope. Raises `Wrong` if a table has wrong points here."""
+        self.check(template.checks, template.slots, scope)
         return bind_template(template, formula, lambda slot: self.scalar_at(slot, scope).reference)
+
+    def check(self, checks: Iterable[Check], slots: Sequence[Slot], scope: Scope) -> None:
+        """Check the points of tables as they are in this scope."""
+
+        def value(x: Expression, check: Check) -> float | None:
+            arguments = []
+            for symbol in symbols(x):
+                slot = slots[symbol.key] if isinstance(symbol.key, int) else None
+                what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
+                if slot is None:
+                    raise Wrong(NotStatic(check.span, what, f"{check.function}(…)"))
+                found = self.scalar_at(slot, scope)
+                if found.role not in STATIC_ROLES:
+                    raise Wrong(NotStatic(slot.path.span, what, slot.words))
+                arguments.append(found.reference)
+            bound = bind(x)
+            return self.value_of(Bound(bound.formula, tuple(arguments)), check.span)
+
+        for check in checks:
+            check_static(check, lambda x, check=check: value(x, check))  # type: ignore[misc]
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """What a slot reads in this scope."""
@@ -196,8 +228,18 @@ class Resolver(ABC):
             return Readable((self.nested_integral(path, scope).dimension,), False)
         found = self.lookup(path, scope)
         if isinstance(found, Items):
-            return Readable(tuple(i.dimension for i in found.items), True, tuple(map(_known, found.items)))
+            values = tuple(map(_known, found.items))
+            fixed = None not in values and self._fixed(path, scope)
+            return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed)
         return Readable((found.dimension,), False, (_known(found),), found.truth)
+
+    def _fixed(self, path: tree.Path, scope: Scope) -> bool:
+        """Whether a list is a `constant` of numbers of the text, which are the same in every instance."""
+        entry = scope.find(path.head) or self._file_constant(path.head, scope)
+        if path.steps or not isinstance(entry, Pending) or entry.role != "constant" or entry.value is None:
+            return False
+        unit = None if entry.item.unit is None else scale_of(entry.item.unit)
+        return all(isinstance(f.expression, Number) for f in self.template(entry.value, entry.scope, unit).formulas)
 
     def lookup(self, path: tree.Path, scope: Scope) -> Scalar | Items:
         """What a path reads. Raises `Wrong` or `AlreadyTold`."""
@@ -348,6 +390,8 @@ def _known(scalar: Scalar) -> float | None:
 
 def _why(error: Exception) -> str:
     """What went wrong in a calculation, in words."""
+    if isinstance(error, OutsideTable):
+        return str(error)
     if isinstance(error, ZeroDivisionError):
         return "a division by zero"
     if isinstance(error, OverflowError):

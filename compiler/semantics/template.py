@@ -10,6 +10,7 @@ from ..algebra.expression import Apply, Expression, Number, Symbol, divide, mult
 from ..algebra.formula import Bound, Formula
 from ..graph.network import Own, Reference
 from ..graph.units import ONE, Dimension
+from ..source import Span
 from ..syntax import tree
 from .scope import Scope
 
@@ -40,12 +41,25 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
+class Check:
+    """Points of a table (of a noise: period and seed) that are known only in an instance; over slots."""
+
+    function: str
+    span: Span
+    places: tuple[Expression, ...]
+    values: tuple[Expression, ...]
+    cells: tuple[Span, ...] = ()  # where the places are written, one by one
+
+
+@dataclass(frozen=True, slots=True)
 class Template:
     """One place in the text, compiled: value(s) over slots, and what each slot reads."""
 
     value: Value
     slots: tuple[Slot, ...]
     formulas: tuple[Formula, ...]
+    checks: tuple[Check, ...] = ()
+    lists: tuple[tuple[tree.Path, int], ...] = ()  # lists that it reads, with the lengths that they had
 
     @property
     def scalar(self) -> Typed:
@@ -62,6 +76,7 @@ class Readable:
     is_list: bool
     values: tuple[float | None, ...] = ()  # of constants
     truth: bool = False
+    fixed: bool = False  # numbers of the text: the same in every instance
 
 
 Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]

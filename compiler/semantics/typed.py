@@ -25,6 +25,7 @@ from ..algebra.formula import Formula
 from ..graph.units import ONE, UNITS, Dimension, Scale
 from ..source import Span
 from ..syntax import tree
+from . import tables
 from .errors import (
     Cycle,
     DimensionMismatch,
@@ -38,7 +39,7 @@ from .errors import (
 from .functions import FUNCTIONS
 from .scales import bare, is_absolute, scale_of
 from .scope import Scope, Wrong, describe, suggestion, unit_hint
-from .template import OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
+from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
 
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 
@@ -56,17 +57,22 @@ class ExpressionCompiler:
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         self.opening: list[str] = []  # functions being opened, outermost first
         self.opened = 0
+        self.checks: list[Check] = []
+        self.lists: dict[str, tuple[tree.Path, int]] = {}
 
     def compile(self, expression: tree.Expression) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
         parts = value if isinstance(value, tuple) else (value,)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
-        return Template(value, tuple(self.slot_list), formulas)
+        return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
 
     def _in_unit(self, expression: tree.Expression) -> Value:
         """After `name : unit =` a bare number stands in that unit, alone or in a list; whatever else has its own."""
         if isinstance(expression, tree.Vector):
             return tuple(self._item_in_unit(item) for item in expression.items)
+        if isinstance(expression, tree.Call) and expression.function == "column":  # the unit stands in its header
+            self.unit = None
+            return self.value(expression)
         return self._item_in_unit(expression)
 
     def _item_in_unit(self, expression: tree.Expression) -> Typed:
@@ -111,6 +117,9 @@ class ExpressionCompiler:
                 return tuple(self.scalar(item) for item in node.items)
             case tree.Call():
                 return self._call(node)
+            case tree.Text():
+                hint = "Texts name files and columns, in `column`."
+                raise Wrong(WrongType(node.span, "A number", "a text", hint))
             case tree.Comparison():
                 return self._comparison(node)
             case tree.Logical():
@@ -183,6 +192,10 @@ class ExpressionCompiler:
             if found.truth:
                 return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
             return Typed(symbol, found.dimensions[0])
+        if found.fixed:
+            known = [v for v in found.values if v is not None]
+            return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
+        self.lists[words] = node, len(found.dimensions)
         return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
 
     def _item_of_argument(self, node: tree.Path) -> Value:
@@ -278,16 +291,16 @@ class ExpressionCompiler:
                 result = each(lambda t, n=number, d=direction: times(t, n, d), result)  # type: ignore[misc]
         return result
 
+    @staticmethod
+    def bare_number(value: Typed, node: tree.Expression, what: str) -> None:
+        """Raise `Wrong` for a quantity with a unit."""
+        if value.dimension not in (None, ONE):
+            text = f"{what} `{node.span.text}` must be a bare number, but it is {describe(value.dimension)}"
+            raise Wrong(DimensionMismatch(node.span, text, "Divide it by a reference of the same unit."))
+
     def _power(self, node: tree.Power) -> Typed:
         base, exponent = self.scalar(node.base), self.scalar(node.exponent)
-        if exponent.dimension not in (None, ONE):
-            raise Wrong(
-                DimensionMismatch(
-                    node.exponent.span,
-                    f"The exponent `{node.exponent.span.text}` must be a bare number, but it is {describe(exponent.dimension)}",
-                    "Divide it by a reference of the same unit.",
-                )
-            )
+        self.bare_number(exponent, node.exponent, "The exponent")
         dimension: Dimension | None = ONE
         if base.dimension not in (None, ONE):
             if not isinstance(exponent.expression, Number):
@@ -339,13 +352,14 @@ class ExpressionCompiler:
             return self._open(function, node)
         if node.function == "integral":
             return self._integral(node)
+        if node.function in tables.USAGE:
+            return tables.compile_table(self, node)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
-            if node.function in ("noise", "table", "linear", "cubic", "monotone", "column"):
-                hint = "Signals are made of step, pulse, ramp, smoothstep5, sin, chirp and `if`."
-                raise Wrong(Unsupported(node.span, f"`{node.function}`", hint))
             hint = suggestion(
-                node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`."
+                node.function,
+                [*FUNCTIONS, *tables.USAGE, *self.scope.definition.file.functions],
+                "A product is written with `*`.",
             )
             raise Wrong(UnknownFunction(node.span, node.function, hint))
         count, usage, build = rule

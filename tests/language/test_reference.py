@@ -175,6 +175,9 @@ LIMITS = [
     ("rounds of a `for`", "compiler.semantics.elaborate:MAXIMUM_ROUNDS"),
     ("models within models", "compiler.semantics.elaborate:MAXIMUM_HIERARCHY"),
     ("calls of your functions in one expression", "compiler.semantics.typed:MAXIMUM_CALLS"),
+    ("bytes of a file of columns", "compiler.semantics.columns:MAXIMUM_SIZE"),
+    ("rows of a file of columns", "compiler.semantics.columns:MAXIMUM_ROWS"),
+    ("points of a table that are parameters", "compiler.semantics.tables:MAXIMUM_POINTS"),
 ]
 
 

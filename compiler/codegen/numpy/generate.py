@@ -29,7 +29,8 @@ def generate_program(space: StateSpace) -> Program:
         module.constants, module.start, module.nominal, module.derivative,
         module.PATTERN,
         module.jacobian_entries, module.jacobian, module.output, module.powers, module.instants,
-        module.crossings, module.switches, count_operations(lowered.rates), lowered.differentiated,
+        module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
+        count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
 
 
