@@ -379,6 +379,18 @@ def symbols(x: Expression) -> Iterator[Symbol]:
             stack.extend(reversed(node.operands))
 
 
+def operations(x: Expression) -> Iterator[Apply]:
+    """The distinct operations."""
+    seen: set[Expression] = set()
+    stack = [x]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Apply) and node not in seen:
+            seen.add(node)
+            yield node
+            stack.extend(node.operands)
+
+
 def depends_on(x: Expression, symbol: Symbol) -> bool:
     """Whether the symbol occurs in x."""
     return any(s == symbol for s in symbols(x))

@@ -7,6 +7,8 @@ a variable that stands in two places. A general solver would return one of sever
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from .expression import (
     ZERO,
     Apply,
@@ -19,10 +21,11 @@ from .expression import (
     divide,
     multiply,
     negate,
+    operations,
     power,
     symbols,
 )
-from .table import turned_round
+from .table import KINDS, turned_round
 
 _INVERSES = {
     "exp": "log", "log": "exp", "sinh": "asinh", "asinh": "sinh", "tanh": "atanh", "atanh": "tanh", "atan": "tan", "asin": "sin",
@@ -123,3 +126,14 @@ def _power_of(factor: Expression) -> tuple[Expression, float, int] | None:
         case Apply(operator="power", operands=(u, Number(n))) if n == int(n):
             return u, n, int(n) % 2
     return factor, 1.0, 1
+
+
+def obstacle(sides: Iterable[Expression]) -> str:
+    """What to do about a law that cannot be turned round, if its operators tell."""
+    operators = {node.operator for side in sides for node in operations(side)}
+    if operators & set(KINDS):
+        return (
+            "A table is turned round where its values rise or fall throughout: `linear` and `monotone` then are, `cubic` if its "
+            "points are numbers and its curve does not turn back. Use one of those, or a table of the other variable."
+        )
+    return ""

@@ -20,6 +20,7 @@ from ..algebra.expression import (
     symbols,
 )
 from ..algebra.formula import Bound, Formula, bind
+from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.network import (
@@ -342,7 +343,11 @@ class EquationBuilder:
     def _not_invertible(self, node: Element, wanted: tuple[Own, ...]) -> None:
         words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
         effort = wanted[0].variable in "ep"
-        hint = f"Write the law the other way round, say `require = {'flow' if effort else 'effort'}` to see what stands against it, or put a storage beside it."
+        sides = [side for equation in node.law.equations for side in equation]
+        hint = obstacle(sides) or (
+            f"Write the law the other way round, say `require = {'flow' if effort else 'effort'}` to see what stands against it, "
+            "or put a storage beside it."
+        )
         self.diagnostics.append(
             NotInvertible(node.span, node.name, " and ".join(dict.fromkeys(words[w.variable] for w in wanted)), hint)
         )

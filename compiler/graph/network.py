@@ -7,7 +7,7 @@ knows the definition it came from, its instance path and its line.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -198,6 +198,7 @@ class BondGraph:
     integrals: Mapping[str, Integral]
     span: Span
     requirements: tuple[Requirement, ...] = ()
+    stands: Mapping[str, Span] = field(default_factory=dict)  # instance -> where it is declared
 
     def definitions(self) -> Iterator[Bound]:
         """Everything that signals, parameters and outputs are computed from."""

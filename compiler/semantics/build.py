@@ -139,6 +139,7 @@ def _build(
         elaborator.integrals(),
         definition.model.name_span,
         requirements,
+        elaborator.stands,
     )
     if not part and not elaborator.structure_broken:
         elaborator.diagnostics += _unconnected(graph)

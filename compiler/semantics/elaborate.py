@@ -62,6 +62,7 @@ class Elaborator(QuantityResolver):
         super().__init__(overrides, part)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
+        self.stands: dict[str, Span] = {}  # instance -> where it is declared
         self.requirements: list[tuple[Scope, tree.Requirement]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
@@ -102,6 +103,8 @@ class Elaborator(QuantityResolver):
     ) -> Scope:
         """Open one instance. `bindings` are its attributes, read in the scope where it stands."""
         scope = Scope(definition, path, stands=stands)
+        if stands is not None:
+            self.stands[path.removesuffix(".")] = stands
         if not chain:
             self.root = scope  # loops and indices may already read what is set from outside
             self._enter_swept(scope)
