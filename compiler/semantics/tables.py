@@ -59,12 +59,9 @@ def _noise(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
 def _curve(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
     x = compiler.scalar(node.arguments[0])
     places, values = (_points(compiler, node, argument) for argument in node.arguments[1:])
-    spans = [a.span for a in node.arguments]
-    compiler.common(
-        [(x, spans[0]), *((t, spans[1]) for t in places)],
-        f"What `{node.function}` is asked at and its places need one unit",
-    )
-    dimension = compiler.common([(t, spans[2]) for t in values], f"The values of `{node.function}` need one unit")
+    at = [(x, node.arguments[0].span), *_placed(places, node.arguments[1])]
+    compiler.common(at, f"What `{node.function}` is asked at and its places need one unit")
+    dimension = compiler.common(_placed(values, node.arguments[2]), f"The values of `{node.function}` need one unit")
     if len(places) != len(values):
         what = f"`{node.function}` has {len(places)} places but {len(values)} values"
         raise Wrong(WrongTable(node.span, what, "Every place has one value: the two lists are of one length."))
@@ -108,6 +105,13 @@ def _points(compiler: ExpressionCompiler, node: tree.Call, argument: tree.Expres
     if any(t.truth for t in value):
         raise Wrong(WrongType(argument.span, "A list of numbers", "a list of conditions"))
     return value
+
+
+def _placed(points: Sequence[Typed], argument: tree.Expression) -> list[tuple[Typed, Span]]:
+    """Points with their places in the text."""
+    if isinstance(argument, tree.Vector):
+        return [(t, item.span) for t, item in zip(points, argument.items, strict=True)]
+    return [(t, argument.span) for t in points]
 
 
 def _cells(compiler: ExpressionCompiler, argument: tree.Expression) -> tuple[Span, ...]:

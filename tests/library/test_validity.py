@@ -89,7 +89,7 @@ def test_a_film_says_that_its_sides_are_exchanged_and_that_the_plates_touch() ->
     """
     first, second = left("mems", "SqueezeFilm", body, 2.5)
     assert first.time == 0.0 and first.condition == "width <= length"
-    assert dict((n, v) for n, v, _ in first.values) == {"width": pytest.approx(1e-4), "length": pytest.approx(5e-5)}
+    assert {n: v for n, v, _ in first.values} == {"width": pytest.approx(1e-4), "length": pytest.approx(5e-5)}
     assert second.time == pytest.approx(1.99, rel=1e-6)
 
 
