@@ -201,6 +201,8 @@ class _Run:
                 values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
         last = self.stretches[-1]
         mode = mode_after(self.program, self.constants, last.stop, last)
+        final = self.trajectory.states[-1:]
+        self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
         return values
 

@@ -49,7 +49,7 @@ Put = Callable[[Symbol], Expression]
 
 
 def ranges(
-    step: Assignment, put: Put, arguments: Sequence[Variable | None], parameters: Callable[[Leaf], float]
+    step: Assignment, put: Put, variables: Sequence[Variable], parameters: Callable[[Leaf], float]
 ) -> Iterator[Limit]:
     """The ranges of the tables of an assignment, where they are asked. Raises `CompilationFailed` for a false inverse."""
     for node, asked in _checked(step.formula):
@@ -58,7 +58,8 @@ def ranges(
             continue
         x, knots = node.operands[1], domain(node)
         _check_direction([substitute(k, put) for k in knots], step, parameters)
-        known = arguments[x.key] if isinstance(x, Symbol) else None
+        number = step.arguments[x.key] if isinstance(x, Symbol) else None
+        known = variables[number] if isinstance(number, int) else None
         name, unit = (known.name, known.unit) if known is not None else ("its argument", "")
         ends = (substitute(knots[0], put), substitute(knots[-1], put))
         low, high = call("min", *ends), call("max", *ends)

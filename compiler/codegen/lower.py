@@ -168,8 +168,7 @@ def _lower_assignment(
 
     value = switching.replaced(substitute(step.formula.expression, put), step.span)
     result.values[step.target] = value
-    names = [result.space.variables[a] if isinstance(a, int) else None for a in step.arguments]
-    result.limits += ranges(step, put, names, result.parameter_values)
+    result.limits += ranges(step, put, result.space.variables, result.parameter_values)
     if isinstance(value, Apply):
         result.labels.setdefault(value, Label(result.space.variables[step.target].name, step.span, step.owner))
     moving = [(slot, a) for slot, a in enumerate(step.arguments) if isinstance(a, int) and slopes.get(a)]
@@ -289,8 +288,8 @@ class _Switching:
         if alone and is_table(x):
             for knot in domain(x):  # where the curve or one of its derivatives bends
                 self._instant(self.replaced(x.operands[1] - knot, span))
-        if alone and x.operator == "noise":
-            self._period(x.operands[1], span)
+        if x.operator == "noise":
+            self._period(x.operands[1], alone, span)
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
             self._instant(self.replaced(g, span))
@@ -311,13 +310,18 @@ class _Switching:
         leaf: Leaf = symbol.key
         return self.result.switches[leaf.position] if leaf.role == "mode" else symbol
 
-    def _period(self, place: Expression, span: Span) -> None:
-        """No step may pass over more than one whole number of the places that random numbers belong to."""
+    def _period(self, place: Expression, alone: bool, span: Span) -> None:
+        """No step may pass over more than one whole number of the places that random numbers belong to.
+
+        Where a place also moves with states, only its own pace in time is known before the run.
+        """
         slope = derivative(place, Symbol(Leaf("time", 0)))
-        if self.result.dependence(slope) & (TIME | MODE):
-            raise CompilationFailed([NoiseOutOfStep(span)])
+        if self.result.dependence(slope) & ~PARAMETER:
+            if alone:
+                raise CompilationFailed([NoiseOutOfStep(span)])
+            return
         period = divide(ONE, call("abs", slope))
-        if period not in self.result.periods:
+        if slope != ZERO and period not in self.result.periods:
             self.result.periods.append(period)
 
     def _instant(self, g: Expression) -> None:

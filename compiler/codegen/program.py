@@ -63,7 +63,7 @@ class Program:
     crossings: Callable[
         [Array, Array, Array], Array
     ]  # time, constants, mode -> functions of time whose zeros are such instants
-    switches: Callable[[float, Array], Array]  # time, constants -> mode
+    switches: Callable[[Array, Array], Array]  # time, constants -> mode
     periods: Callable[[Array], Array]  # constants -> times that no step may be longer than
     limits: tuple[LimitNote, ...]
     holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from ..algebra.expression import Expression, Number, evaluate, symbols
+from ..algebra.expression import Expression, Number, evaluate
 from ..algebra.formula import Bound, Formula, bind
 from ..algebra.interpolate import OutsideTable
 from ..errors import Diagnostic
@@ -187,23 +187,22 @@ class Resolver(ABC):
 
     def check(self, checks: Iterable[Check], slots: Sequence[Slot], scope: Scope) -> None:
         """Check the points of tables as they are in this scope."""
-
-        def value(x: Expression, check: Check) -> float | None:
-            arguments = []
-            for symbol in symbols(x):
-                slot = slots[symbol.key] if isinstance(symbol.key, int) else None
-                what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
-                if slot is None:
-                    raise Wrong(NotStatic(check.span, what, f"{check.function}(…)"))
-                found = self.scalar_at(slot, scope)
-                if found.role not in STATIC_ROLES:
-                    raise Wrong(NotStatic(slot.path.span, what, slot.words))
-                arguments.append(found.reference)
-            bound = bind(x)
-            return self.value_of(Bound(bound.formula, tuple(arguments)), check.span)
-
         for check in checks:
-            check_static(check, lambda x, check=check: value(x, check))  # type: ignore[misc]
+            check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
+
+    def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
+        """The value of a point of a table, None if it has none yet. Raises `Wrong` if it changes during a run."""
+        bound = bind(x)
+        arguments = []
+        what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
+        for key in bound.arguments:
+            if not isinstance(key, int):
+                raise Wrong(NotStatic(check.span, what, f"{check.function}(…)"))
+            found = self.scalar_at(slots[key], scope)
+            if found.role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slots[key].path.span, what, slots[key].words))
+            arguments.append(found.reference)
+        return self.value_of(Bound(bound.formula, tuple(arguments)), check.span)
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """What a slot reads in this scope."""

@@ -172,6 +172,24 @@ class TestNoise:
         result = driven("0 [m/s]", "1 [N/m]*x", f"output {outputs}", points=1001)
         assert abs(np.corrcoef(result["n1"], result["n2"])[0, 1]) < 0.3
 
+    def test_a_condition_on_noise_switches_in_every_period(self) -> None:
+        """2000 periods: the share of time above zero is that of the stream, each crossing found."""
+        result = driven("1 [m/s]*step(noise(time, 0.5 ms, 6))", "1 [N/m]*x", points=2)
+        numbers = np.array([interpolate.random_number(k, 6) for k in range(2001)])
+        inside = np.arange(0.5, 64) / 64
+        smooth = 10 * inside**3 - 15 * inside**4 + 6 * inside**5
+        values = numbers[:-1, None] + np.diff(numbers)[:, None] * smooth
+        assert result.final("x") == pytest.approx(np.mean(values >= 0), abs=3e-4)
+
+    def test_a_condition_on_noise_that_changes_too_often(self) -> None:
+        with pytest.raises(bondgraph.RunFailed, match="changes too often"):
+            driven("1 [m/s]*step(noise(time, 1 us, 6))", "1 [N/m]*x", to=10)
+
+    def test_a_place_that_moves_and_time(self) -> None:
+        """A wave that runs along a road: its pace in time bounds the steps, what the place adds is left to the solver."""
+        result = driven("1 [um/s]", "1 [N/m]*x", "output n = noise(time + spring.x/(1 [m/s]), 5 ms, 1)", points=2)
+        assert result.steps >= 200
+
     def test_over_a_place(self) -> None:
         result = driven("2 [m/s]", "1 [N/m]*x", "output road = noise(spring.x, 0.1 m, 3)")
         expected = [interpolate.noise(0, 20 * t, 3) for t in result.time]
