@@ -132,7 +132,7 @@ class _Run:
         self.magnitude = self._magnitudes()
         self.atol = self._tolerances(atol)
         self.trajectory = Trajectory(np.empty((0, 0)))
-        self.watch = Watch(program, self.constants, self.inputs)
+        self.watch = Watch(program, self.constants, self.inputs, rtol)
 
     def _tolerances(self, atol: float | None) -> Any:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""

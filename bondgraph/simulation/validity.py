@@ -25,8 +25,8 @@ StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 class Watch:
     """Looks after the limits of a program during a run."""
 
-    def __init__(self, program: Program, constants: Any, inputs: Any) -> None:
-        self.program, self.fixed = program, (inputs, constants)
+    def __init__(self, program: Program, constants: Any, inputs: Any, rtol: float) -> None:
+        self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
         self.left: dict[int, LimitLeft] = {}
         ends = np.cumsum([0, *(len(note.values) for note in program.limits)])
         self.places = [slice(a, b) for a, b in pairwise(ends)]
@@ -57,7 +57,15 @@ class Watch:
 
     def _holds(self, times: Any, states: Any, mode: Any) -> Any:
         """The truth of all limits; shape (times, limits)."""
-        return self.program.holds(times, states, *self.fixed, mode) == 1.0
+        truth = self.program.holds(times, states, *self.fixed, mode) == 1.0
+        if not truth.all():
+            values = self.program.limit_values(times, states, *self.fixed, mode)
+            for number, note in enumerate(self.program.limits):
+                if note.kind == "table":  # as far beyond an end as the run's own tolerance is not beyond it
+                    x, low, high = values[:, self.places[number]].T
+                    beyond = np.maximum(low - x, x - high)
+                    truth[:, number] |= beyond <= self.rtol * (high - low)
+        return truth
 
     def _bisected(self, number: int, good: float, bad: float, mode: Any, state_at: StateAt) -> float:
         """The first instant at which a limit does not hold, between one where it holds and one where it does not."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bondgraph
 from compiler.algebra import interpolate
 from compiler.algebra.expression import SLOPES
 from compiler.codegen.numpy.beginning import beginning
@@ -202,3 +203,53 @@ class TestPowers:
     def test_an_even_one_is_refused_where_its_value_is_known(self) -> None:
         assert "power of 4" in refused(compiled(self.TEXT % ("4", "1")), "BG604").sentence
         assert refused(compiled(self.TEXT % ("3", "1"), {"n": "2"}), "BG604")
+
+
+class TestForPeople:
+    """Equations and stages name tables as their author does."""
+
+    TEXT = """model Shown {
+  parameter xs: mm = (0, 1, 2)
+  constant long = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13)
+  Sf drive : v = 1 [mm/s]*noise(time, 10 ms, 3)
+  C  spring : energy = 1 J*cubic(x, xs, (0, 1, 4))
+  R  loss   : F = 1 N*linear(v/1 [m/s] + 1, long, long)
+  drive -> 1(spring, loss)
+  require spring.x < 1 mm "short"
+  output x = spring.x, F = spring.F
+}
+"""
+
+    def test_equations(self) -> None:
+        text = bondgraph.load(self.TEXT).equations()
+        assert "spring.F = cubic_slope(spring.x, (0, xs[2], xs[3]), (0, 1, 4))" in text
+        assert "drive.v = 0.001*noise(100.0*time, 3)" in text
+        assert "linear(1 + drive.v, 14 points)" in text.replace("drive.v + 1", "1 + drive.v")
+
+    def test_latex(self) -> None:
+        text = bondgraph.load(self.TEXT).equations(latex=True)
+        assert r"\operatorname{cubic" in text and r"\operatorname{noise}" in text
+
+    def test_state_equations(self) -> None:
+        (right,) = bondgraph.load(self.TEXT).state_equations().values()
+        assert str(right) == "0.001*noise(100.0*time, 3)"
+
+    def test_stages(self) -> None:
+        shown = bondgraph.load(self.TEXT).show("graph")
+        assert "required: spring.x < 1 mm  # text:8 short" in shown
+        assert "_hermite(" in bondgraph.load(self.TEXT).show("code")
+
+    def test_a_module_of_its_own(self) -> None:
+        """It needs numpy alone and keeps its points as parameters."""
+        source = bondgraph.load(self.TEXT).compile()
+        module = load_module("own", source)
+        assert "import scipy" not in source and ("xs[3]", "m") in module.PARAMETERS
+        constants = module.constants(np.array(module.DEFAULTS))
+        state, mode = np.array([5e-4]), module.switches(0.0, constants)
+        spline = interpolate.natural_slopes((0, 1e-3, 2e-3), (0, 1, 4))
+        expected = 1e-3 * interpolate.noise(0, 1.25, 3)
+        assert module.derivative(0.0125, state, (), constants, mode) == pytest.approx([expected], rel=1e-12)
+        assert module.holds(0.0, state, (), constants, mode).all()
+        slope = interpolate.hermite(1, 5e-4, 0, 1e-3, 2e-3, 0, 1, 4, *spline)
+        assert module.output(0.0, state, (), constants, mode)[1] == pytest.approx(slope, rel=1e-12)
+        assert module.periods(constants) == pytest.approx([0.01])

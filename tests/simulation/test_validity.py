@@ -64,6 +64,17 @@ class TestTables:
         result = bondgraph.load(text).simulate(to=0.5, rtol=1e-3)
         assert result["x"].max() <= 0.0501
 
+    def test_what_only_the_tolerance_lies_beyond_is_no_end(self) -> None:
+        """A valve that opens to 1, the last point of its table, as closely as a coarse run knows it."""
+        text = """
+        model A {
+          signal rise = integral((1 - rise)/1 ms + 20 [1/s]*(0.5 - rise)*rise*(1 - rise), 0)
+          output y = linear(rise, (0, 1), (0, 1))
+        }"""
+        for rtol in (1e-2, 1e-3, 1e-6):
+            result = bondgraph.load(text).simulate(to=0.1, rtol=rtol)
+            assert result.final("y") == pytest.approx(1, abs=10 * rtol)
+
     def test_corners_in_time_are_instants(self) -> None:
         """A needle of 2 us: no step runs over it, and its area is exact."""
         speed = "1 [m/s]*linear(time, (0 s, 0.4 s, 0.400001 s, 0.400002 s, 1 s), (0, 0, 1e6, 0, 0))"
