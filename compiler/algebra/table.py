@@ -20,9 +20,16 @@ def table(kind: str, x: Expression, places: Sequence[Expression], values: Sequen
     """The value at x of a curve through points: `linear`, `cubic` (natural spline) or `monotone`."""
     if kind == "linear":
         return call(kind, ZERO, x, *places, *values)
-    slope = _SLOPES[kind]
-    slopes = (call(slope, Number(float(i)), *places, *values) for i in range(len(places)))
-    return call(kind, ZERO, x, *places, *values, *slopes)
+    return call(kind, ZERO, x, *places, *values, *_slopes(kind, places, values))
+
+
+def _slopes(kind: str, places: Sequence[Expression], values: Sequence[Expression]) -> list[Expression]:
+    """The slopes of a curve in its points: all at once if they are numbers."""
+    xs, ys = _numbers(places), _numbers(values)
+    if xs is not None and ys is not None:
+        slopes = interpolate.natural_slopes if kind == "cubic" else interpolate.monotone_slopes
+        return [Number(m) for m in slopes(xs, ys)]
+    return [call(_SLOPES[kind], Number(float(i)), *places, *values) for i in range(len(places))]
 
 
 def is_table(x: Expression) -> bool:

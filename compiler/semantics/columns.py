@@ -69,11 +69,14 @@ def read_column(node: tree.Call, file: FileScope) -> Column:
 
 
 def _locate(span: Span, name: str, file: FileScope) -> Path:
-    if file.source.path is None or file.root is None:
+    if file.source.path is None:
         hint = "Save the model as a file to read columns from files beside it."
         raise Wrong(WrongColumn(span, f"`{name}` cannot be found: this text is no file", hint))
     target = (file.source.path.parent / name).resolve()  # links are resolved before the check
-    if not within_project(target, file.root, file.library):
+    root = (
+        file.root if file.root is not None else file.source.path.parent
+    )  # a part of the library, in a text that is no file
+    if not within_project(target, root, file.library):
         hint = "Only files below the project folder are read, as with `import`."
         raise Wrong(WrongColumn(span, f"`{name}` lies outside the project folder", hint))
     if target.suffix.lower() != ".csv" or not target.is_file():

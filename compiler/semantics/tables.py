@@ -131,32 +131,30 @@ def _settle(compiler: ExpressionCompiler, check: Check) -> bool:
 
 
 def check_static(check: Check, value: Callable[[Expression], float | None]) -> None:
-    """Raise `Wrong` unless the places rise (of a noise: the period is positive and the seed whole), as far as they are known."""
-    places = [value(x) for x in check.places]
+    """Raise `Wrong` unless the places rise (of a noise: the period is positive, the seed whole), as far as they are known.
+
+    `value` gives a number, None where there is none yet, and raises for what changes during a run.
+    """
+    places, values = ([value(x) for x in part] for part in (check.places, check.values))
     known = [x for x in places if x is not None]
     if check.function == "noise":
-        seeds = [value(x) for x in check.values]
-        if any(x <= 0 for x in known):
-            raise Wrong(WrongTable(check.span, f"The period of `noise` is {known[0]:g}", "A period is positive."))
-        if any(x is not None and (x != round(x) or abs(x) > 2**53) for x in seeds):
-            hint = "A seed is a whole number: 1, 2, 3. Each gives other numbers, the same on every machine."
-            raise Wrong(WrongTable(check.span, f"The seed of `noise` is {seeds[0]:g}", hint))
-        return
-    _ = [value(x) for x in check.values]  # raises for what changes during a run
-    if len(known) == len(places):
+        _check_noise(check, known, [x for x in values if x is not None])
+    elif len(known) == len(places):
         _check_rising(check, known)
 
 
+def _check_noise(check: Check, periods: Sequence[float], seeds: Sequence[float]) -> None:
+    if any(period <= 0 for period in periods):
+        raise Wrong(WrongTable(check.span, f"The period of `noise` is {periods[0]:g}", "A period is positive."))
+    if any(seed != round(seed) or abs(seed) > 2**53 for seed in seeds):
+        hint = "A seed is a whole number: 1, 2, 3. Each gives other numbers, the same on every machine."
+        raise Wrong(WrongTable(check.span, f"The seed of `noise` is {seeds[0]:g}", hint))
+
+
 def _check_rising(check: Check, places: Sequence[float]) -> None:
+    hint = "Sort the points by their places (SI values are shown); each place stands once."
     for i, (a, b) in enumerate(pairwise(places)):
         if not a < b:
             what = f"The places of `{check.function}` must rise, but number {i + 2} ({b:g}) is not larger than number {i + 1} ({a:g})"
             others = ((check.cells[i + 1], f"number {i + 2}"),) if check.cells else ()
-            raise Wrong(
-                WrongTable(
-                    check.span,
-                    what,
-                    "Sort the points by their places (SI values are shown); each place stands once.",
-                    others,
-                )
-            )
+            raise Wrong(WrongTable(check.span, what, hint, others))
