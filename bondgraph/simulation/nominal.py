@@ -14,6 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..door import Program
+from ..errors import RunFailed
+from .factorise import dense, sparse
+from .integrate import DENSE
+from .loops import LoopSolver
 from .segments import Segment
 
 STEPS = 60  # of the coarse run
@@ -27,7 +31,7 @@ def nominal_magnitudes(program: Program, constants: Any, state: Any, inputs: Any
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.maximum(np.abs(state), _coarse_peak(program, constants, state, inputs, stretches))
     result = np.where(given > 0, given, peak)
-    units = program.states.units
+    units = (*program.states.units, *program.unknowns.units)
     for unit in set(units):
         same = np.array([u == unit for u in units])
         largest = result[same].max(initial=0.0)
@@ -39,28 +43,42 @@ def nominal_magnitudes(program: Program, constants: Any, state: Any, inputs: Any
 
 
 def _coarse_peak(program: Program, constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment]) -> Any:
-    peak = np.abs(state)
+    """The largest magnitudes in a coarse run; the unknowns of loops are solved for before each of its steps."""
+    peak, count = np.abs(state), len(program.states.names)
+    if not count:
+        return peak
     x = np.array(state, dtype=float)
-    reach = _free_motion(program.jacobian(stretches[0].start, x, inputs, constants, stretches[0].mode), x)
-    whole = stretches[-1].stop - stretches[0].start
-    identity = np.eye(len(x))
+    first = stretches[0]
+    reach = None
+    if not len(program.unknowns.names):
+        reach = _free_motion(program.jacobian(first.start, x, inputs, constants, first.mode), x)
+    whole = stretches[-1].stop - first.start
+    rows, columns = program.pattern
+    differential = np.arange(len(x)) < count
+    large = len(x) > DENSE and len(rows) < 0.2 * len(x) ** 2
+    shifted = (sparse if large else dense)(rows, columns, differential)
     for stretch in stretches:
         length = stretch.stop - stretch.start
-        count = max(2, min(STEPS, round(STEPS * length / whole)))
-        h = length / count
-        for i in range(count):
-            time = stretch.start + i * h
-            slope = program.derivative(time + h, x, inputs, constants, stretch.mode)
-            jacobian = program.jacobian(time + h, x, inputs, constants, stretch.mode)
-            if not (np.isfinite(slope).all() and np.isfinite(jacobian).all()):
-                return peak
-            scale = np.maximum(np.maximum(peak, np.abs(h * slope)), 1e-300)
-            system = identity - h * jacobian * scale / scale[:, None]
+        steps = max(2, min(STEPS, round(STEPS * length / whole)))
+        h = length / steps
+        for i in range(steps):
+            time = stretch.start + (i + 1) * h
             try:
-                step = np.linalg.solve(system, h * slope / scale) * scale
-            except np.linalg.LinAlgError:
+                x = LoopSolver(program, constants, inputs, np.where(peak > 0, peak, 1.0)).solve(time, x, stretch.mode)
+            except RunFailed:
                 return peak
-            if not np.isfinite(step).all() or np.any(np.abs(step) > 1e8 * np.maximum(peak, np.abs(h * slope)) + 1e300):
+            slope = program.derivative(time, x, inputs, constants, stretch.mode)
+            entries = program.jacobian_entries(time, x, inputs, constants, stretch.mode)
+            if not (np.isfinite(slope).all() and np.isfinite(entries).all()):
+                return peak
+            moved = np.abs(h * np.where(differential, slope, 0.0))
+            scale = np.maximum(np.maximum(peak, moved), 1e-300)
+            unit = np.where(differential, scale, 1.0)
+            try:
+                step = shifted(1 / h, entries * scale[columns] / unit[rows]).solve(slope / unit) * scale
+            except (np.linalg.LinAlgError, RuntimeError, ValueError):
+                return peak
+            if not np.isfinite(step).all() or np.any((np.abs(step) > 1e8 * np.maximum(peak, moved) + 1e300)[:count]):
                 return peak
             x = x + step
             peak = np.maximum(peak, np.abs(x))

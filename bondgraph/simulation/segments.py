@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -14,6 +15,11 @@ from ..errors import RunFailed
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
+SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
+# Where a step looks, places between, and the weights that a cubic through the former has at the latter.
+SEEN = np.array([0.0, 0.155, 0.645, 1.0])
+LOOKS = np.concatenate([SEEN, [0.075, 0.3, 0.5, 0.85]])
+BETWEEN = np.linalg.solve(np.vander(SEEN).T, np.vander(LOOKS[4:], 4).T).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +37,24 @@ def segments(program: Program, constants: Any, start: float, stop: float) -> lis
     edges = _distinct([start, *sorted(cuts), stop])
     edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
     return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in pairwise(edges)]
+
+
+def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Callable[[float, float], bool]:
+    """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
+    the signal between them, to a share of the range that the signal has. A rectifier whose diode is off at all of a step's
+    places would else not see the next peak."""
+    span = stretch.stop - stretch.start
+    grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
+    if not grid.shape[-1]:
+        return lambda start, stop: True
+    ranges = np.ptp(grid, axis=0)
+
+    def follows(start: float, stop: float) -> bool:
+        values = program.signals(start + (stop - start) * LOOKS, inputs, constants, stretch.mode)
+        off = np.abs(BETWEEN @ values[: len(SEEN)] - values[len(SEEN) :])
+        return bool((off <= SHARE * ranges).all())
+
+    return follows
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:

@@ -61,9 +61,11 @@ class Lowered:
     inputs: tuple[int, ...] = ()
     values: dict[int, Expression] = field(default_factory=dict)  # variable -> its expression
     labels: dict[Expression, Label] = field(default_factory=dict)
-    rates: tuple[Expression, ...] = ()
+    rates: tuple[Expression, ...] = ()  # of the states, then the residuals of the unknowns
     jacobian: dict[tuple[int, int], Expression] = field(default_factory=dict)  # (row, column) -> nonzero entry
     starts: tuple[Expression, ...] = ()
+    claims: tuple[Expression, ...] = ()  # by how much a start that the author gave to what is computed is missed
+    forced: tuple[Expression, ...] = ()  # what must not jump with time
     nominals: tuple[Expression | None, ...] = ()
     outputs: dict[str, Expression] = field(default_factory=dict)
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
@@ -71,6 +73,7 @@ class Lowered:
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
     periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
     limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
+    signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     differentiated: int = 0  # formulas whose partial derivatives were formed
 
     def dependence(self, x: Expression) -> int:
@@ -99,9 +102,9 @@ def lower(space: StateSpace) -> Lowered:
             result.values[number] = Symbol(Leaf(variable.role, position))
     result.parameters, result.inputs = tuple(roles["parameter"]), tuple(roles["input"])
     slopes: dict[int, dict[int, Expression]] = {}
-    for position, state in enumerate(space.states):
-        result.values[state.variable] = Symbol(Leaf("state", position))
-        slopes[state.variable] = {position: ONE}
+    for position, number in enumerate(moving(space)):
+        result.values[number] = Symbol(Leaf("state", position))
+        slopes[number] = {position: ONE}
     switching = _Switching(result)
     formulas: set[Formula] = set()
     for step in space.steps:
@@ -110,16 +113,46 @@ def lower(space: StateSpace) -> Lowered:
         else:
             _lower_assignment(result, step, slopes, switching, formulas)
     result.differentiated = len(formulas)
-    result.rates = tuple(result.values[s.rate] for s in space.states)
-    for row, state in enumerate(space.states):
-        for column, entry in slopes.get(state.rate, {}).items():
+    rates = [*(s.rate for s in space.states), *(u.residual for u in space.unknowns)]
+    result.rates = tuple(result.values[v] for v in rates)
+    result.signals = tuple(_signals(result))
+    for row, rate in enumerate(rates):
+        for column, entry in slopes.get(rate, {}).items():
             if entry != ZERO:
                 result.jacobian[row, column] = entry
-    result.starts = tuple(_entry(result, s.start) for s in space.states)
-    result.nominals = tuple(None if s.nominal is None else _entry(result, s.nominal) for s in space.states)
+    result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
+    result.claims = tuple(result.values[c.variable] - _entry(result, c.start) for c in space.claims)
+    result.forced = tuple(result.values[f.variable] for f in space.forced)
+    nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
+    result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
     result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
     return result
+
+
+def _signals(result: Lowered) -> Iterable[Expression]:
+    """The largest expressions behind the rates that depend on time but on no state; those linear in time never turn."""
+    time = Symbol(Leaf("time", 0))
+    seen: set[Expression] = set()
+    stack = list(result.rates)
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        bits = result.dependence(node)
+        if not bits & TIME:
+            continue
+        if not bits & STATE:
+            if node != time and result.dependence(derivative(node, time)) & (TIME | MODE):
+                yield node
+        elif isinstance(node, Apply):
+            stack.extend(node.operands)
+
+
+def moving(space: StateSpace) -> list[int]:
+    """The variables that a program gets as its state: the states, then the unknowns of its loops."""
+    return [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
 
 
 def _used(space: StateSpace) -> set[int]:
@@ -135,6 +168,7 @@ def _used(space: StateSpace) -> set[int]:
     for state in space.states:
         used.add(state.rate)
         used.update(e for e in (state.start, state.nominal) if isinstance(e, int))
+    used.update(v for c in space.claims for v in (c.variable, c.start) if isinstance(v, int))
     used.update(v for port in space.ports for v in (port.effort, port.flow))
     used.update(space.stored.values())
     for storage in space.storages:

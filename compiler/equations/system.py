@@ -16,7 +16,7 @@ Argument = int | float  # a variable by number, or a number
 class Variable:
     """One scalar of the model.
 
-    role: parameter, input, time, state, rate (of a state), or computed (by an assignment).
+    role: parameter, input, time, state, unknown (of an algebraic loop), or computed (by an assignment).
     """
 
     name: str
@@ -27,13 +27,17 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """`target := formula(arguments)`, because of a line of the text."""
+    """`target := formula(arguments)`, because of a line of the text.
+
+    An implicit one says `0 = formula(arguments)`, and the target, which is among the arguments, is what makes it so.
+    """
 
     target: int
     formula: Formula
     arguments: tuple[Argument, ...]
     span: Span
     owner: str  # the element, junction or quantity that it belongs to
+    implicit: bool = False
 
     @property
     def expression(self) -> Expression:
@@ -65,6 +69,17 @@ class State:
     rate: int
     start: Argument
     nominal: Argument | None
+    span: Span
+    given: bool = False  # whether the author said the start
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A start that the author gives to what is computed from states: they must start so that it holds."""
+
+    variable: int
+    start: Argument
+    element: str
     span: Span
 
 
@@ -121,4 +136,5 @@ class EquationSystem:
     ports: tuple[PowerPort, ...]
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]  # node -> variable of its stored energy, for mechanisms
+    claims: tuple[Claim, ...]
     limits: tuple[Validity, ...] = ()

@@ -24,10 +24,10 @@ def generate_program(lowered: Lowered) -> Program:
         return Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
 
     return Program(
-        space.name, source, names("STATES"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
+        space.name, source, names("STATES"), names("UNKNOWNS"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
         module.constants, module.start, module.nominal, module.derivative,
         module.PATTERN,
-        module.jacobian_entries, module.jacobian, module.output, module.powers, module.instants,
+        module.jacobian_entries, module.jacobian, module.output, module.claims, module.forced, module.signals, module.powers, module.instants,
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
         count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
@@ -53,6 +53,7 @@ def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
     outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
     return [
         ("STATES", rows([s.variable for s in lowered.space.states])),
+        ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
         ("OUTPUTS", outputs),
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),

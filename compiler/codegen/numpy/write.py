@@ -14,7 +14,7 @@ from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
 from ...algebra.table import lists
 from ...errors import printable
 from ..limits import Leaf
-from ..lower import INPUT, MODE, STATE, TIME, Lowered
+from ..lower import INPUT, MODE, STATE, TIME, Lowered, moving
 from .beginning import beginning
 from .names import Identifiers
 
@@ -38,7 +38,7 @@ class Writer:
         identifiers = Identifiers()
         for node in self.constants:
             self.constant_names[node] = identifiers.of(self._label(node))
-        self.state_names = [identifiers.of(lowered.space.variables[s.variable].name) for s in lowered.space.states]
+        self.state_names = [identifiers.of(lowered.space.variables[v].name) for v in moving(lowered.space)]
         self.input_names = [identifiers.of(lowered.space.variables[v].name) for v in lowered.inputs]
         self.taken = set(identifiers.taken)
         self.operators: set[str] = set()  # that have been written
@@ -57,6 +57,9 @@ class Writer:
             *lowered.rates,
             *lowered.jacobian.values(),
             *lowered.outputs.values(),
+            *lowered.claims,
+            *lowered.forced,
+            *lowered.signals,
             *lowered.switches,
             *lowered.crossings,
             *(limit.condition for limit in lowered.limits),
@@ -77,7 +80,7 @@ class Writer:
         """The largest expressions of parameters alone that anything else reads."""
         found: dict[Expression, None] = {}
         seen: set[Expression] = set()
-        moving = TIME | INPUT | STATE | MODE
+        changing = TIME | INPUT | STATE | MODE
         stack = [*reversed(self._roots())]
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
@@ -98,7 +101,7 @@ class Writer:
                 continue
             seen.add(node)
             vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
-            if not vector and not self.lowered.dependence(node) & moving:
+            if not vector and not self.lowered.dependence(node) & changing:
                 found[node] = None
                 continue
             if isinstance(node, Apply):
@@ -142,7 +145,10 @@ class Writer:
             )
         )
         full = "time, state, inputs, constants, mode"
-        parts.append(self._function("derivative", full, "The rates of the states.", lowered.rates, (n,)))
+        rates_note = "The rates of the states" + (
+            ", then what the unknowns make vanish." if lowered.space.unknowns else "."
+        )
+        parts.append(self._function("derivative", full, rates_note, lowered.rates, (n,)))
         places = sorted(lowered.jacobian)
         about = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
         entries = [lowered.jacobian[place] for place in places]
@@ -150,6 +156,14 @@ class Writer:
         parts.append(_jacobian(places, n))
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
+        claims, forced = lowered.claims, lowered.forced
+        note = "By how much the starts that the author gave to computed quantities are missed."
+        parts.append(self._function("claims", full, note, claims, (len(claims),)))
+        note = "What time alone moves and a storage in derivative form differentiates: it must not jump."
+        parts.append(self._function("forced", full, note, forced, (len(forced),)))
+        note = "What the rates read of time alone."
+        signals = lowered.signals
+        parts.append(self._function("signals", "time, inputs, constants, mode", note, signals, (len(signals),)))
         powers = self._power_nodes()
         parts.append(
             self._function(
