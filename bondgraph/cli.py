@@ -204,7 +204,12 @@ def _check_target(path: str, endings: tuple[str, ...], option: str) -> None:
 
 @commands.command()
 @_file
-@click.option("--stage", required=True, metavar="STAGE", help="syntax, graph, causality, equations, reduction or code.")
+@click.option(
+    "--stage",
+    required=True,
+    metavar="STAGE",
+    help="syntax, graph, causality, equations, reduction, code; or text: back in the language, flat.",
+)
 @_experiment
 @_model
 def show(file: str, stage: str, experiment: str, model: str | None) -> None:

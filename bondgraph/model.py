@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .door import Compilation, Diagnostic, Override, Scene, Source, Span, check_source, parse_expression
+from .door import Compilation, Diagnostic, Override, Scene, Source, Span, check_source, parse_expression, write_text
 from .errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .results import Result
 
 LIBRARY = Path(__file__).with_name("library")
-STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code")
+STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +130,13 @@ class Model:
         from .views.stages import stage_text
 
         return stage_text(self.compilation(Scene(self.model, experiment)), stage)
+
+    def text(self, experiment: str | None = None) -> str:
+        """The model as one flat model in the language, which compiles to an equal graph; with an experiment, as it sets it.
+
+        Instances and loops are opened, numbers stand in SI. Raises `CompilationFailed`, also if something cannot be written.
+        """
+        return write_text(self.compilation(Scene(self.model, experiment)).whole_graph)
 
     def compile(self, target: str = "numpy") -> str:
         """The source of a program of its own, with every parameter and input as an argument."""

@@ -1,7 +1,8 @@
 """Errors are values: a diagnostic names its code, its place, what is wrong in the author's own names, and what to do.
 
 Every room lists its diagnostics in its own `errors.py`, with a range of codes of its own:
-BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4xx equations, BG5xx reduction, BG6xx code.
+BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4xx equations, BG5xx reduction, BG6xx code,
+BG7xx back to text.
 """
 
 from __future__ import annotations

@@ -47,12 +47,12 @@ def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) ->
     grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
     if not grid.shape[-1]:
         return lambda start, stop: True
-    ranges = np.ptp(grid, axis=0)
+    allowed = SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
 
     def follows(start: float, stop: float) -> bool:
         values = program.signals(start + (stop - start) * LOOKS, inputs, constants, stretch.mode)
         off = np.abs(BETWEEN @ values[: len(SEEN)] - values[len(SEEN) :])
-        return bool((off <= SHARE * ranges).all())
+        return not bool((off > allowed).any())
 
     return follows
 

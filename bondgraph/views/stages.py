@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from ..door import Compilation
+from ..door import Compilation, write_text
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
     """The text of one stage."""
     writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
-        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code,
+        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code, "text": _text,
     }  # fmt: skip
     return "\n".join(writers[stage](compilation))
 
@@ -129,3 +129,8 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
 
 def _code(compilation: Compilation) -> Iterator[str]:
     yield compilation.program.source
+
+
+def _text(compilation: Compilation) -> Iterator[str]:
+    """Back in the language, flat."""
+    yield write_text(compilation.whole_graph).rstrip()

@@ -46,7 +46,8 @@ class Differentiator:
             self._assign(item.target, self._derivative(item.of, item), item)
         while self._waiting and not self.diagnostics:
             variable, item = self._waiting.popleft()
-            self._assign(self._derivatives[variable], self._chain(variable, item), item)
+            chain = self._chain(variable, item)
+            self._assign(self._derivatives[variable], chain, item, self.assigned[variable].owner)
         self._shorten()
 
     def _assign(self, target: int, expression: Expression, item: Derivative, owner: str | None = None) -> None:

@@ -92,6 +92,9 @@ class Builder(Transformer[Token, Any]):
     def alone(self, parts: list[Any]) -> tree.Expression:
         return _done(parts[0])  # type: ignore[no-any-return]
 
+    def alone_law(self, parts: list[Any]) -> tree.Law:
+        return parts[0]  # type: ignore[no-any-return]
+
     def import_(self, parts: list[Any]) -> tree.Import:
         place = parts[-1]
         names = tuple((str(t), self._span([t])) for t in parts[:-1])

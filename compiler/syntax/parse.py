@@ -17,7 +17,7 @@ from ..source import Source, Span
 from .build import Builder, Refused
 from .errors import ForeignFile, TooDeep, TooLarge
 from .explain import explain
-from .tree import Expression, SyntaxTree
+from .tree import Expression, Law, SyntaxTree
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
 MAXIMUM_NESTING = 100  # brackets within brackets
@@ -62,7 +62,7 @@ def _parser() -> tuple[lark.Lark, Builder, _Brackets]:
     parser = lark.Lark(
         grammar,
         parser="lalr",
-        start=["start", "alone"],
+        start=["start", "alone", "alone_law"],
         transformer=builder,
         postlex=brackets,
         propagate_positions=False,
@@ -101,8 +101,17 @@ def parse(source: Source) -> SyntaxTree:
 
 def parse_expression(source: Source) -> Expression:
     """Parse a text that is one expression. Raises `CompilationFailed`."""
+    return _parse_alone(source, "alone")  # type: ignore[no-any-return]
+
+
+def parse_law(source: Source) -> Law:
+    """Parse a text that is one law: equations with commas between. Raises `CompilationFailed`."""
+    return _parse_alone(source, "alone_law")  # type: ignore[no-any-return]
+
+
+def _parse_alone(source: Source, start: str) -> Any:
     try:
-        return _parse_text(source, source.text, "alone")  # type: ignore[no-any-return]
+        return _parse_text(source, source.text, start)
     except Refused as refused:
         raise CompilationFailed([refused.diagnostic(source)]) from None
     except lark.UnexpectedInput as problem:
