@@ -161,6 +161,8 @@ def run(
         result = chosen.simulate(
             None if experiment == "none" else experiment, dict(map(_setting, settings)), to, points, rtol, atol, energy
         )
+        for left in result.warnings:
+            click.echo(f"warning: {left}", err=True)
         if write is not None:
             write(result)
         if plot is not None:

@@ -16,8 +16,9 @@ from ..door import Program
 from ..errors import RunFailed
 from .factorise import dense, is_large, sparse
 from .loops import LoopSolver
-from .radau import Problem, Radau, StepFailed
+from .radau import C, Problem, Radau, StepFailed
 from .segments import Segment, follower
+from .validity import Watch
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
@@ -77,12 +78,13 @@ def integrate(
     instants: Any,
     tolerances: Tolerances,
     powers: Powers | None,
+    watch: Watch,
 ) -> Trajectory:
-    """Integrate over the stretches. Raises `RunFailed` with time and variable.
+    """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
     `powers` are integrated along the solution, outside the error control: asking for them changes no step.
     """
-    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers)
+    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch)
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
         if number:
@@ -104,7 +106,10 @@ class _Stepper:
         instants: Any,
         tolerances: Tolerances,
         powers: Powers | None,
+        watch: Watch,
     ) -> None:
+        self.watch = watch
+        self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.tolerances, self.powers = instants, tolerances, powers
         self.loops = LoopSolver(program, constants, inputs, tolerances.magnitude)
@@ -120,6 +125,7 @@ class _Stepper:
             self.position += 1
         if not len(self.program.states.names):
             return self._without_states(stretch, x)
+        self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
         solver = self._solver(stretch, x)
         magnitude = self.tolerances.magnitude
         relative = self.tolerances.scaled
@@ -128,7 +134,9 @@ class _Stepper:
         while not solver.finished:
             self._step(solver, steps)
             steps += 1
+            before = self.position
             self._sample(solver, stretch)
+            self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
                 self._add_work(*solver.last_step, lambda times: solver.sample(times) * magnitude, stretch)
             peak = np.maximum(peak, np.abs(solver.state))
@@ -140,6 +148,10 @@ class _Stepper:
 
     def _without_states(self, stretch: Segment, x: Any) -> Any:
         """Nothing to integrate: loops at each instant by themselves, each from the solution before it."""
+        inner = self.instants[(self.instants > stretch.start) & (self.instants < stretch.stop)]
+        self.watch.look(
+            np.array([stretch.start, *inner, stretch.stop]), stretch.mode, partial(self._loops_at, x, stretch)
+        )
         before = stretch.start
         while before < stretch.stop:
             inside = self.position < len(self.instants) and self.instants[self.position] < stretch.stop
@@ -188,7 +200,9 @@ class _Stepper:
         relative = self.tolerances.relative * self.tolerances.share
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
-        problem = Problem(derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows)
+        problem = Problem(
+            derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
+        )
         return Radau(problem, stretch.start, x / magnitude, stretch.stop)
 
     def _step(self, solver: Radau, steps: int) -> None:
@@ -215,6 +229,18 @@ class _Stepper:
             states = solver.sample(self.instants[first:last]) * self.tolerances.magnitude
             self.result.states[first:last] = self.loops.solve_all(self.instants[first:last], states, stretch.mode)
             self.position = last
+
+    def _look(self, solver: Radau, stretch: Segment, reported: Any) -> None:
+        """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
+        if self.program.limits:
+            start, stop = solver.last_step
+            times = np.unique(np.concatenate([[start], start + C[:-1] * (stop - start), [stop], reported]))
+
+            def state_at(times: Any) -> Any:
+                states = solver.sample(times) * self.tolerances.magnitude
+                return self.loops.solve_all(times, states, stretch.mode)
+
+            self.watch.look(times, stretch.mode, state_at)
 
     def _add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
         """The work of a step; it is halved where the two quadratures differ by more than the tolerance allows."""

@@ -78,6 +78,7 @@ class Problem:
     relative: float
     absolute: Any  # per state; infinite for what has no part in the error control
     follows: Callable[[float, float], bool]  # whether a step from here to there would see what time alone moves
+    longest: float = np.inf  # no step is longer
 
 
 @dataclass(slots=True)
@@ -126,7 +127,7 @@ class Radau:
         """One accepted step. Raises `StepFailed`."""
         problem, time, state = self.problem, self.time, self.state
         least = 10 * np.abs(np.nextafter(time, np.inf) - time)
-        size, reason = min(self._size, self.stop - time), "error"
+        size, reason = min(self._size, self.stop - time, problem.longest), "error"
         norms: list[float] = []  # of the rejected tries
         if time + 1.01 * size >= self.stop:
             size = self.stop - time

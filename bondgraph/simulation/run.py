@@ -29,6 +29,7 @@ from .integrate import Tolerances, Trajectory, integrate
 from .nominal import nominal_magnitudes
 from .segments import mode_after, segments
 from .start import consistent_start
+from .validity import Watch
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -74,7 +75,7 @@ def simulate(
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     return Result(
         model.name, plan.experiment, instants, columns, values, plan.report, _solver(program), run.trajectory.steps,
-        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance,
+        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance, run.watch.warnings,
     )  # fmt: skip
 
 
@@ -138,6 +139,7 @@ class _Run:
         self.magnitude = self._magnitudes()
         self.atol = self._tolerances(atol)
         self.trajectory = Trajectory(np.empty((0, 0)))
+        self.watch = Watch(program, self.constants, self.inputs, rtol)
 
     def _start(self, program: Program, compilation: Compilation) -> tuple[Any, tuple[str, ...]]:
         """The state at the start, unknowns of loops included, and what the author's starts moved."""
@@ -194,7 +196,15 @@ class _Run:
         powers = self._powers if self.energy else None
         tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed)
         self.trajectory = integrate(
-            program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances, powers
+            program,
+            self.constants,
+            self.inputs,
+            self.state,
+            self.stretches,
+            self.instants,
+            tolerances,
+            powers,
+            self.watch,
         )
         values = self._outputs()
         return values, self._balance() if self.energy else None
@@ -207,6 +217,8 @@ class _Run:
                 values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
         last = self.stretches[-1]
         mode = mode_after(self.program, self.constants, last.stop, last)
+        final = self.trajectory.states[-1:]
+        self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
         return values
 

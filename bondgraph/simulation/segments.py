@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..door import Program
+from ..errors import RunFailed
 
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
+PER_PERIOD = 8  # such places for each period of a noise, if there are more
+MAXIMUM_GRID = 2_000_000
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
 # Where a step looks, places between, and the weights that a cubic through the former has at the latter.
 SEEN = np.array([0.0, 0.155, 0.645, 1.0])
@@ -74,10 +77,23 @@ def _distinct(edges: list[float]) -> list[float]:
     return kept
 
 
+def _places(program: Program, constants: Any, length: float) -> int:
+    """At how many places a stretch is searched."""
+    period = float(min(np.abs(program.periods(constants)), default=np.inf))
+    places = max(GRID, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
+    if places > MAXIMUM_GRID:
+        raise RunFailed(
+            f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s; "
+            "give the noise a longer period, or a smooth law instead of the condition"
+        )
+    return places
+
+
 def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     """Zeros of the functions of time that are not linear in it: signs on a grid, then bisection.
 
-    Two zeros closer than 1/256 of a smooth stretch can be missed; the error control of the solver still sees the bend.
+    Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed; the error control of the
+    solver still sees the bend.
     """
     middle = 0.5 * (edges[0] + edges[-1])
     if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
@@ -86,8 +102,9 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
 
     found: list[float] = []
     for a, b in pairwise(edges):
-        times = a + (b - a) * (np.arange(GRID) + 0.5) / GRID
-        values = np.array([program.crossings(t, constants, _mode(program, constants, t)) for t in times])
+        places = _places(program, constants, b - a)
+        times = a + (b - a) * (np.arange(places) + 0.5) / places
+        values = program.crossings(times, constants, program.switches(times, constants))
         for column in range(values.shape[1]):
             signs = np.sign(values[:, column])
             for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):

@@ -74,6 +74,9 @@ def _graph(compilation: Compilation) -> Iterator[str]:
         yield f"  {named.role} {named.name} [{named.unit}]{value}  # {_place(named.span)}"
     for named in graph.outputs.values():
         yield f"  reported {named.name} [{named.unit}]  # {_place(named.span)}"
+    for required in graph.requirements:
+        owner = f" of {required.name}" if required.name else ""
+        yield f"  required{owner}: {required.words}  # {_place(required.span)} {required.text}".rstrip()
 
 
 def _causality(compilation: Compilation) -> Iterator[str]:

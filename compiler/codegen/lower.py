@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
@@ -30,20 +29,15 @@ from ..algebra.expression import (
     substitute,
 )
 from ..algebra.formula import Formula
+from ..algebra.table import domain, is_table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..reduction import LinearLoop, StateSpace
 from ..source import Span
-from .errors import JumpsWithoutEnd
+from .errors import JumpsWithoutEnd, NoiseOutOfStep
+from .limits import Leaf, Limit, ranges, requirement
 
 PARAMETER, TIME, INPUT, STATE, MODE = 1, 2, 4, 8, 16  # what a node depends on, as bits
-
-
-class Leaf(NamedTuple):
-    """A symbol of a program: role and position in its array (time has none)."""
-
-    role: str  # parameter, input, state, time or mode
-    position: int
 
 
 BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
@@ -77,12 +71,21 @@ class Lowered:
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
+    periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
+    limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     differentiated: int = 0  # formulas whose partial derivatives were formed
 
     def dependence(self, x: Expression) -> int:
         """What an expression depends on, as bits."""
         return _dependence(x, self._bits)
+
+    def parameter_values(self, leaf: Leaf) -> float:
+        """The value that a parameter has if nobody changes it. Raises `ValueError` for what is no parameter."""
+        value = self.space.variables[self.parameters[leaf.position]].value if leaf.role == "parameter" else None
+        if value is None:
+            raise ValueError(leaf.role)
+        return value
 
     _bits: dict[Expression, int] = field(default_factory=dict)
 
@@ -123,6 +126,7 @@ def lower(space: StateSpace) -> Lowered:
     nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
     result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
+    result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
     return result
 
 
@@ -153,6 +157,9 @@ def moving(space: StateSpace) -> list[int]:
 
 def _used(space: StateSpace) -> set[int]:
     used: set[int] = set(space.outputs.values())
+    for limit in space.limits:
+        used.add(limit.condition)
+        used.update(entry for _, entry, _ in limit.values if isinstance(entry, int))
     for step in space.steps:
         if isinstance(step, LinearLoop):
             used.update(e for row in (*step.matrix, step.right) for e in row if not isinstance(e, float))
@@ -175,9 +182,9 @@ def _entry(result: Lowered, entry: int | float) -> Expression:
 
 
 @lru_cache(maxsize=65536)
-def partials(formula: Formula) -> tuple[Expression, ...]:
-    """The partial derivatives of a formula with respect to its slots: formed once, whatever the number of its uses."""
-    return tuple(derivative(formula.expression, Symbol(i)) for i in range(formula.arity))
+def partial(formula: Formula, slot: int) -> Expression:
+    """The partial derivative of a formula with respect to one of its slots: formed once, whatever the number of its uses."""
+    return derivative(formula.expression, Symbol(slot))
 
 
 def _lower_assignment(
@@ -195,6 +202,7 @@ def _lower_assignment(
 
     value = switching.replaced(substitute(step.formula.expression, put), step.span)
     result.values[step.target] = value
+    result.limits += ranges(step, put, result.space.variables, result.parameter_values)
     if isinstance(value, Apply):
         result.labels.setdefault(value, Label(result.space.variables[step.target].name, step.span, step.owner))
     moving = [(slot, a) for slot, a in enumerate(step.arguments) if isinstance(a, int) and slopes.get(a)]
@@ -203,7 +211,7 @@ def _lower_assignment(
     formulas.add(step.formula)
     terms: dict[int, list[Expression]] = {}
     for slot, argument in moving:
-        slope = substitute(partials(step.formula)[slot], put)
+        slope = substitute(partial(step.formula, slot), put)
         if slope == ZERO:
             continue
         slope = switching.replaced(slope, step.span)
@@ -311,6 +319,11 @@ class _Switching:
         if alone and x.operator in ("floor", "ceil"):
             raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
         operands = tuple(self.replaced(o, span) for o in x.operands)
+        if alone and is_table(x):
+            for knot in domain(x):  # where the curve or one of its derivatives bends
+                self._instant(self.replaced(x.operands[1] - knot, span))
+        if x.operator == "noise":
+            self._period(x.operands[1], alone, span)
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
             self._instant(self.replaced(g, span))
@@ -330,6 +343,20 @@ class _Switching:
         """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
         leaf: Leaf = symbol.key
         return self.result.switches[leaf.position] if leaf.role == "mode" else symbol
+
+    def _period(self, place: Expression, alone: bool, span: Span) -> None:
+        """No step may pass over more than one whole number of the places that random numbers belong to.
+
+        Where a place also moves with states, only its own pace in time is known before the run.
+        """
+        slope = derivative(place, Symbol(Leaf("time", 0)))
+        if self.result.dependence(slope) & ~PARAMETER:
+            if alone:
+                raise CompilationFailed([NoiseOutOfStep(span)])
+            return
+        period = divide(ONE, call("abs", slope))
+        if slope != ZERO and period not in self.result.periods:
+            self.result.periods.append(period)
 
     def _instant(self, g: Expression) -> None:
         """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""

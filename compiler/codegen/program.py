@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..source import Span
+
 Array = Any  # a numpy array; this module loads no numpy
 
 
@@ -15,6 +17,19 @@ class Names:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LimitNote:
+    """How a limit of the model is told: the range of a `table` ends the run, what is `require`d is a warning."""
+
+    kind: str  # "table" or "require"
+    owner: str  # the element or quantity with the table; the instance that requires, "" for the model itself
+    words: str  # the kind of table; the condition as written
+    text: str  # the author's
+    span: Span
+    stands: Span | None  # where the instance is declared
+    values: tuple[tuple[str, str], ...]  # names and SI units of what it is about
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +73,10 @@ class Program:
     crossings: Callable[
         [Array, Array, Array], Array
     ]  # time, constants, mode -> functions of time whose zeros are such instants
-    switches: Callable[[float, Array], Array]  # time, constants -> mode
+    switches: Callable[[Array, Array], Array]  # time, constants -> mode
+    periods: Callable[[Array], Array]  # constants -> times that no step may be longer than
+    limits: tuple[LimitNote, ...]
+    holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit
+    limit_values: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> the values of all limits in a row
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed

@@ -8,12 +8,23 @@ from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, substitute, symbols
 from ..algebra.formula import Bound, Formula, bind
 from ..errors import Diagnostic
-from ..graph.network import TIME, BondGraph, End, Integral, Junction, Kind, Quantity, Reading, Reference
+from ..graph.network import TIME, BondGraph, End, Integral, Junction, Kind, Quantity, Reading, Reference, Requirement
 from ..graph.prune import adjustable
 from ..source import Span
 from .errors import Undetermined
 from .naming import bond_names, port_name, unit_of
-from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
+from .system import (
+    Argument,
+    Assignment,
+    Claim,
+    Derivative,
+    EquationSystem,
+    PowerPort,
+    State,
+    Storage,
+    Validity,
+    Variable,
+)
 
 
 class EquationBuilder:
@@ -51,11 +62,20 @@ class EquationBuilder:
             name: self._output(named.name, named.definition, named.unit, named.span)
             for name, named in self.graph.outputs.items()
         }
+        limits = [self._limit(requirement) for requirement in self.graph.requirements]
         return EquationSystem(
             self.graph.name, tuple(self.variables), tuple(self._resolved()), tuple(self.derivatives), tuple(self.states),
             {n: self.root(v) for n, v in outputs.items()}, {n: self.root(v) for n, v in self.quantities.items()},
             tuple(self.ports), tuple(self.storages), self.stored, tuple(self.claims),
+            tuple(replace(t, condition=self.root(t.condition), values=tuple((n, self._through(v), u) for n, v, u in t.values)) for t in limits),
         )  # fmt: skip
+
+    def _limit(self, required: Requirement) -> Validity:
+        """A condition as a variable that is 1 where it holds."""
+        condition = self.variable(f"{required.words} of {required.name}".removesuffix(" of "), "computed", "1")
+        self.apply(condition, required.condition, required.span, required.name)
+        values = tuple((words, self.reference(reference), unit) for words, reference, unit in required.readings)
+        return Validity(required.name, required.words, required.text, condition, values, required.span, required.stands)
 
     # ------------------------------------------------------------ what rooms write with
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int:

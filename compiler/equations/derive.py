@@ -16,6 +16,7 @@ from ..algebra.expression import (
     substitute,
 )
 from ..algebra.formula import Bound, bind
+from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed
 from ..graph.network import (
@@ -162,7 +163,12 @@ class _Nodes:
         words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
         asked = " and ".join(dict.fromkeys(words[w.variable] for w in wanted))
         effort = wanted[0].variable in "ep"
-        hint = f"Say `require = {'flow' if effort else 'effort'}` to see what stands against the other direction, or put a storage beside it."
+        sides = [side for equation in node.law.equations for side in equation]
+        word = "flow" if effort else "effort"
+        hint = (
+            obstacle(sides)
+            or f"Say `require = {word}` to see what stands against the other direction, or put a storage beside it."
+        )
         self.to.diagnostics.append(NotInvertible(node.span, node.name, asked, hint))
 
     # ------------------------------------------------------------ storage

@@ -109,6 +109,19 @@ class Storage:
     laws: tuple[Expression, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Validity:
+    """What an instance requires: a variable that is 1 where it holds, and the values that it is told with."""
+
+    owner: str  # the instance, "" for the model itself
+    words: str  # the condition as written
+    text: str
+    condition: int
+    values: tuple[tuple[str, Argument, str], ...]  # name, variable or number, SI unit
+    span: Span
+    stands: Span | None
+
+
 @dataclass(frozen=True, eq=False)
 class EquationSystem:
     """All equations of a model, causal but not yet ordered."""
@@ -124,3 +137,4 @@ class EquationSystem:
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]  # node -> variable of its stored energy, for mechanisms
     claims: tuple[Claim, ...]
+    limits: tuple[Validity, ...] = ()

@@ -113,10 +113,10 @@ class Differentiator:
         for slot, argument in enumerate(assignment.arguments):
             if isinstance(argument, float) or (assignment.implicit and argument == variable):
                 continue
-            slope = derivative(assignment.formula.expression, Symbol(slot))
             by_time = by_time or self.variables[argument].role == "time"
             inner = self._derivative(argument, item)  # also where the slope vanishes: what jumps with time has none
-            if inner != ZERO and slope != ZERO:
+            slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
+            if slope != ZERO:
                 terms.append(multiply(_put(slope, assignment), inner))
         if by_time:
             self.forced.append((variable, item))

@@ -46,6 +46,8 @@ class _Reduction:
         wanted = list(system.outputs.values())
         if self.everything or not wanted:
             wanted += [s.variable for s in system.states]
+        for limit in system.limits:  # validity is part of every run, whatever it reports
+            wanted += [limit.condition, *(v for _, v, _ in limit.values if isinstance(v, int))]
         if self.everything:
             wanted += [v for p in system.ports for v in (p.effort, p.flow)] + list(system.stored.values())
             wanted += [v for s in system.storages for v in s.stored]
@@ -69,7 +71,7 @@ class _Reduction:
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
             system.stored if self.everything else {}, tuple(dict.fromkeys(d.owner for d in system.derivatives if d.target in used)),
-            claims, tuple(forced), self._index(used, steps),
+            claims, tuple(forced), self._index(used, steps), system.limits,
         )  # fmt: skip
 
     def _claims(

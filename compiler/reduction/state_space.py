@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..equations.system import Assignment, Claim, PowerPort, State, Storage, Variable
+from ..equations.system import Assignment, Claim, PowerPort, State, Storage, Validity, Variable
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number
@@ -65,3 +65,4 @@ class StateSpace:
     claims: tuple[Claim, ...]
     forced: tuple[Forced, ...]
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
+    limits: tuple[Validity, ...] = ()

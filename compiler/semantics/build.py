@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..algebra.formula import Bound
@@ -30,6 +30,7 @@ from .experiments import choose_experiment, experiment_overrides, experiments_of
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
+from .requirements import read_requirements
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
 
 
@@ -126,6 +127,7 @@ def _build(
         elaborator.guard(elaborator.quantity, pending)
     nodes = _Nodes(elaborator)
     nodes.build()
+    requirements = read_requirements(elaborator)
     plan, outputs = read_plan(elaborator, experiment, root, scene)
     _check_overrides(elaborator, scene)
     graph = BondGraph(
@@ -136,6 +138,8 @@ def _build(
         outputs,
         elaborator.integrals(),
         definition.model.name_span,
+        requirements,
+        elaborator.stands,
     )
     if not part and not elaborator.structure_broken:
         elaborator.diagnostics += _unconnected(graph)
@@ -179,7 +183,9 @@ class _Nodes:
         self.nodes: list[Node] = []
         self.bonds: list[Bond] = []
         self.ends: dict[tuple[str, str], End] = {}
-        self._laws: dict[int, CompiledLaw] = {}  # by declaration: compiled once per definition
+        self._laws: dict[
+            int, list[CompiledLaw]
+        ] = {}  # by declaration: compiled once per definition and lengths of its lists
         self._interned: dict[Law, Law] = {}  # equal laws of flat text are one law
 
     def build(self) -> None:
@@ -239,9 +245,10 @@ class _Nodes:
         )  # fmt: skip
 
     def _law(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> CompiledLaw:
-        found = self._laws.get(id(declaration))
+        elaborator = self.elaborator
+        known = self._laws.setdefault(id(declaration), [])
+        found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
         if found is None:
-            elaborator = self.elaborator
             try:
                 compiled = compile_law(
                     declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
@@ -250,8 +257,9 @@ class _Nodes:
                 if elaborator.table_of(scope.definition).diagnostics:
                     raise AlreadyTold from None  # with a wrong domain its letters mean nothing
                 raise
-            found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots, compiled.stored)
-            self._laws[id(declaration)] = found
+            found = replace(compiled, law=self._interned.setdefault(compiled.law, compiled.law))
+            known.append(found)
+        elaborator.check(found.checks, found.slots, scope)
         return found
 
     def _attributes(

@@ -29,7 +29,8 @@ from .errors import (
     WrongType,
 )
 from .mechanisms import declare_mechanism
-from .resolve import Resolver, indexed
+from .quantities import QuantityResolver
+from .resolve import indexed
 from .scope import (
     RESERVED,
     AlreadyTold,
@@ -54,13 +55,15 @@ MAXIMUM_ROUNDS = 100_000  # rounds of one loop
 MAXIMUM_HIERARCHY = 60  # models within models
 
 
-class Elaborator(Resolver):
+class Elaborator(QuantityResolver):
     """Opens one model; `part` also allows open ports."""
 
     def __init__(self, overrides: Iterable[Override], part: bool) -> None:
         super().__init__(overrides, part)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
+        self.stands: dict[str, Span] = {}  # instance -> where it is declared
+        self.requirements: list[tuple[Scope, tree.Requirement]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
@@ -100,6 +103,8 @@ class Elaborator(Resolver):
     ) -> Scope:
         """Open one instance. `bindings` are its attributes, read in the scope where it stands."""
         scope = Scope(definition, path, stands=stands)
+        if stands is not None:
+            self.stands[path.removesuffix(".")] = stands
         if not chain:
             self.root = scope  # loops and indices may already read what is set from outside
             self._enter_swept(scope)
@@ -148,6 +153,8 @@ class Elaborator(Resolver):
                     later.append(statement)
                 case tree.Bonds():
                     self.bonds.append((scope, statement))
+                case tree.Requirement():
+                    self.requirements.append((scope, statement))
                 case tree.Event():
                     self.tell(
                         Unsupported(

@@ -14,7 +14,8 @@ from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of
 from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
 from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
-from .typed import ExpressionCompiler, OwnVariable, Resolve, Slot
+from .template import Check, OwnVariable, Resolve, Slot
+from .typed import ExpressionCompiler
 
 # The variables that a law may relate, kind by kind.
 LAW_VARIABLES: Mapping[str, str] = {
@@ -36,6 +37,8 @@ class CompiledLaw:
     law: Law
     slots: tuple[Slot, ...]
     stored: tuple[str, ...]
+    checks: tuple[Check, ...]  # points of tables that are known in each instance
+    lists: tuple[tuple[tree.Path, int], ...]  # lists that it reads, with their lengths
 
 
 def plain_kind(kind: str) -> str:
@@ -126,7 +129,8 @@ def compile_law(
     if kind == "RS":
         equations.append(_heat(len(ports)))
     law = Law(tuple(equations), energy, len(slots))
-    return CompiledLaw(law, slots, _stored(kind, name, law, list(ports), definition.span))
+    stored = _stored(kind, name, law, list(ports), definition.span)
+    return CompiledLaw(law, slots, stored, tuple(compiler.checks), tuple(compiler.lists.values()))
 
 
 def _heat(ports: int) -> tuple[Expression, Expression]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
@@ -15,6 +16,7 @@ from ..source import Source, Span
 from ..syntax import tree
 
 if TYPE_CHECKING:
+    from .columns import Sheet
     from .domain_table import DomainTable
 
 STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
@@ -34,6 +36,7 @@ RESERVED = frozenset(
         "multibody",
         "for",
         "when",
+        "require",
         "experiment",
         "function",
         "if",
@@ -196,6 +199,9 @@ class FileScope:
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
     functions: dict[str, tree.Function]
     missing: set[str] = field(default_factory=set)  # models whose import failed, which has been told
+    root: Path | None = None  # the project folder
+    library: Path | None = None
+    sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
 
 
 @dataclass(slots=True, eq=False)

@@ -8,8 +8,8 @@ from ..source import Source, Span
 from ..syntax import parse_expression
 from ..syntax.tree import Literal
 from .errors import UnknownUnit
+from .scales import scale_of
 from .scope import Wrong
-from .typed import scale_of
 
 
 def read_unit(source: Source) -> Scale:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from ..algebra.expression import CONDITIONS, MINUS_ONE, Apply, Expression, Number, Symbol, negate
 from ..algebra.expression import ONE as NUMBER_ONE
+from ..algebra.table import is_table, lists
 from ..errors import CompilationFailed, InternalError
 from ..graph.units import ONE, Dimension
 from ..source import Source
@@ -101,6 +102,10 @@ class Printer:
         if operator in SHARING:
             known = next((d for d in map(self.rigid, _parts(x)) if d is not None), None)
             return known if known is not None or number is None else self.usual(_parts(x)[0])
+        if is_table(x):
+            values = lists(x)[1]
+            known = next((d for d in map(self.rigid, values) if d is not None), None)
+            return known if known is not None or number is None else self.usual(values[0])
         return ONE
 
     def _common(self, parts: Sequence[Expression]) -> Dimension:
@@ -172,6 +177,10 @@ class Printer:
             return f"sqrt({self._write(operands[0], wanted**2)[0]})", ATOM
         if operator in ("abs", "min", "max"):
             return f"{operator}({', '.join(self._write(o, wanted)[0] for o in operands)})", ATOM
+        if is_table(x):
+            return self._table(x, wanted), ATOM
+        if operator == "noise":  # its place is a count of periods already
+            return f"noise({self._write(operands[1], ONE)[0]}, 1, {self._write(operands[2], ONE)[0]})", ATOM
         if operator in ("sign", "atan2"):
             common = self._common(operands)
             text = f"{operator}({', '.join(self._write(o, common)[0] for o in operands)})"
@@ -180,6 +189,19 @@ class Printer:
         else:
             raise InternalError(f"the operator `{operator}` has no name in the language")
         return text, ATOM
+
+    def _table(self, x: Apply, wanted: Dimension) -> str:
+        """A curve through points; its slopes follow from them."""
+        at, places, values = x.operands[1], *lists(x)[:2]
+        unit = self._common((at, *places))
+        listed = (", ".join(self._write(o, u)[0] for o in part) for part, u in ((places, unit), (values, wanted)))
+        return f"{x.operator}({self._write(at, unit)[0]}, {', '.join(f'({part})' for part in listed)})"
+
+    def condition(self, x: Expression) -> str:
+        """A condition, that is 1 where it holds and 0 elsewhere."""
+        if isinstance(x, Number):
+            return "true" if x.value else "false"
+        return self._condition(x.operands[0])[0] if isinstance(x, Apply) else f"{self._write(x, ONE)[0]} > 0.5"
 
     def _sum(self, terms: Sequence[Expression], wanted: Dimension) -> str:
         if _is_negative(terms[0]) and isinstance(terms[-1], Number) and not _is_negative(terms[-1]):

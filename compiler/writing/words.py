@@ -27,12 +27,20 @@ class Words:
 
     def bound(self, bound: Bound, wanted: Dimension) -> str:
         """A bound formula as text, in the SI unit of a dimension."""
+        return self.printer.text(self._named(bound), wanted)
+
+    def condition(self, bound: Bound) -> str:
+        """A bound condition as text."""
+        return self.printer.condition(self._named(bound))
+
+    def _named(self, bound: Bound) -> Expression:
+        """A bound formula over words."""
 
         def put(symbol: Symbol) -> Expression:
             argument = bound.arguments[symbol.key]
             return Number(argument) if isinstance(argument, float) else Symbol(self.reference(argument))
 
-        return self.printer.text(substitute(bound.formula.expression, put), wanted)
+        return substitute(bound.formula.expression, put)
 
     def dimension(self, named: Named) -> Dimension:
         """The dimension of a quantity."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
-from ..graph.network import BondGraph, End, Junction, MechanismNode, Named, Node
+from ..graph.network import BondGraph, End, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
 from .errors import UnwrittenDomain
@@ -58,15 +58,19 @@ class _Writer:
         quantities = [line for q in inner for line in self._told(q, self._quantity(q))]
         quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
         outputs = [line for n, o in graph.outputs.items() for line in self._told(o, self._output(n, o))]
+        limits = [line for r in graph.requirements for line in self._told(r, self._requirement(r))]
         self._check_domains()
         if self.mistakes:
             raise CompilationFailed(self.mistakes)
-        blocks = [quantities, parts, list(bond_lines(self._bonds())), outputs]
+        blocks = [quantities, parts, list(bond_lines(self._bonds())), limits, outputs]
         body = "\n\n".join("\n".join(f"  {line}" for line in lines) for lines in blocks if lines)
         head = f"# {graph.name}, flat: its instances are opened, its numbers are in SI.\n"
         return f"{head}{'plain ' if self.plain else ''}model {graph.name} {{\n{body}\n}}\n"
 
-    def _told(self, item: Node | Named, lines: Iterator[str]) -> list[str]:
+    def _requirement(self, required: Requirement) -> Iterator[str]:
+        yield f"require {self.words.condition(required.condition)}{description_text(required.text)}"
+
+    def _told(self, item: Node | Named | Requirement, lines: Iterator[str]) -> list[str]:
         """The lines of one thing, or none and a mistake."""
         try:
             return list(lines)
