@@ -133,3 +133,35 @@ def test_plate_goes_further_with_a_charge_than_with_a_voltage() -> None:
     assert run("plates", to=0.02, points=2).final("share") == pytest.approx(0.6, rel=1e-7)
     assert found.energy is not None
     assert abs(found.energy.residual) < 1e-7 * found.energy.supplied
+
+
+def test_bridge_rectifier() -> None:
+    """Kirchhoff at both ends of the winding (a, b; `minus` is zero), each diode a depletion charge behind a resistance:
+
+    (b - a + v)/R = i_1 - i_3 = i_4 - i_2, i_k = (u across k - u_k)/R_s, q_k' = i_k - I_s (exp(u_k/U_T) - 1),
+    u_k = U_j (1 - (1 - q_k/(2 C_j U_j))^2) up to q_f, where the capacitance is sqrt(2) C_j, and straight on from there.
+    """
+    c, load, r, r_s, c_j, u_j, i_s = 470e-6, 200.0, 2.0, 0.1, 100e-9, 0.75, 1e-14
+    u_t = 1.380649e-23 * 300.15 / 1.602176634e-19
+    q_f, c_f = 2 * c_j * u_j * (1 - np.sqrt(0.5)), c_j * np.sqrt(2)
+    matrix = np.array([[1 / r + 2 / r_s, -1 / r], [-1 / r, 1 / r + 2 / r_s]])  # of (a, b)
+
+    def winding(t: float, y: np.ndarray) -> tuple[float, ...]:  # type: ignore[type-arg]
+        """(current of the winding, its ends a and b, the diodes' voltages)."""
+        q, plus, v = y[:4], y[4] / c, 17 * np.sin(2 * np.pi * 50 * t)
+        u = u_j * (1 - (1 - np.minimum(q, q_f) / (2 * c_j * u_j)) ** 2) + np.maximum(q - q_f, 0) / c_f
+        a, b = np.linalg.solve(matrix, [v / r + (plus + u[0] - u[2]) / r_s, -v / r + (plus + u[1] - u[3]) / r_s])
+        return ((b - a + v) / r, a, b, *u)
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        _, a, b, *u = winding(t, y)
+        plus = y[4] / c
+        i = (np.array([a - plus, b - plus, -a, -b]) - u) / r_s
+        return np.append(i - i_s * np.expm1(np.array(u) / u_t), i[0] + i[1] - plus / load)
+
+    found = run("rectifier", points=201, rtol=1e-8, to=0.03)
+    exact = integrated(rates, np.zeros(5), found.time, (), "LSODA")
+    near(found["u_out"], exact[:, 4] / c, margin=1000)
+    # The pulses are narrow against a step, and between steps the solver's polynomial is of third order.
+    near(found["i"], [winding(t, y)[0] for t, y in zip(found.time, exact, strict=True)], margin=10_000)
+    assert found["u_out"].max() < 17 - 2 * 0.5  # two diodes in the way
