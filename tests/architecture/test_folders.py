@@ -67,7 +67,17 @@ def test_test_folders_are_named_after_rooms() -> None:
         | {p.name for p in (ROOT / "bondgraph").iterdir()}
         | {p.stem for p in (ROOT / "bondgraph").iterdir()}
     )
-    others = {"golden", "errors", "physics", "architecture", "benchmarks", "acceptance", "metamorphic"}
+    others = {
+        "golden",
+        "errors",
+        "physics",
+        "architecture",
+        "benchmarks",
+        "acceptance",
+        "metamorphic",
+        "gallery",
+        "published",
+    }
     found = {
         p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and p.name != "__pycache__" and any(p.rglob("*.py"))
     }
