@@ -55,17 +55,16 @@ class _Nodes:
 
     def equations(self) -> EquationSystem:
         for number, node in enumerate(self.graph.nodes):
-            match node:
-                case Junction():
-                    self._junction(number, node)
-                case MechanismNode():
-                    self._mechanism(number, node)
-                case Element(kind=(Kind.TRANSFORMER | Kind.GYRATOR)):
-                    self._transducer(number, node)
-                case Element():
-                    pass
-        for number, node in enumerate(self.graph.nodes):
-            if isinstance(node, Element) and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR):
+            if isinstance(node, Junction):
+                self._junction(number, node)
+            elif isinstance(node, MechanismNode):
+                self._mechanism(number, node)
+        elements = [(n, e) for n, e in enumerate(self.graph.nodes) if isinstance(e, Element)]
+        for number, node in elements:  # after the mechanisms, whose poses may modulate them
+            if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
+                self._transducer(number, node)
+        for number, node in elements:  # after all that a displacement may be known from
+            if node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR):
                 self._element(number, node)
         system = self.to.system()
         if self.to.diagnostics:
