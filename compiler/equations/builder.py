@@ -8,7 +8,7 @@ from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, substitute, symbols
 from ..algebra.formula import Bound, Formula, bind
 from ..errors import Diagnostic
-from ..graph.network import TIME, BondGraph, End, Integral, Junction, Kind, Quantity, Reading, Reference, Requirement
+from ..graph.network import TIME, BondGraph, End, Integral, Junction, Quantity, Reading, Reference, Requirement
 from ..graph.prune import adjustable
 from ..source import Span
 from .errors import Undetermined
@@ -180,11 +180,13 @@ class EquationBuilder:
         found = self.readings.get(reading)
         if found is not None:
             return found
-        number = self._node_numbers[reading.node]
+        number = self._node_numbers.get(reading.node, -1)
+        if number < 0:  # a transducer of many ports: each is a junction, and its first bond is the one outside
+            number = self._node_numbers[f"{reading.node}.{reading.port}"]
         node = self.graph.nodes[number]
         if isinstance(node, Junction):
             bond = self.graph.incident[number][0]
-            variable = self.flows[bond] if node.kind is Kind.ONE else self.efforts[bond]
+            variable = (self.efforts if reading.variable == "e" else self.flows)[bond]
         else:
             port = next(i for i, p in enumerate(node.ports) if p.name == reading.port)
             bond = self.bond_of[End(number, port)]

@@ -32,6 +32,7 @@ from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
 from .requirements import read_requirements
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+from .transducers import TRANSDUCERS, expand_transducers, has_many_ports
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +208,7 @@ class _Nodes:
         self._mechanisms(connector)
         self.bonds = connector.bonds(self.ends)
         self._share_ports()
+        expand_transducers(self.nodes, self.bonds)
 
     def _element(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> None:
         if declaration.kind == "splitter":
@@ -432,7 +434,7 @@ def _unconnected(graph: BondGraph) -> list[Diagnostic]:
             spans = bonds.get(End(number, port_number), [])
             name = (
                 f"{node.name}.{port.name}"
-                if port.name and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR)
+                if port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
                 else node.name
             )
             if len(spans) > 1:
@@ -442,10 +444,6 @@ def _unconnected(graph: BondGraph) -> list[Diagnostic]:
                 )
             elif not spans:
                 side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
-                what = (
-                    f"No bond goes {side} of `{name}`"
-                    if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
-                    else f"No bond reaches `{name}`"
-                )
+                what = f"No bond goes {side} of `{name}`" if side else f"No bond reaches `{name}`"
                 result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
     return result

@@ -12,7 +12,7 @@ from .scope import ElementEntry, Entry, InstanceEntry, PartEntry, Scalar, Wrong,
 def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
     """`spring.x`: a variable of an element, or what its port of that name stores."""
     kind = entry.kind.removeprefix("M") if len(entry.kind) > 1 else entry.kind
-    if kind in ("TF", "GY"):
+    if "1" in entry.ports:
         letter, side = name[:-1], name[-1:]
         domain = entry.ports.get(side)
         variable = domain.variable(letter) if domain else None
