@@ -140,7 +140,7 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
     """All choices, what matters most first: wishes, storages, nonlinear laws, linear resistors, what is left."""
     graph = strokes.graph
     elements = [(n, node) for n, node in enumerate(graph.nodes) if isinstance(node, Element)]
-    for number, node in elements:
+    for number, node in sorted(elements, key=lambda item: _against(item[1])):
         if node.prefer is not None:
             wanted = [wants_effort(node, port, node.prefer) for port in range(len(node.ports))]
             yield from _of_ports(strokes, number, wanted, Because.WISHED)
@@ -155,6 +155,14 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
     yield from (s for n, node in resistors if is_linear(node) for s in _as_written(strokes, n, node))
     for number, bond in enumerate(graph.bonds):
         yield Stroke(number, bond.tail.node, True, Reason(Because.FREE, bond.tail.node))
+
+
+def _against(node: Element) -> int:
+    """Wishes for an integral form weigh more than those for a derivative form, so that these cost as few as possible."""
+    if node.prefer is None or node.kind not in STORAGES:
+        return 1
+    integral = [wants_effort(node, port, node.prefer) is (stored == "q") for port, stored in enumerate(node.stored)]
+    return 0 if all(integral) else 2
 
 
 def _hardness(graph: BondGraph, node: Element) -> int:

@@ -55,7 +55,7 @@ def resistor_wishes(graph: BondGraph) -> list[Wish]:
             if abs(x - middle) > SAME:
                 small = (x < middle) is not sides[number].turned
                 wishes.append(Wish(number, small, abs(x - middle)))
-    return sorted(wishes, key=lambda w: (-w.distance, w.node))
+    return sorted(wishes, key=lambda w: (-round(w.distance, 6), w.node))
 
 
 def resistance_of(graph: BondGraph, node: Element) -> float | None:
