@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Symbol, depends_on, evaluate
-from ..graph.network import BondGraph, Element, Own, Quantity
+from ..graph.network import BondGraph, Element, Law, Own, Quantity
 
 
 def is_linear(node: Element) -> bool:
     """Whether a one-port's law is linear, so that it holds in both directions."""
-    if len(node.ports) != 1 or not node.law.equations:
+    return len(node.ports) == 1 and _is_linear(node.law)
+
+
+@lru_cache(maxsize=4096)
+def _is_linear(law: Law) -> bool:
+    if len(law.equations) != 1:
         return False
-    ((left, right),) = node.law.equations
+    ((left, right),) = law.equations
     rest, involved = left - right, 0
     for variable in "efqp":
         symbol = Symbol(Own(0, variable))
@@ -23,6 +29,16 @@ def is_linear(node: Element) -> bool:
                 return False
             involved, rest = involved + 1, parts[1]
     return involved == 2
+
+
+@lru_cache(maxsize=4096)
+def slopes(law: Law, first: Own, second: Own) -> tuple[Expression, Expression] | None:
+    """The factors of two variables in the one equation of a law, left minus right; None if it is not linear in them."""
+    if len(law.equations) != 1:
+        return None
+    ((left, right),) = law.equations
+    one, other = (affine_parts(left - right, Symbol(own)) for own in (first, second))
+    return None if one is None or other is None else (one[0], other[0])
 
 
 def written_effort(node: Element, port: int) -> bool:

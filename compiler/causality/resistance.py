@@ -10,10 +10,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from ..algebra.affine import affine_parts
-from ..algebra.expression import Symbol
 from ..graph.network import BondGraph, Element, End, Junction, Kind, Own
-from .laws import value_before
+from .laws import slopes, value_before
 
 SAME = 1e-9  # logarithms that differ by less are equal
 
@@ -39,14 +37,17 @@ class _Side(NamedTuple):
 
 def resistor_wishes(graph: BondGraph) -> list[Wish]:
     """What the linear one-port resistors whose values are known should decide, the most extreme first."""
-    sides = _sides(graph)
-    groups: dict[int, list[tuple[int, float]]] = {}
+    known = []
     for number, node in enumerate(graph.nodes):
-        if isinstance(node, Element) and node.kind is Kind.RESISTOR and len(node.ports) == 1 and not node.prefer:
+        if isinstance(node, Element) and node.kind is Kind.RESISTOR and len(node.ports) == 1 and node.prefer is None:
             resistance = resistance_of(graph, node)
             if resistance is not None:
-                logarithm = math.log(abs(resistance)) if resistance else -math.inf
-                groups.setdefault(sides[number].group, []).append((number, sides[number].seen(logarithm)))
+                known.append((number, math.log(abs(resistance)) if resistance else -math.inf))
+    if len(known) < 2:
+        return []
+    sides, groups = _sides(graph), dict[int, list[tuple[int, float]]]()
+    for number, logarithm in known:
+        groups.setdefault(sides[number].group, []).append((number, sides[number].seen(logarithm)))
     wishes = []
     for members in groups.values():
         finite = [x for _, x in members if math.isfinite(x)]
@@ -60,37 +61,31 @@ def resistor_wishes(graph: BondGraph) -> list[Wish]:
 
 def resistance_of(graph: BondGraph, node: Element) -> float | None:
     """The slope of e over f of a linear law, if it is known before the run."""
-    slopes = _slopes(graph, node, Own(0, "e"), Own(0, "f"))
-    if slopes is None or not slopes[0]:
+    found = _slopes(graph, node, Own(0, "e"), Own(0, "f"))
+    if found is None or not found[0]:
         return None
-    resistance = -slopes[1] / slopes[0]
+    resistance = -found[1] / found[0]
     return resistance if math.isfinite(resistance) else None
 
 
 def _slopes(graph: BondGraph, node: Element, first: Own, second: Own) -> tuple[float, float] | None:
-    """The factors of two of its variables in the one equation of a law that is linear in them; None if not known."""
-    if len(node.law.equations) != 1:
+    """The values of the factors of two variables in an element's law; None if they are not known before the run."""
+    found = slopes(node.law, first, second)
+    if found is None:
         return None
-    ((left, right),) = node.law.equations
-    found = []
-    for own in (first, second):
-        parts = affine_parts(left - right, Symbol(own))
-        value = None if parts is None else value_before(graph, parts[0], node.arguments)
-        if value is None:
-            return None
-        found.append(value)
-    return found[0], found[1]
+    one, other = (value_before(graph, slope, node.arguments) for slope in found)
+    return None if one is None or other is None else (one, other)
 
 
 def _ratio(graph: BondGraph, node: Element) -> float | None:
     """n of e1 = n e2, f2 = n f1, or k of e1 = k f2, e2 = k f1; None if it is not known before the run."""
     first, second = ("e", "e") if node.kind is Kind.TRANSFORMER else ("e", "f")
-    slopes = _slopes(graph, node, Own(0, first), Own(1, second))
-    if slopes is not None and all(slopes):
-        return -slopes[1] / slopes[0]
+    found = _slopes(graph, node, Own(0, first), Own(1, second))
+    if found is not None and all(found):
+        return -found[1] / found[0]
     first, second = ("f", "f") if node.kind is Kind.TRANSFORMER else ("f", "e")
-    slopes = _slopes(graph, node, Own(0, first), Own(1, second))
-    return None if slopes is None or not all(slopes) else -slopes[0] / slopes[1]
+    found = _slopes(graph, node, Own(0, first), Own(1, second))
+    return None if found is None or not all(found) else -found[0] / found[1]
 
 
 def _sides(graph: BondGraph) -> list[_Side]:
