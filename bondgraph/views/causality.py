@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import PurePath
@@ -113,7 +114,7 @@ class Explanation:
 def explain(compilation: Compilation) -> Explanation:
     """The explanation of a scene. Raises `CompilationFailed` if there are no strokes."""
     causal = compilation.causal
-    system, found = None, ()
+    system, found = None, tuple["Diagnostic", ...]()
     try:
         system = compilation.equations
         _ = compilation.state_space
@@ -208,10 +209,11 @@ def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[s
         )
     if because is Because.INTEGRAL:
         both = parting if forcing.kind.value == stored else "R"
+        way = "write `prefer = derivative` on" if forcing.prefer is None else "change the `prefer` of"
         return (
             f"it follows from {other}, which is in integral form: together they have one state",
-            f"nothing, if they belong together: both are computed. To make `{name}` the state, write `prefer = derivative` on "
-            f"`{forcing.name}`; to let them move apart, put a small {both} between them.",
+            f"nothing, if they belong together: both are computed. To make `{name}` the state, {way} `{forcing.name}`; "
+            f"to let them move apart, put a small {both} between them.",
         )
     if because is Because.FREE_END:
         return f"{other} has only this bond", f"hang something on `{forcing.name}`, or remove it."
@@ -228,14 +230,28 @@ def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
     assigned = {a.target: a for a in system.assignments}
     for target, assignment in assigned.items():
         inputs[target] = [a for a in assignment.arguments if not isinstance(a, float)]
-    junctions = {n.name: n for n in causal.graph.nodes if n.kind.value in "01"}
     for block in blocks(range(len(inputs)), inputs):
         if len(block) == 1 and block[0] not in inputs[block[0]]:
             continue
         cycle = _shortest_cycle(sorted(block), inputs)
         rows = tuple((system.variables[v].name, assigned[v].owner, _place(assigned[v].span)) for v in cycle)
         members = tuple(dict.fromkeys(owner for _, owner, _ in rows))
-        yield LoopRow(members, rows, len(block), _loop_advice([junctions[m] for m in members if m in junctions]))
+        yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, members)))
+
+
+def _junctions(causal: CausalGraph, members: Sequence[str]) -> list[Any]:
+    """The junctions of a loop; what its bonds merely share has no equation, so also those that join two of its elements."""
+    graph = causal.graph
+    found = [n for n in graph.nodes if n.kind.value in ("0", "1") and n.name in members]
+    if found:
+        return found
+    joins = Counter[int]()
+    for bond in graph.bonds:
+        for end, other in ((bond.tail, bond.head), (bond.head, bond.tail)):
+            joins[end.node] += graph.nodes[other.node].name in members
+    return [
+        graph.nodes[n] for n, count in sorted(joins.items()) if count > 1 and graph.nodes[n].kind.value in ("0", "1")
+    ]
 
 
 def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> list[int]:
@@ -294,6 +310,6 @@ def _count(number: int, what: str) -> str:
 def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     if not rows:
         return
-    widths = [min(60, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
+    widths = [min(72, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
     for row in rows:
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

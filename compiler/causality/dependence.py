@@ -62,7 +62,7 @@ def _stands(causal: CausalGraph, node: int, bond: int) -> Because | None:
     """Why the stroke on a bond cannot be turned at the node; None if the node does not mind."""
     here = causal.graph.nodes[node]
     reason = causal.reasons[bond]
-    if reason.node == node and reason.because in DEMANDS | {Because.WISHED}:
+    if reason.node == node and reason.because in DEMANDS:
         return reason.because
     if isinstance(here, Junction):
         return Because.FREE_END if len(causal.graph.incident[node]) == 1 else None
@@ -71,10 +71,9 @@ def _stands(causal: CausalGraph, node: int, bond: int) -> Because | None:
     if isinstance(here, Element):
         if here.require is not None:
             return Because.REQUIRED
-        if here.prefer is not None:
-            return Because.WISHED
-        integral = here.kind in STORAGES and End(node, _port(causal, bond, node)) not in causal.derivative
-        return Because.INTEGRAL if integral else None
+        if here.kind in STORAGES and End(node, _port(causal, bond, node)) not in causal.derivative:
+            return Because.INTEGRAL
+        return None if here.prefer is None else Because.WISHED
     return Because.MECHANISM
 
 

@@ -25,7 +25,7 @@ class Because(Enum):
     WISHED = "the element prefers it"
     INTEGRAL = "storage in integral form"
     PREFERRED = "the direction in which the law is written"
-    CONDITIONED = "of the linear resistors around, the extreme ones choose first"
+    CONDITIONED = "by its size among the linear resistors around it"
     FOLLOWS = "it follows from other strokes"
     REFUSED = "the other way would leave no strokes for the rest"
     FREE = "free choice"
