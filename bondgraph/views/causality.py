@@ -230,28 +230,26 @@ def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
     assigned = {a.target: a for a in system.assignments}
     for target, assignment in assigned.items():
         inputs[target] = [a for a in assignment.arguments if not isinstance(a, float)]
+    numbers = {node.name: number for number, node in enumerate(causal.graph.nodes)}
     for block in blocks(range(len(inputs)), inputs):
         if len(block) == 1 and block[0] not in inputs[block[0]]:
             continue
         cycle = _shortest_cycle(sorted(block), inputs)
         rows = tuple((system.variables[v].name, assigned[v].owner, _place(assigned[v].span)) for v in cycle)
         members = tuple(dict.fromkeys(owner for _, owner, _ in rows))
-        yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, members)))
+        yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, numbers, members)))
 
 
-def _junctions(causal: CausalGraph, members: Sequence[str]) -> list[Any]:
+def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequence[str]) -> list[Any]:
     """The junctions of a loop; what its bonds merely share has no equation, so also those that join two of its elements."""
     graph = causal.graph
-    found = [n for n in graph.nodes if n.kind.value in ("0", "1") and n.name in members]
-    if found:
-        return found
-    joins = Counter[int]()
-    for bond in graph.bonds:
-        for end, other in ((bond.tail, bond.head), (bond.head, bond.tail)):
-            joins[end.node] += graph.nodes[other.node].name in members
-    return [
-        graph.nodes[n] for n, count in sorted(joins.items()) if count > 1 and graph.nodes[n].kind.value in ("0", "1")
-    ]
+    inside = [numbers[m] for m in members if m in numbers]
+    found = [n for n in inside if graph.nodes[n].kind.value in ("0", "1")]
+    if not found:
+        ends = [e.node for n in inside for b in graph.incident[n] for e in (graph.bonds[b].tail, graph.bonds[b].head)]
+        joins = Counter(n for n in ends if graph.nodes[n].kind.value in ("0", "1"))
+        found = sorted(n for n, count in joins.items() if count > 1)
+    return [graph.nodes[n] for n in found]
 
 
 def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> list[int]:

@@ -115,7 +115,13 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
         chains.append(Chain(demand.node, demand.reason.because, ()))
     names = _list([nodes[c.node].name for c in chains])
     both = "both" if len(chains) == 2 else "all"
-    what, hint = _words(strokes, place, names, both, several)
+    if place is None:
+        what = f"{names} {both} decide the {'effort' if demand.effort else 'flow'} of the bond between them"
+        hint = "Put a junction with a resistor or a storage between them, or let one of them decide the other variable."
+    else:
+        what, hint = _words(strokes, place, names, both, several)
+    if any(c.because is Because.MECHANISM for c in chains):
+        hint = "A mechanism takes efforts and gives flows: push it with an Se, or put a spring or damper on a 0-junction between."
     for chain in chains:
         if chain.because is Because.REQUIRED:
             hint += f" Or leave out the `require` of `{nodes[chain.node].name}`."
@@ -124,11 +130,8 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
     return StrokeConflict(nodes[demand.node].span, what, hint, related)
 
 
-def _words(strokes: Strokes, place: int | None, names: str, both: str, several: bool) -> tuple[str, str]:
+def _words(strokes: Strokes, place: int, names: str, both: str, several: bool) -> tuple[str, str]:
     """What is wrong where the chains meet, and what to do about it."""
-    if place is None:
-        hint = "Put a junction with a resistor or a storage between them, or let one of them decide the other variable."
-        return f"{names} {both} decide the same variable of the bond between them", hint
     node = strokes.graph.nodes[place]
     name = f"`{node.name}`"
     if isinstance(node, Element):
