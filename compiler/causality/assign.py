@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from ..errors import CompilationFailed
 from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode
-from .conflict import conflict_of, no_strokes
+from .conflict import bond_to_itself, conflict_of, no_strokes
 from .errors import StrokeConflict
 from .laws import has_start, is_linear, wants_effort, written_effort
 from .matching import Matching
@@ -92,7 +92,7 @@ def _try(strokes: Strokes, stroke: Stroke) -> bool:
 
 
 def _opposite(choice: Stroke) -> Stroke:
-    return Stroke(choice.bond, choice.node, not choice.effort, Reason(Because.REFUSED, choice.node))
+    return Stroke(choice.bond, choice.end, not choice.effort, Reason(Because.REFUSED, choice.node))
 
 
 # ---------------------------------------------------------------- demands
@@ -100,6 +100,10 @@ def _opposite(choice: Stroke) -> Stroke:
 
 def _demand(strokes: Strokes) -> Iterator[StrokeConflict]:
     """What must hold whatever else is chosen; yields what contradicts."""
+    to_itself = [n for n, bond in enumerate(strokes.graph.bonds) if bond.tail == bond.head]
+    if to_itself:
+        yield from (bond_to_itself(strokes, bond) for bond in to_itself)
+        return
     for stroke in _demands(strokes):
         mark = len(strokes.trail)
         try:
@@ -117,7 +121,7 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
             case Junction():
                 if len(graph.incident[number]) == 1:
                     reason = Reason(Because.FREE_END, number)
-                    yield Stroke(graph.incident[number][0], number, node.kind is Kind.ONE, reason)
+                    yield Stroke(graph.incident[number][0], End(number, 0), node.kind is Kind.ONE, reason)
             case MechanismNode():
                 yield from _of_ports(strokes, number, [False] * len(node.ports), Because.MECHANISM)
             case Element(kind=Kind.EFFORT_SOURCE | Kind.FLOW_SOURCE):
@@ -130,7 +134,8 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
 
 def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because) -> Iterator[Stroke]:
     for port, effort in enumerate(efforts):
-        yield Stroke(strokes.bond_of[End(node, port)], node, effort, Reason(because, node))
+        end = End(node, port)
+        yield Stroke(strokes.bond_of[end], end, effort, Reason(because, node))
 
 
 # ---------------------------------------------------------------- choices
@@ -154,7 +159,7 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
         yield from _of_ports(strokes, wish.node, [wish.effort], Because.CONDITIONED)
     yield from (s for n, node in resistors if is_linear(node) for s in _as_written(strokes, n, node))
     for number, bond in enumerate(graph.bonds):
-        yield Stroke(number, bond.tail.node, True, Reason(Because.FREE, bond.tail.node))
+        yield Stroke(number, bond.tail, True, Reason(Because.FREE, bond.tail.node))
 
 
 def _against(node: Element) -> int:

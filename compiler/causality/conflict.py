@@ -66,6 +66,14 @@ def no_strokes(strokes: Strokes, met: Iterable[int]) -> StrokeConflict:
     return StrokeConflict(graph.nodes[junctions[0]].span, what, hint, _related(strokes, chains, None, None))
 
 
+def bond_to_itself(strokes: Strokes, bond: int) -> StrokeConflict:
+    """The message for a bond from a junction to the same junction."""
+    ends = strokes.graph.bonds[bond]
+    name = f"`{strokes.graph.nodes[ends.tail.node].name}`"
+    what = f"A bond leads from {name} to {name}: nothing decides what it carries"
+    return StrokeConflict(ends.span, what, "Remove it, or put an element between its ends.", ())
+
+
 def _decides(strokes: Strokes, bond: int, node: int, demanded: dict[int, bool]) -> bool:
     """Whether a bond decides what the bonds of a node share: at a 0 the effort, else the flow."""
     effort = demanded[bond] if bond in demanded else strokes.decides_effort(bond, node)

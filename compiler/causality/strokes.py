@@ -45,12 +45,16 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """A stroke to be put: whether the node decides the effort of the bond, and why."""
+    """A stroke to be put: whether the node at that end decides the effort of the bond, and why."""
 
     bond: int
-    node: int
+    end: End
     effort: bool
     reason: Reason
+
+    @property
+    def node(self) -> int:
+        return self.end.node
 
 
 class Contradiction(Exception):
@@ -89,7 +93,7 @@ class Strokes:
         while work:
             stroke = work.pop()
             bond, ends = stroke.bond, self.graph.bonds[stroke.bond]
-            here = self.side(bond, stroke.node)
+            here = TAIL if ends.tail == stroke.end else HEAD
             decider = here if stroke.effort else 1 - here
             if self.effort_from[bond] is not None:
                 if self.effort_from[bond] != decider:
@@ -117,28 +121,29 @@ class Strokes:
         node = self.graph.nodes[end.node]
         reason = Reason(Because.FOLLOWS, end.node, stroke.bond)
         if isinstance(node, Junction):
-            return self._at_junction(end.node, node, stroke, decides_effort, reason)
+            return self._at_junction(end, node, stroke, decides_effort, reason)
         if isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
-            other = self.bond_of[End(end.node, 1 - end.port)]
+            other = End(end.node, 1 - end.port)
             effort = decides_effort is (node.kind is Kind.GYRATOR)
-            return (Stroke(other, end.node, effort, reason),)
+            return (Stroke(self.bond_of[other], other, effort, reason),)
         return ()
 
     def _at_junction(
-        self, number: int, node: Junction, stroke: Stroke, decides_effort: bool, reason: Reason
+        self, end: End, node: Junction, stroke: Stroke, decides_effort: bool, reason: Reason
     ) -> Iterable[Stroke]:
         # At a 0 one bond brings the effort in; at a 1 one bond brings the flow in, so the junction decides its effort.
-        bond, others = stroke.bond, self.graph.incident[number]
+        bond, number = stroke.bond, end.node
+        others = self.graph.incident[number]
         default = node.kind is Kind.ZERO  # whether the junction decides the effort of its ordinary bonds
         if decides_effort is not default:
             if self.decided[number] is not None:
                 raise Contradiction(stroke, number)
             self.decided[number] = bond
-            return [Stroke(b, number, default, reason) for b in others if b != bond and self.effort_from[b] is None]
+            return [Stroke(b, end, default, reason) for b in others if b != bond and self.effort_from[b] is None]
         if self.decided[number] is None:
             if self.open[number] == 0:
                 raise Contradiction(stroke, number)
             if self.open[number] == 1:
                 last = next(b for b in others if self.effort_from[b] is None)
-                return [Stroke(last, number, not default, reason)]
+                return [Stroke(last, end, not default, reason)]
         return ()
