@@ -256,31 +256,28 @@ def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> li
     """The variables of a shortest cycle, each computed from the one before it (and the first from the last)."""
     inside, best = set(block), list[int]()
     for start in block[:LONGEST_SEARCH]:
-        needs: Mapping[int, int | None] = _tree(start, inside, inputs)
-        closing = [v for v in needs if start in inputs[v]]
-        for vertex in closing[:1]:  # the tree grows by distance: the first is the nearest
-            path, here = [], vertex
-            while here != start:
-                path.append(here)
-                following = needs[here]
-                assert following is not None
-                here = following
-            path.append(start)
-            if not best or len(path) < len(best):
-                best = path
+        best = _cycle_through(start, inside, inputs, len(best) or len(block) + 1) or best
     return best
 
 
-def _tree(start: int, inside: set[int], inputs: Sequence[Sequence[int]]) -> dict[int, int | None]:
-    """Breadth first from a variable to what it is computed from: variable -> the one that reads it."""
-    readers: dict[int, int | None] = {start: None}
+def _cycle_through(start: int, inside: set[int], inputs: Sequence[Sequence[int]], below: int) -> list[int]:
+    """A shortest cycle through a variable; empty if it has not fewer than so many."""
+    readers: dict[int, tuple[int, int]] = {start: (start, 1)}  # variable -> the one that reads it, how far it is
     queue = [start]
     for here in queue:
+        length = readers[here][1]
+        if length >= below:
+            return []
+        if start in inputs[here]:
+            path = [here]
+            while path[-1] != start:
+                path.append(readers[path[-1]][0])
+            return path
         for other in inputs[here]:
             if other in inside and other not in readers:
-                readers[other] = here
+                readers[other] = here, length + 1
                 queue.append(other)
-    return readers
+    return []
 
 
 def _loop_advice(junctions: Sequence[Any]) -> str:

@@ -44,7 +44,7 @@ def conflict_of(strokes: Strokes, demand: Stroke, contradiction: Contradiction) 
     chains = []
     for bond in deciding if several else bonds:
         found = [Chain(demand.node, demand.reason.because, (bond,))] if bond in decides else _chains(strokes, bond)
-        chains += [c for c in found if all(c.node != other.node for other in chains)]
+        chains += [c for c in found if all(c != other for other in chains)]
     return _message(strokes, demand, place, chains, several)
 
 
@@ -121,13 +121,14 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
     chains = sorted(chains, key=lambda c: c.node)
     if all(c.node != demand.node for c in chains):
         chains.append(Chain(demand.node, demand.reason.because, ()))
-    names = _list([nodes[c.node].name for c in chains])
-    both = "both" if len(chains) == 2 else "all"
+    ends = list(dict.fromkeys(c.node for c in chains))
+    names = _list([nodes[n].name for n in ends])
+    decide = {1: f"{names} decides", 2: f"{names} both decide"}.get(len(ends), f"{names} all decide")
     if place is None:
-        what = f"{names} {both} decide the {'effort' if demand.effort else 'flow'} of the bond between them"
+        what = f"{names} both decide the {'effort' if demand.effort else 'flow'} of the bond between them"
         hint = "Put a junction with a resistor or a storage between them, or let one of them decide the other variable."
     else:
-        what, hint = _words(strokes, place, names, both, several)
+        what, hint = _words(strokes, place, decide, names, several)
     if any(c.because is Because.MECHANISM for c in chains):
         hint = "A mechanism takes efforts and gives flows: push it with an Se, or put a spring or damper on a 0-junction between."
     for chain in chains:
@@ -138,25 +139,27 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
     return StrokeConflict(nodes[demand.node].span, what, hint, related)
 
 
-def _words(strokes: Strokes, place: int, names: str, both: str, several: bool) -> tuple[str, str]:
+def _words(strokes: Strokes, place: int, decide: str, names: str, several: bool) -> tuple[str, str]:
     """What is wrong where the chains meet, and what to do about it."""
     node = strokes.graph.nodes[place]
-    name = f"`{node.name}`"
+    name, alone = f"`{node.name}`", decide.endswith(" decides")
     if isinstance(node, Element):
         kind = "transformer" if node.kind is Kind.TRANSFORMER else "gyrator"
-        hint = (
-            f"Put a resistor or a storage between {name} and one of them, or make one of them the other kind of source."
-        )
-        return f"{names} {both} decide what the {kind} {name} makes of one side for the other", hint
-    number, shared = ("0", "effort") if node.kind is Kind.ZERO else ("1", "flow")
-    other = "flow" if shared == "effort" else "effort"
+        hint = f"Put a resistor or a storage beside {name}, or make one of the sources the other kind."
+        return f"{decide} what the {kind} {name} makes of one side for the other", hint
+    number, shared, other = ("0", "effort", "flow") if node.kind is Kind.ZERO else ("1", "flow", "effort")
     if several:
         beside = "in series (a 1-junction with an R or I)" if number == "0" else "between (a 0-junction with an R or C)"
-        hint = f"Put a resistor or a storage {beside}, or make one of them the other kind of source."
-        return f"The {number}-junction {name} takes its {shared} from one bond, but {names} {both} decide it", hint
+        last = "." if alone else ", or make one of them the other kind of source."
+        twice = " by two ways" if alone else ""
+        return (
+            f"The {number}-junction {name} takes its {shared} from one bond, but {decide} it{twice}",
+            f"Put a resistor or a storage {beside}{last}",
+        )
     storage = "C" if number == "0" else "I"
-    hint = f"Put an R or {storage} on {name}, or let one of them decide the {shared}."
-    return f"Nothing is left to decide the {shared} of the {number}-junction {name}: {names} decide {other}s only", hint
+    hint = f"Put an R or {storage} on {name}{'' if alone else f', or let one of them decide the {shared}'}."
+    only = f"{names} decide{'s' if alone else ''} {other}s only"
+    return f"Nothing is left to decide the {shared} of the {number}-junction {name}: {only}", hint
 
 
 def _related(
