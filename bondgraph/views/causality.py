@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..door import CausalGraph, Dependence, Diagnostic, EquationSystem, Span
 
 SCHEMA = "bondgraph-causality/1"
+FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
 LONGEST_SEARCH = 400  # variables of a loop from which its shortest cycle is looked for
 
 
@@ -200,7 +201,8 @@ def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[s
     if because is Because.SOURCE:
         return (
             f"{other} decides its {variable} at once",
-            f"put a small {parting} between `{forcing.name}` and `{name}`, as every real source has one.",
+            f"nothing, if it is meant so: the {FLOWS[stored]} is the derivative of what `{forcing.name}` gives. As every real source "
+            f"has one, put a small {parting} between them.",
         )
     if because is Because.MECHANISM:
         return (
@@ -229,15 +231,30 @@ def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
     inputs: list[list[int]] = [[] for _ in system.variables]
     assigned = {a.target: a for a in system.assignments}
     for target, assignment in assigned.items():
-        inputs[target] = [a for a in assignment.arguments if not isinstance(a, float)]
+        inputs[target] = [a for a in assignment.arguments if not isinstance(a, float) and a != target]
+        if target in assignment.arguments and not assignment.implicit:
+            inputs[target].append(target)
     numbers = {node.name: number for number, node in enumerate(causal.graph.nodes)}
     for block in blocks(range(len(inputs)), inputs):
+        first = assigned.get(block[0])
         if len(block) == 1 and block[0] not in inputs[block[0]]:
+            if first is not None and first.implicit:
+                name = system.variables[first.target].name
+                yield LoopRow(
+                    (first.owner,), ((name, first.owner, _place(first.span)),), 1, _implicit(first.owner, name)
+                )
             continue
         cycle = _shortest_cycle(sorted(block), inputs)
         rows = tuple((system.variables[v].name, assigned[v].owner, _place(assigned[v].span)) for v in cycle)
         members = tuple(dict.fromkeys(owner for _, owner, _ in rows))
         yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, numbers, members)))
+
+
+def _implicit(owner: str, variable: str) -> str:
+    return (
+        f"nothing, if it is meant so: the law of `{owner}` cannot be solved for `{variable}`, which is found by iteration. To avoid it, "
+        f"let `{owner}` decide the other variable (`prefer`), or write its law the other way."
+    )
 
 
 def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequence[str]) -> list[Any]:
@@ -281,7 +298,7 @@ def _cycle_through(start: int, inside: set[int], inputs: Sequence[Sequence[int]]
 
 
 def _loop_advice(junctions: Sequence[Any]) -> str:
-    solved = "A linear loop is solved at every evaluation and costs little."
+    solved = "nothing, if it belongs there: it is solved with the rest."
     if not junctions:
         return f"{solved} To break it, let one of its signals read what a storage or `integral` holds."
     ways = [

@@ -7,10 +7,11 @@ carried with the size of what it was summed from, so that what cancels is told f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate, value_of
+from ..equations.system import EquationSystem
 from ..errors import CompilationFailed
 from .errors import SingularLoop
 from .state_space import Entry, LinearLoop, StateSpace
@@ -30,11 +31,15 @@ class Sized(NamedTuple):
         return math.isfinite(self.size) and abs(self.value) <= ROUNDING * self.size
 
 
-def refuse_singular_loops(space: StateSpace, free: frozenset[str]) -> None:
-    """Raises `CompilationFailed` for loops without a unique solution. `free` parameters may take other values ("*": all may)."""
+def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: frozenset[str]) -> None:
+    """Raises `CompilationFailed` for loops of `space` (what `system` was reduced to) without a unique solution.
+
+    `free` parameters may take other values ("*": all may).
+    """
     if not any(isinstance(step, LinearLoop) for step in space.steps):
         return
     found = []
+    explicit = {a.target for a in system.assignments if not a.implicit}
     known: dict[int, Sized] = {}
     for number, variable in enumerate(space.variables):
         if variable.role == "parameter" and variable.value is not None and not {variable.name, "*"} & free:
@@ -46,7 +51,7 @@ def refuse_singular_loops(space: StateSpace, free: frozenset[str]) -> None:
             if value is not None:
                 known[step.target] = value
         elif len(step.targets) <= LARGEST:
-            matrix = _matrix(step, known)
+            matrix = _matrix(step, known, explicit)
             if matrix is not None and _is_singular(matrix):
                 found.append(SingularLoop(step.span, _members(space, step)))
     if found:
@@ -71,7 +76,7 @@ def _members(space: StateSpace, loop: LinearLoop) -> str:
     return f"{named} (at {', '.join(values[:4])})" if values else named
 
 
-def _matrix(loop: LinearLoop, known: Mapping[int, Sized]) -> list[list[Sized]] | None:
+def _matrix(loop: LinearLoop, known: Mapping[int, Sized], explicit: Set[int]) -> list[list[Sized]] | None:
     """The numbers of a loop; None if one is not known. On the diagonal stands 1 less a gain, perhaps folded to one number."""
     matrix: list[list[Sized]] = []
     for i, row in enumerate(loop.matrix):
@@ -80,7 +85,7 @@ def _matrix(loop: LinearLoop, known: Mapping[int, Sized]) -> list[list[Sized]] |
             found = _entry(entry, known)
             if found is None:
                 return None
-            size = 1 + abs(1 - found.value) if i == j else 0.0
+            size = 1 + abs(1 - found.value) if i == j and loop.targets[i] in explicit else 0.0
             matrix[i].append(Sized(found.value, max(size, found.size)))
     return matrix
 

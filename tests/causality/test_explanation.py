@@ -156,11 +156,17 @@ class TestLoops:
         (loop,) = explained(f"model A {{\n  Se s : u = 6 V\n{rows}  s -> {chain}\n  output i = x0.i\n}}\n").loops
         assert loop.variables > 12 and len(loop.cycle) <= 5
 
-    def test_a_nonlinear_loop_is_shown_although_it_is_refused(self) -> None:
+    def test_nonlinear_loops_are_loops_too(self) -> None:
         text = "plain model A {\n  Se s : e = 6\n  1 a\n  R r : e = f + f^3\n  R t : e = f + exp(f)\n  s -> a -> r, t\n  output o = r.f\n}\n"
-        found = explained(text)
-        assert [d.code for d in found.diagnostics] in (["BG401"], ["BG501"])
-        assert len(found.strokes) == 3
+        (loop,) = explained(text).loops
+        assert set(loop.members) == {"r", "t", "a"}
+
+    def test_a_law_that_cannot_be_turned(self) -> None:
+        """It gives its variable by iteration: a loop of its own."""
+        text = "plain model A {\n  Se s : e = 6\n  R r : e = f + exp(f)\n  s -> 1(r)\n  output o = r.f\n}\n"
+        (loop,) = explained(text).loops
+        assert loop.members == ("r",) and "`prefer`" in loop.advice
+        assert explained(text.replace("e = f + exp(f)", "f = e + exp(e)")).loops == ()
 
 
 # ---------------------------------------------------------------- text, JSON, command
@@ -201,9 +207,12 @@ def test_conflicts_are_told(tmp_path: Path) -> None:
 
 
 def test_strokes_are_shown_even_if_the_equations_fail(tmp_path: Path) -> None:
-    path = tmp_path / "forced.bg"
+    """A gain of exactly 1: the strokes are legal, the numbers are not."""
+    path = tmp_path / "singular.bg"
     path.write_text(
-        "model A {\n  Se s : u = 1 V*sin(time*1 [1/s])\n  0 k\n  C c : u = q/1 F\n  s -> k -> c\n  output i = c.i\n}\n"
+        "plain model A {\n  Se s : e = 1\n  1 k\n  R x : e = 2*f\n  R y : e = -2*f\n  s -> k -> x, y\n  output o = x.f\n}\n"
     )
     code, text, errors = run(str(path))
-    assert code == 1 and "k ->| c" in text and "`s`" in text and "BG503" in errors
+    assert code == 1 and "s ->| k" in text and "algebraic loop" in text and "BG502" in errors
+    code, text, _ = run("--json", str(path))
+    assert code == 1 and [d["code"] for d in json.loads(text)["diagnostics"]] == ["BG502"]

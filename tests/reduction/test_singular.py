@@ -17,7 +17,7 @@ INERTIAS = "plain model A {\n  parameter m = 3, n = 1\n  Se s : e = 1\n  1 a, b\
     [
         (RING, ["one", "two"], ["k = 0.5", "n = 2"], {"n": 3.0}),
         (RESISTORS, ["x", "y"], ["r = -2"], {"r": -3.0}),
-        (INERTIAS, ["x", "y"], ["m = 3"], {"n": 2.0}),
+        (INERTIAS, ["lever", "y"], ["m = 3"], {"n": 2.0}),
     ],
 )
 def test_what_cancels_is_told(text: str, elements: list[str], values: list[str], cure: dict[str, float]) -> None:
