@@ -48,10 +48,11 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Compilation", "CompilationFailed",
-    "Dependence", "Diagnostic", "EquationSystem", "InternalError", "LimitNote", "LinearLoop", "Literal", "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span",
-    "StateSpace", "Storage", "Unsupported", "blocks", "bond_lines", "braces", "check_source", "dependences", "evaluate", "format_text", "number_text",
-    "parse_expression", "parse_law", "read_unit", "render", "scale_of", "to_sympy", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Compilation",
+    "CompilationFailed", "Dependence", "Diagnostic", "EquationSystem", "InternalError", "LimitNote", "LinearLoop", "Literal",
+    "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported",
+    "blocks", "bond_lines", "braces", "check_source", "dependences", "evaluate", "format_text", "number_text", "parse_expression",
+    "parse_law", "read_unit", "render", "scale_of", "to_sympy", "write_text",
 ]  # fmt: skip
 
 
