@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compiler.algebra.expression import evaluate
     from compiler.algebra.sympy_form import to_sympy
+    from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.codegen.program import LimitNote, Program
     from compiler.driver import Compilation
     from compiler.driver import check as check_source
-    from compiler.equations.system import Assignment, Storage
+    from compiler.equations.system import Assignment, EquationSystem, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
     from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.units import SECOND
+    from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace
     from compiler.scene import Override, Plan, Reported, Scene
     from compiler.semantics.domain_table import ELEMENT_KINDS
@@ -41,14 +43,16 @@ _HOMES = {
     "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
-    "number_text": "writing.literals",
+    "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
+    "dependences": "causality", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic",
-    "InternalError", "LimitNote", "LinearLoop", "Literal", "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span",
-    "StateSpace", "Storage", "Unsupported", "bond_lines", "braces", "check_source", "evaluate", "format_text", "number_text",
-    "parse_expression", "parse_law", "read_unit", "render", "scale_of", "to_sympy", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Compilation",
+    "CompilationFailed", "Dependence", "Diagnostic", "EquationSystem", "InternalError", "LimitNote", "LinearLoop", "Literal",
+    "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported",
+    "blocks", "bond_lines", "braces", "check_source", "dependences", "evaluate", "format_text", "number_text", "parse_expression",
+    "parse_law", "read_unit", "render", "scale_of", "to_sympy", "write_text",
 ]  # fmt: skip
 
 

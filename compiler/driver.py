@@ -15,7 +15,7 @@ from .equations import EquationSystem, derive_equations
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
 from .graph.prune import known_zeros, prune
-from .reduction import StateSpace, reduce_equations
+from .reduction import StateSpace, reduce_equations, refuse_singular_loops
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
 from .source import Source, Span
@@ -78,7 +78,9 @@ class Compilation:
     @cached_property
     def state_space(self) -> StateSpace:
         with self._instances():
-            return reduce_equations(self.equations, self.everything, self.graph.span)
+            space = reduce_equations(self.equations, self.everything, self.graph.span)
+            refuse_singular_loops(space, self.equations, self.scene.free)
+            return space
 
     @cached_property
     def lowered(self) -> Lowered:

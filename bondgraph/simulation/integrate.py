@@ -276,7 +276,8 @@ def _not_finite(program: Program, time: float, slope: Any, state: Any) -> str:
     rates = " and ".join(f"`{b}`" for b in bad)
     return (
         f"at t = {time:.9g} s the rate of {rates} is not finite (with {values}); "
-        "look for a division by zero, or a root or logarithm of a negative number"
+        "look for a division by zero, a root or logarithm of a negative number, or a part of the model that nothing ties down "
+        "(a circuit without earth)"
     )
 
 

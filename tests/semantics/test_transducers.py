@@ -13,7 +13,9 @@ from tests.compiling import Running, compiled, mistake
 
 def lever(law: str, arrows: tuple[bool, bool, bool], kind: str = "TF") -> str:
     """Two masses and a spring on the ports a, b, c; an arrow goes into the transducer where it is True."""
-    a, b, c = (f"{x} -> t.{p}" if into else f"t.{p} -> {x}" for x, p, into in zip(("l", "r", "m"), "abc", arrows, strict=True))
+    a, b, c = (
+        f"{x} -> t.{p}" if into else f"t.{p} -> {x}" for x, p, into in zip(("l", "r", "m"), "abc", arrows, strict=True)
+    )
     return f"""model A {{
       parameter n = 0.25
       {kind} t(a: translation, b: translation, c: translation) : {law}
@@ -33,7 +35,9 @@ def lever(law: str, arrows: tuple[bool, bool, bool], kind: str = "TF") -> str:
 
 
 @pytest.mark.parametrize("arrows", list(itertools.product((True, False), repeat=3)))
-@pytest.mark.parametrize("law", ["c.v = n*a.v + 2*b.v", "c.F = n*a.F - 3*b.F", "a.F = n*c.F, b.F = 2*c.F", "a.v = n*c.v, b.v = 2*c.v"])
+@pytest.mark.parametrize(
+    "law", ["c.v = n*a.v + 2*b.v", "c.F = n*a.F - 3*b.F", "a.F = n*c.F, b.F = 2*c.F", "a.v = n*c.v, b.v = 2*c.v"]
+)
 def test_what_is_given_holds_and_power_is_kept(law: str, arrows: tuple[bool, bool, bool]) -> None:
     found = Running(compiled(lever(law, arrows), everything=True))
     rng = np.random.default_rng(1)
@@ -74,8 +78,14 @@ def test_a_gyrator_of_three_ports() -> None:
 def test_modulated_and_with_two_named_ports() -> None:
     """v = r(t) omega with named ports is what the sides 1 and 2 say: the same motion."""
     parts = "  1 wheel : rotation\n  1 cart : translation\n  I j : L = 1 [kg*m^2]*omega\n  I m : p = 2 kg*v\n  C k : F = 3 [N/m]*x { start x = 1 m }\n  cart -> m, k\n  wheel -> j\n"
-    sides = "model A {\n" + parts + "  MTF t : v2 = (1 + time/1 s)*1 m*omega1\n  wheel -> t -> cart\n  output v = m.v\n}\n"
-    named = "model A {\n" + parts + "  MTF t(a: rotation, b: translation) : b.v = (1 + time/1 s)*1 m*a.omega\n  wheel -> t.a\n  t.b -> cart\n  output v = m.v\n}\n"
+    sides = (
+        "model A {\n" + parts + "  MTF t : v2 = (1 + time/1 s)*1 m*omega1\n  wheel -> t -> cart\n  output v = m.v\n}\n"
+    )
+    named = (
+        "model A {\n"
+        + parts
+        + "  MTF t(a: rotation, b: translation) : b.v = (1 + time/1 s)*1 m*a.omega\n  wheel -> t.a\n  t.b -> cart\n  output v = m.v\n}\n"
+    )
     one, other = (bondgraph.load(t).simulate(to=2, points=5, rtol=1e-9) for t in (sides, named))
     assert np.abs(one["v"]).max() > 0.1 and other["v"] == pytest.approx(one["v"], abs=1e-12)
 

@@ -36,27 +36,24 @@ def _pack(values, shape, batch):
 
 
 def _solve(count, *entries):
-    """The solution of a linear system; the matrix by rows, then the right side."""
+    """The solution of a linear system; the matrix by rows, then the right side. Without one solution it is not a number."""
     entries = np.array(np.broadcast_arrays(*entries), dtype=float).T
     matrix = entries[..., : count * count].reshape(*entries.shape[:-1], count, count)
-    scale = np.abs(matrix).max(axis=-1, keepdims=True)
-    right = entries[..., count * count :, None]
+    rows = np.abs(matrix).max(axis=-1, keepdims=True)
+    matrix = matrix / rows
+    columns = np.abs(matrix).max(axis=-2, keepdims=True)
+    matrix = matrix / columns
+    # The second right side has the solution 1 … 1: how well that is found tells how nearly singular the matrix is.
+    rights = np.stack([entries[..., count * count :] / rows[..., 0], matrix.sum(axis=-1)], axis=-1)
     try:
-        return np.linalg.solve(matrix / scale, right / scale)[..., 0].T
+        solution = np.linalg.solve(matrix, rights)
     except np.linalg.LinAlgError:  # one of a batch at least has no solution: the others keep theirs
-        solution = np.full(right.shape, np.nan)
+        solution = np.full(rights.shape, np.nan)
         for index in np.ndindex(*matrix.shape[:-2]):
-            if np.linalg.matrix_rank(matrix[index] / scale[index]) == count:
-                solution[index] = np.linalg.solve(matrix[index] / scale[index], right[index] / scale[index])
-        return solution[..., 0].T
-'''
-
-TABLES = '''def _points(values):
-    """The points of a table as an array, the points first."""
-    if isinstance(values, np.ndarray):
-        return values
-    numbers = all(isinstance(v, float) for v in values)
-    return np.array(values if numbers else np.broadcast_arrays(*values), dtype=float)
+            if np.isfinite(matrix[index]).all() and np.linalg.matrix_rank(matrix[index]) == count:
+                solution[index] = np.linalg.solve(matrix[index], rights[index])
+    sound = np.abs(solution[..., 1] - 1).max(axis=-1, keepdims=True) < 1e-3
+    return np.where(sound, solution[..., 0] / columns[..., 0, :], np.nan).T
 
 
 def _segment(x, knots):
