@@ -138,7 +138,7 @@ class Model:
     def _with_inputs(self) -> StateSpace:
         """The equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
         try:
-            return self.compilation(Scene(self.model, None, free=frozenset({"*"})), everything=True).state_space
+            return self.compilation(Scene(self.model, None, free=frozenset(self.inputs)), everything=True).state_space
         except CompilationFailed as failed:
             if any(d.code != "BG503" for d in failed.diagnostics):
                 raise

@@ -54,6 +54,14 @@ def _solve(count, *entries):
                 solution[index] = np.linalg.solve(matrix[index], rights[index])
     sound = np.abs(solution[..., 1] - 1).max(axis=-1, keepdims=True) < 1e-3
     return np.where(sound, solution[..., 0] / columns[..., 0, :], np.nan).T
+'''
+
+TABLES = '''def _points(values):
+    """The points of a table as an array, the points first."""
+    if isinstance(values, np.ndarray):
+        return values
+    numbers = all(isinstance(v, float) for v in values)
+    return np.array(values if numbers else np.broadcast_arrays(*values), dtype=float)
 
 
 def _segment(x, knots):
