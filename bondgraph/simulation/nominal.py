@@ -22,6 +22,7 @@ from .segments import Segment
 
 STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
+SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
@@ -86,6 +87,8 @@ class _Coarse:
                 found = self._step(time + size, size, stretch.mode)
                 if found is None:
                     size *= 0.25
+                    if size < SMALLEST_STEP * whole:
+                        return self.largest
                     continue
                 time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
                 size = min(usual, 2 * size)
@@ -122,7 +125,7 @@ class _Coarse:
             if not np.isfinite(norm) or norm > 2 * before:
                 return None
             x = x + step * scale
-            if norm < 1e-2 * float(np.abs(x / scale)[self.differential].max(initial=0.0)):
+            if norm <= 1e-2 * float(np.abs(x / scale)[self.differential].max(initial=0.0)):
                 return x
             before = norm
         return None
