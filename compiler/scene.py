@@ -55,4 +55,5 @@ class Plan:
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
+    equilibrium: bool = False  # the run starts where all rates vanish
     unsupported: tuple[tuple[Span, str], ...] = ()  # steps that only later versions run

@@ -27,6 +27,7 @@ from ..results import Column, EnergyBalance, Result
 from .energy import energy_balance
 from .integrate import Tolerances, Trajectory, integrate
 from .nominal import nominal_magnitudes
+from .rest import equilibrium
 from .segments import mode_after, segments
 from .start import consistent_start
 from .validity import Watch
@@ -150,7 +151,10 @@ class _Run:
             bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
             raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
         first = self.stretches[0]
-        return consistent_start(program, compilation.state_space, constants, self.inputs, state, first)
+        full, moved = consistent_start(program, compilation.state_space, constants, self.inputs, state, first)
+        if self.plan.equilibrium:
+            full = equilibrium(program, constants, self.inputs, full, first)
+        return full, moved
 
     def _tolerances(self, atol: float | None) -> Any:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
