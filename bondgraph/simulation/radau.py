@@ -298,7 +298,7 @@ class Radau:
             self._renew(end, new)
         else:
             self._current = False
-        if not stale and 1.0 <= factor < 1.2:
+        if not stale and factor < 1.2:
             factor = 1.0  # the factorisation serves once more
         self._size = size * factor
 
