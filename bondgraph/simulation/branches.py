@@ -25,10 +25,13 @@ UNITS = 10.0 ** np.arange(-6, 4)
 MIXTURES = 48
 BETWEEN = np.arange(1, 20) / 20
 
+At = tuple[float, Any, Any]  # time, state, mode
+
 
 def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> list[Any]:
     """Solutions for the unknowns other than the one in `state`, each of shape (unknowns,); the smallest first."""
-    known, at = state[loops.count :], (time, state, mode)
+    known = state[loops.count :]
+    at = (time, state, mode)
     if not 0 < len(known) <= LARGEST:
         return []
     found = _collect(loops, at, [known], _guesses(known))
@@ -38,7 +41,7 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
     return sorted(found[1:], key=lambda z: float(np.abs(z).max()))
 
 
-def _collect(loops: LoopSolver, at: Any, found: list[Any], guesses: Any) -> list[Any]:
+def _collect(loops: LoopSolver, at: At, found: list[Any], guesses: Any) -> list[Any]:
     """The solutions that are found, and those to which guesses lead."""
     found = list(found)
     for end in _newton_from_all(loops, at, guesses):
@@ -69,7 +72,7 @@ def _guesses(known: Any) -> Any:
     return np.array([*together, *mixed, *alone])[: max(8, ENTRIES // count**2)]
 
 
-def _newton_from_all(loops: LoopSolver, at: Any, guesses: Any) -> Any:
+def _newton_from_all(loops: LoopSolver, at: At, guesses: Any) -> Any:
     """Where Newton's method, damped by halving, arrives; those that get nowhere are left out."""
     z, done = np.array(guesses, dtype=float), []
     value = loops.residual(*at, z)
@@ -86,7 +89,7 @@ def _newton_from_all(loops: LoopSolver, at: Any, guesses: Any) -> Any:
     return done
 
 
-def _steps(loops: LoopSolver, at: Any, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
+def _steps(loops: LoopSolver, at: At, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
     """Newton's steps, with the scales of the rows, for the guesses that have one."""
     matrix = loops.matrix(*at, z) * loops.magnitude
     scale = np.abs(matrix).max(axis=-1, initial=0.0)
@@ -99,7 +102,7 @@ def _steps(loops: LoopSolver, at: Any, z: Any, value: Any) -> tuple[Any, Any, An
     return z, value, scale, step
 
 
-def _damped(loops: LoopSolver, at: Any, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
+def _damped(loops: LoopSolver, at: At, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
     """The guesses a step on; each step is halved until the residual falls, or its guess is given up."""
     norm = np.linalg.norm(value / scale, axis=1)
     moved, found = np.full_like(z, np.nan), np.full_like(value, np.nan)
@@ -116,7 +119,7 @@ def _damped(loops: LoopSolver, at: Any, z: Any, value: Any, scale: Any, step: An
     return moved, found
 
 
-def _same(loops: LoopSolver, at: Any, a: Any, b: Any) -> bool:
+def _same(loops: LoopSolver, at: At, a: Any, b: Any) -> bool:
     """Whether two solutions are one but for rounding: between two regular ones the slope along their distance must change."""
     way = b - a
     if (np.abs(way) <= CLOSE * np.maximum(np.abs(a), np.abs(b)).max()).all():
@@ -127,7 +130,7 @@ def _same(loops: LoopSolver, at: Any, a: Any, b: Any) -> bool:
     return bool(np.ptp(along, axis=0).max() <= BENT)
 
 
-def _regular(loops: LoopSolver, at: Any, z: Any) -> bool:
+def _regular(loops: LoopSolver, at: At, z: Any) -> bool:
     """Whether a solution stands alone: in a flat law a whole range would do, which is no second solution."""
     matrix = loops.matrix(*at, z) * np.maximum(np.abs(z), 1e-300)
     scale = np.abs(matrix).max(axis=1)
