@@ -138,7 +138,7 @@ class _Run:
         self.state, self.moved = self._start(program, compilation)
         self.needed = self._needed()
         self.magnitude = self._magnitudes()
-        self.atol = self._tolerances(atol)
+        self.atol, self.held = self._tolerances(atol)
         self.trajectory = Trajectory(np.empty((0, 0)))
         self.watch = Watch(program, self.constants, self.inputs, rtol)
 
@@ -156,9 +156,10 @@ class _Run:
             full = equilibrium(program, constants, self.inputs, full, first)
         return full, moved
 
-    def _tolerances(self, atol: float | None) -> Any:
-        """Absolute tolerances per state: what is given, else rtol times the magnitude."""
+    def _tolerances(self, atol: float | None) -> tuple[Any, Any]:
+        """Absolute tolerances per state: what is given, else rtol times the magnitude; and whether it was given."""
         result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
+        held = np.full(len(self.state), atol is not None)
         outputs = self.compilation.state_space.outputs
         space = self.compilation.state_space
         numbers = {
@@ -171,8 +172,8 @@ class _Run:
                 raise UsageError(
                     f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
                 )
-            result[index] = value
-        return result
+            result[index], held[index] = value, True
+        return result, held
 
     def _magnitudes(self) -> Any:
         """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
@@ -198,7 +199,7 @@ class _Run:
         """Integrate and evaluate the outputs; shape (points, outputs)."""
         program = self.program
         powers = self._powers if self.energy else None
-        tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed)
+        tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed, self.held)
         self.trajectory = integrate(
             program,
             self.constants,

@@ -13,11 +13,14 @@ import numpy as np
 
 from ..door import Program, StateSpace
 from ..errors import RunFailed
+from .branches import other_solutions
 from .loops import LoopSolver
 from .segments import Segment
 
 ITERATIONS = 50
 CLOSE = 1e-9  # of the size of what is claimed
+DISTINCT = 1e-6  # relative difference of an unknown in two solutions
+SHOWN = 4  # solutions, and unknowns of each, that a message tells
 
 
 def consistent_start(
@@ -31,7 +34,9 @@ def consistent_start(
     loops = LoopSolver(program, constants, inputs, magnitude)
     time, mode, count = first.start, first.mode, len(program.states.names)
     if not space.claims:
-        return loops.solve(time, state, mode), ()
+        full = loops.solve(time, state, mode)
+        _check_unique(loops, space, full, (time, mode))
+        return full, ()
 
     def missed(x: Any) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
@@ -52,8 +57,32 @@ def consistent_start(
             break
     value, full = missed(x)
     _check(program, space, constants, value, full, (time, inputs, mode))
+    _check_unique(loops, space, full, (time, mode))
     moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
     return full, tuple(moved)
+
+
+def _check_unique(loops: LoopSolver, space: StateSpace, full: Any, at: Any) -> None:
+    """Raises `RunFailed` if the loops have another solution: nothing in the model says which of them holds."""
+    others = other_solutions(loops, at[0], full, at[1])
+    if not others:
+        return
+    solutions = np.array([full[loops.count :], *others])
+    size = np.abs(solutions).max(axis=0)
+    differ = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
+    unknowns = loops.program.unknowns
+    lines = [
+        ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g} {unknowns.units[i]}" for i in differ[:SHOWN])
+        for z in solutions[:SHOWN]
+    ]
+    members = dict.fromkeys(m for i in differ for m in space.unknowns[i].members)
+    elements = ", ".join(f"`{m}`" for m in list(members)[:6])
+    line = space.unknowns[differ[0]].span.line
+    raise RunFailed(
+        f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; or '.join(lines)}. "
+        "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in "
+        "line with what gives the effort) and start it near the one that you mean, or write the law so that only one is left"
+    )
 
 
 def _slopes(function: Any, x: Any, movable: Any) -> Any:

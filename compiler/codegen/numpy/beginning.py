@@ -14,7 +14,7 @@ import numpy as np
 def _select(condition, value, otherwise):
     """`value if condition else otherwise`, for numbers and for arrays."""
     if np.ndim(condition) == 0:
-        return value if condition else otherwise
+        return np.float64(value if condition else otherwise)  # a plain float would raise where it is divided by zero
     return np.where(condition, value, otherwise)
 
 
