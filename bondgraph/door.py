@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.scope import RESERVED
-    from compiler.semantics.typed import scale_of
     from compiler.semantics.unit import read_unit
     from compiler.source import Source, Span
     from compiler.syntax import parse_expression, parse_law
@@ -37,7 +36,7 @@ _HOMES = {
     "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
-    "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.typed", "Source": "source", "Span": "source",
+    "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "Source": "source", "Span": "source",
     "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
@@ -48,7 +47,7 @@ __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic",
     "InternalError", "LinearLoop", "Literal", "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span",
     "StateSpace", "Storage", "Unsupported", "bond_lines", "braces", "check_source", "evaluate", "format_text", "number_text",
-    "parse_expression", "parse_law", "read_unit", "render", "scale_of", "to_sympy", "write_text",
+    "parse_expression", "parse_law", "read_unit", "render", "to_sympy", "write_text",
 ]  # fmt: skip
 
 
