@@ -20,11 +20,12 @@ from ..door import (
     Unsupported,
     evaluate,
     parse_expression,
-    scale_of,
+    read_unit,
 )
 from ..errors import RunFailed, UsageError
 from ..results import Column, EnergyBalance, Result
 from .energy import energy_balance
+from .finite import check_finite
 from .integrate import Tolerances, Trajectory, integrate
 from .nominal import nominal_magnitudes
 from .rest import equilibrium
@@ -99,13 +100,16 @@ def _stop(plan: Plan, to: str | float | None) -> float:
 
 def seconds(text: str) -> float:
     """A time as text, `20 ms`, or a bare number of seconds."""
-    tree = parse_expression(Source("--to", text))
-    if isinstance(tree, Literal):
-        if tree.unit is None:
-            return float(tree.number)
-        scale = scale_of(tree.unit)
-        if scale.dimension == SECOND:
-            return scale.to_si(tree.number)
+    try:
+        tree = parse_expression(Source("--to", text))
+        if isinstance(tree, Literal):
+            if tree.unit is None:
+                return float(tree.number)
+            scale = read_unit(Source("--to", tree.unit.span.text))
+            if scale.dimension == SECOND:
+                return scale.to_si(tree.number)
+    except CompilationFailed:
+        pass  # no expression, or no unit: the same answer as for a number of anything but seconds
     raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
 
 
@@ -212,6 +216,8 @@ class _Run:
             self.watch,
         )
         values = self._outputs()
+        space, states = self.compilation.state_space, self.trajectory.states
+        check_finite(program, space, self.instants, values, states, self.parameters)
         return values, self._balance() if self.energy else None
 
     def _outputs(self) -> Any:

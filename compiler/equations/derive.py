@@ -73,6 +73,8 @@ class _Nodes:
 
     def _junction(self, number: int, node: Junction) -> None:
         """What all bonds share is one variable; what they split is a sum."""
+        if not self.graph.incident[number]:  # all that hung on it gives nothing
+            return
         zero = node.kind is Kind.ZERO
         shared, split = (self.efforts, self.flows) if zero else (self.flows, self.efforts)
         bonds = self.graph.incident[number]

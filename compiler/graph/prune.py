@@ -1,7 +1,7 @@
 """What gives nothing leaves the graph: a resistor with r = 0, a source that is off, a spring without stiffness.
 
 It stands before causality, so that no stroke is spent on them. A parameter counts as zero only if this run cannot change it;
-an element whose variables are read somewhere stays.
+an element whose variables are read somewhere stays, with the zero as its law: `p = 0*v` can only be taken in one direction.
 """
 
 from __future__ import annotations
@@ -76,10 +76,13 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     changed: dict[int, Element] = {}
     neighbours = _neighbours(graph)
     for number, node in enumerate(graph.nodes):
-        if not isinstance(node, Element) or node.name in read:
+        if not isinstance(node, Element):
             continue
         silent = _silent_ports(node, zeros)
         if not silent:
+            continue
+        if node.name in read:
+            changed[number] = _with_zero(node, silent)
             continue
         removable = {p for p, variable in silent.items() if _absorbs(graph, neighbours.get(End(number, p)), variable)}
         if len(node.ports) == 1 and not removable:
@@ -135,6 +138,15 @@ def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
             variable = {"e": "e", "f": "f", "p": "e", "q": "f"}[left.key.variable]
             silent[left.key.port] = variable
     return silent
+
+
+def _with_zero(node: Element, silent: dict[int, str]) -> Element:
+    """A one-port whose law is `variable = 0`, which decides what is silent and nothing else."""
+    if len(node.ports) > 1 or node.kind in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
+        return node
+    ((left, _),) = node.law.equations or ((Symbol(Own(0, silent[0])), ZERO),)
+    require = node.require if node.require is not None else "effort" if silent[0] == "e" else "flow"
+    return replace(node, law=Law(((left, ZERO),), None, 0), arguments=(), require=require)
 
 
 def _absorbs(graph: BondGraph, other: int | None, variable: str) -> bool:
