@@ -32,6 +32,7 @@ from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
 from .requirements import read_requirements
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+from .starts import read_starts
 from .transducers import TRANSDUCERS, expand_transducers, has_many_ports
 
 
@@ -128,16 +129,17 @@ def _build(
         elaborator.guard(elaborator.quantity, pending)
     nodes = _Nodes(elaborator)
     nodes.build()
+    starts = read_starts(elaborator, experiment, root, nodes.nodes)
     requirements = read_requirements(elaborator)
     plan, outputs = read_plan(elaborator, experiment, root, scene)
     _check_overrides(elaborator, scene)
     graph = BondGraph(
         definition.name,
-        tuple(nodes.nodes),
+        tuple(starts.nodes(nodes.nodes)),
         tuple(nodes.bonds),
         elaborator.quantities,
         outputs,
-        elaborator.integrals(),
+        starts.memories(elaborator.integrals()),
         definition.model.name_span,
         requirements,
         elaborator.stands,

@@ -246,7 +246,8 @@ class Resolver(ABC):
         if entry is None:
             entry = self._file_constant(path.head, scope)
         if entry is None:
-            names = [*_readable(scope), *scope.definition.file.constants]
+            here = scope.names() if path.steps else _readable(scope)  # before a point may stand an element
+            names = [*here, *scope.definition.file.constants]
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
