@@ -143,6 +143,7 @@ def _build(
         definition.model.name_span,
         requirements,
         elaborator.stands,
+        nodes.walls,
     )
     if not part and not elaborator.structure_broken:
         elaborator.diagnostics += _unconnected(graph)
@@ -185,6 +186,7 @@ class _Nodes:
         self.elaborator = elaborator
         self.nodes: list[Node] = []
         self.bonds: list[Bond] = []
+        self.walls: dict[tuple[str, str], int] = {}
         self.ends: dict[tuple[str, str], End] = {}
         self._laws: dict[
             int, list[CompiledLaw]
@@ -209,6 +211,7 @@ class _Nodes:
             self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
         self._mechanisms(connector)
         self.bonds = connector.bonds(self.ends)
+        self.walls = connector.passed
         self._share_ports()
         expand_transducers(self.nodes, self.bonds)
 

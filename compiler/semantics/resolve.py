@@ -25,11 +25,10 @@ from .errors import (
     NotStatic,
     NoValue,
     UnknownName,
-    Unsupported,
     WrongIndex,
     WrongType,
 )
-from .members import element_member, not_a_number, part_member, port_variable
+from .members import element_member, not_a_number, part_member, port_variable, wall_member, wall_variable
 from .scales import scale_of
 from .scope import (
     STATIC_ROLES,
@@ -69,6 +68,7 @@ class Resolver(ABC):
         self.quantities: dict[str, Named] = {}
         self.pending: list[Pending] = []
         self.element_names: dict[str, ElementEntry] = {}
+        self.walls: dict[str, WallEntry] = {}  # ports of models
         self._file_constants: dict[str, Pending] = {}
         self._templates: dict[tuple[int, Scale | None], list[Template]] = {}
         self._keep: list[tree.Expression] = []  # nodes whose identity is a key above must not be freed
@@ -332,11 +332,7 @@ class Resolver(ABC):
             case ElementEntry():
                 return element_member(entry, step.name, path)
             case WallEntry():
-                raise Wrong(
-                    Unsupported(
-                        path.span, "Reading the variables of a port", "Read those of the junction or element behind it."
-                    )
-                )
+                return wall_member(entry, step.name, path)
             case MechanismEntry():
                 part = entry.parts.entries.get(step.name)
                 if part is None:
@@ -345,7 +341,9 @@ class Resolver(ABC):
                 return part
             case PartEntry():
                 return part_member(entry, step.name, path)
-            case Scalar(reference=Reading(node, port, variable)) if variable in "qe" or variable == "p":
+            case Scalar(reference=Reading(node, port), role="port") if node in self.walls:
+                return wall_variable(self.walls[node], port, step.name, path)
+            case Scalar(reference=Reading(node, port, variable), role=role) if role == "port" or variable in "qp":
                 # `stage.platform.x.v`, `spring.x.F`: a port's other variables behind its displacement
                 return port_variable(node, port, self.port_domain(node, port), step.name, path)
             case Array():
