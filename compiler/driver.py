@@ -14,7 +14,7 @@ from .codegen.program import Program
 from .equations import EquationSystem, derive_equations
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
-from .graph.prune import known_zeros, prune
+from .graph.prune import known_zeros, preferring, prune
 from .reduction import StateSpace, reduce_equations, refuse_singular_loops
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
@@ -63,7 +63,7 @@ class Compilation:
     @cached_property
     def graph(self) -> BondGraph:
         """The graph without what gives nothing in this run."""
-        return prune(self.whole_graph, self.zeros)
+        return preferring(prune(self.whole_graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
     def causal(self) -> CausalGraph:

@@ -36,6 +36,14 @@ class Unknown:
 
 
 @dataclass(frozen=True, slots=True)
+class Dependent:
+    """What a port of a storage in derivative form stores, computed from states."""
+
+    variable: int
+    element: str
+
+
+@dataclass(frozen=True, slots=True)
 class Forced:
     """What time alone moves and a storage in derivative form differentiates: where it jumps, a flow is an impulse."""
 
@@ -61,8 +69,13 @@ class StateSpace:
     ports: tuple[PowerPort, ...]
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]
-    dependent: tuple[str, ...]  # storages in derivative form
+    dependents: tuple[Dependent, ...]  # what storages in derivative form hold
     claims: tuple[Claim, ...]
     forced: tuple[Forced, ...]
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
+
+    @property
+    def dependent(self) -> tuple[str, ...]:
+        """The storages in derivative form."""
+        return tuple(dict.fromkeys(d.element for d in self.dependents))
