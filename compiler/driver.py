@@ -13,6 +13,7 @@ from .equations import EquationSystem, derive_equations
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
 from .graph.prune import known_zeros, prune
+from .memory import uncollected
 from .reduction import StateSpace, reduce_equations
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
@@ -84,17 +85,25 @@ class Compilation:
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a text: each of its models by itself, then the one that would be run, up to its equations."""
+    with uncollected():
+        return _check(source, model, library)
+
+
+def _check(source: Source, model: str | None, library: Path | None) -> tuple[Diagnostic, ...]:
     try:
         tree = parse(source)
     except CompilationFailed as failed:
         return failed.diagnostics
     try:
-        found = check_parts(tree, library)
+        parts = check_parts(tree, library, model)
     except CompilationFailed as failed:  # a limit was passed
         return failed.diagnostics
+    found = parts.diagnostics
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
+        if parts.built is not None:
+            compilation.__dict__["_built"] = (parts.built.graph, parts.built.plan)
         try:
             if not compilation.is_part:
                 lower(compilation.state_space)

@@ -29,7 +29,7 @@ from .errors import (
     WrongType,
 )
 from .mechanisms import declare_mechanism
-from .resolve import Resolver, indexed
+from .resolve import Known, Resolver, indexed
 from .scope import (
     RESERVED,
     AlreadyTold,
@@ -57,8 +57,8 @@ MAXIMUM_HIERARCHY = 60  # models within models
 class Elaborator(Resolver):
     """Opens one model; `part` also allows open ports."""
 
-    def __init__(self, overrides: Iterable[Override], part: bool) -> None:
-        super().__init__(overrides, part)
+    def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
+        super().__init__(overrides, part, known)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
@@ -66,7 +66,7 @@ class Elaborator(Resolver):
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
         self.count = 0
         self.structure_broken = False  # then what is not connected would be told for the wrong reason
-        self._tables: dict[int, DomainTable] = {}
+        self._tables = known.tables
 
     def table_of(self, definition: ModelDefinition) -> DomainTable:
         """The domains of a definition, spread once."""

@@ -22,8 +22,12 @@ SETTINGS = ("rtol", "atol", "points")
 
 
 def experiments_of(definition: ModelDefinition) -> dict[str, tree.Experiment]:
-    """The experiments of a model, by name, in its order."""
-    return {s.name: s for s in definition.model.statements if isinstance(s, tree.Experiment)}
+    """The experiments of a model, by name, in its order; of two of one name the first."""
+    found: dict[str, tree.Experiment] = {}
+    for statement in definition.model.statements:
+        if isinstance(statement, tree.Experiment):
+            found.setdefault(statement.name, statement)
+    return found
 
 
 def choose_experiment(

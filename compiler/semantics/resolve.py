@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from ..algebra.expression import ZERO, Number, evaluate, select
 from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
 from ..graph.domains import DOMAINS, GENERIC, Domain
-from ..graph.network import TIME, Integral, Named, Quantity, Reading
+from ..graph.network import TIME, Integral, Law, Named, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension, Scale
 from ..scene import Override
 from ..source import Span
@@ -52,13 +52,31 @@ from .scope import (
 )
 from .typed import ExpressionCompiler, Readable, Slot, Template, Typed, bind_template, scale_of
 
+if TYPE_CHECKING:
+    from .domain_table import DomainTable
+    from .laws import CompiledLaw
+
+
+@dataclass(slots=True)
+class Known:
+    """What is the same whichever model of a file is opened: places of the text compiled, domains spread.
+
+    Keys are identities of nodes and definitions, which are kept here or by the file.
+    """
+
+    templates: dict[tuple[int, Scale | None], Template] = field(default_factory=dict)
+    tables: dict[int, DomainTable] = field(default_factory=dict)
+    laws: dict[int, CompiledLaw] = field(default_factory=dict)  # by declaration: compiled once per definition
+    interned: dict[Law, Law] = field(default_factory=dict)  # equal laws of flat text are one law
+    nodes: list[tree.Expression] = field(default_factory=list)
+
 
 class Resolver:
     """Looks things up in scopes. `diagnostics` collects what is wrong; `part` allows missing values (for `check`)."""
 
     root: Scope  # where what is set from outside is read
 
-    def __init__(self, overrides: Iterable[Override], part: bool) -> None:
+    def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         self.part = part
         self.overrides = {o.path: o for o in overrides if o.role == "set"}
         self.used_overrides: set[str] = set()
@@ -67,12 +85,12 @@ class Resolver:
         self.pending: list[Pending] = []
         self.element_names: dict[str, ElementEntry] = {}
         self._file_constants: dict[str, Pending] = {}
-        self._templates: dict[tuple[int, Scale | None], Template] = {}
+        self._templates = known.templates
         self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []
         self._inferring = False
-        self._keep: list[tree.Expression] = []  # nodes whose identity is a key above must not be freed
+        self._keep = known.nodes
 
     def tell(self, diagnostic: Diagnostic) -> None:
         """Collect what is wrong."""

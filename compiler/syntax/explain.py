@@ -16,7 +16,7 @@ _WORDS = {
     "RPAR": "`)`", "LPAR": "`(`", "RSQB": "`]`", "LSQB": "`[`", "COLON": "`:`", "EQUAL": "`=`", "COMMA": "`,`", "SEMICOLON": "`;`",
     "DOT": "`.`", "JUNCTION": "`0`", "NEST": "`0(`", "__ANON_0": "`->`", "__ANON_1": "`=>`", "__ANON_2": "`..`", "COMPARE": "`<`",
 }  # fmt: skip
-_OPERATORS = frozenset({"PLUS", "MINUS", "STAR", "SLASH", "CIRCUMFLEX", "UNIT_SIGN", "EXPONENT_SIGN"})
+_OPERATORS = frozenset({"NOT", "PLUS", "MINUS", "STAR", "SLASH", "CIRCUMFLEX", "UNIT_SIGN", "EXPONENT_SIGN"})
 _CHARACTERS = {
     '"': "A text ends on the line where it begins: close it with a second quotation mark.",
     "=": "An equation has one `=`; a comparison is `==`.",
@@ -68,8 +68,8 @@ def _unclosed(source: Source, token: lark.Token | None, open_brackets: Sequence[
     last = open_brackets[-1]
     at_end = token is None or token.type == "$END"
     round_bracket = last.type != "LBRACE"
-    if at_end or (round_bracket and token is not None and (token.line or 0) > (last.line or 0)):
-        start = last.start_pos or 0
+    start = last.start_pos or 0
+    if at_end or (round_bracket and token is not None and "\n" in source.text[start : token.start_pos]):
         return Unclosed(Span(source, start, start + len(last)), str(last)[-1])
     return None
 

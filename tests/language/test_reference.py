@@ -167,8 +167,8 @@ def domains_table() -> str:
 
 LIMITS = [
     ("characters of a file", "compiler.syntax.parse:MAXIMUM_SIZE"),
-    ("brackets within brackets", "compiler.syntax.parse:MAXIMUM_NESTING"),
-    ("height of an expression", "compiler.syntax.build:MAXIMUM_DEPTH"),
+    ("brackets within brackets", "compiler.syntax.lex:MAXIMUM_NESTING"),
+    ("height of an expression", "compiler.syntax.operators:MAXIMUM_DEPTH"),
     ("syntax mistakes told of one file", "compiler.syntax.parse:MAXIMUM_MISTAKES"),
     ("files that are imported", "compiler.semantics.load:MAXIMUM_FILES"),
     ("instances, elements and junctions", "compiler.semantics.elaborate:MAXIMUM_INSTANCES"),
