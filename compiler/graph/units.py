@@ -52,22 +52,27 @@ _REMEMBERED = 4096  # results; a model has some dozens of dimensions
 
 
 @lru_cache(_REMEMBERED)
+def _interned(exponents: tuple[Fraction, ...]) -> Dimension:
+    return Dimension(exponents)
+
+
+@lru_cache(_REMEMBERED)
 def _product(a: Dimension, b: Dimension) -> Dimension:
-    return Dimension(tuple(x + y for x, y in zip(a.exponents, b.exponents, strict=True)))
+    return _interned(tuple(x + y for x, y in zip(a.exponents, b.exponents, strict=True)))
 
 
 @lru_cache(_REMEMBERED)
 def _quotient(a: Dimension, b: Dimension) -> Dimension:
-    return Dimension(tuple(x - y for x, y in zip(a.exponents, b.exponents, strict=True)))
+    return _interned(tuple(x - y for x, y in zip(a.exponents, b.exponents, strict=True)))
 
 
 @lru_cache(_REMEMBERED)
 def _power_of(a: Dimension, power: Fraction | int) -> Dimension:
-    return Dimension(tuple(x * power for x in a.exponents))
+    return _interned(tuple(x * power for x in a.exponents))
 
 
 def _dimension(**powers: int) -> Dimension:
-    return Dimension(tuple(Fraction(powers.get(base, 0)) for base in _BASES))
+    return _interned(tuple(Fraction(powers.get(base, 0)) for base in _BASES))
 
 
 ONE = _dimension()
@@ -103,8 +108,8 @@ class Scale:
 
     def to_si(self, value: Fraction) -> float:
         """The value in SI, rounded once."""
-        exact = value * self.number + self.offset
-        return float(exact) * math.pi**self.pi_power
+        exact = value * self.number + self.offset if self.offset else value * self.number
+        return float(exact) * math.pi**self.pi_power if self.pi_power else float(exact)
 
     def from_si(self, value: float) -> float:
         """A value in SI expressed in this unit."""

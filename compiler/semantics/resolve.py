@@ -123,6 +123,11 @@ class Resolver:
         """A number known before the run, in SI."""
         if isinstance(expression, tree.Literal) and expression.unit is None and dimension == ONE:
             return float(expression.number)
+        if isinstance(expression, tree.Path) and not expression.steps:  # the index of a loop, nearly always
+            entry = scope.find(expression.head)
+            if isinstance(entry, Scalar) and entry.role == "index" and dimension == ONE:
+                assert isinstance(entry.reference, float)
+                return entry.reference
         template = self.template(expression, scope)
         typed = template.value
         if not isinstance(typed, Typed):

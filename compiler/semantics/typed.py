@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 from ..algebra.expression import (
     ONE as NUMBER_ONE,
@@ -113,6 +114,19 @@ class OwnVariable:
 
 def scale_of(unit: tree.Unit) -> Scale:
     """The scale of a unit as written."""
+    key = (*[(symbol, exponent) for symbol, exponent, _ in unit.factors], unit.number)
+    found = _SCALES.get(key)
+    if found is None:
+        found = _scale_of(unit)
+        if len(_SCALES) < 4096:
+            _SCALES[key] = found
+    return found
+
+
+_SCALES: dict[tuple[object, ...], Scale] = {}  # a large file has many quantities and few units
+
+
+def _scale_of(unit: tree.Unit) -> Scale:
     result = Scale(ONE, unit.number)
     for symbol, exponent, span in unit.factors:
         scale = UNITS.get(symbol)
@@ -699,12 +713,20 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
 
 def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
     """The formula with what its slots read in this instance. Only the slots that occur are kept."""
-    used = sorted({s.key for s in _slots(formula.expression)})
-    if used == list(range(len(template.slots))):
-        return Bound(formula, tuple(lookup(s) for s in template.slots))
+    if not template.slots:
+        return Bound(formula, ())
+    kept, used = _kept(formula)
+    return Bound(kept, tuple([lookup(template.slots[i]) for i in used]))
+
+
+@lru_cache(4096)
+def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
+    """The formula over the slots that occur in it, and which those are."""
+    used = tuple(sorted({s.key for s in _slots(formula.expression)}))
+    if used == tuple(range(formula.arity)):
+        return formula, used
     renumbered = {old: new for new, old in enumerate(used)}
-    expression = substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))
-    return Bound(Formula(len(used), expression), tuple(lookup(template.slots[i]) for i in used))
+    return Formula(len(used), substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))), used
 
 
 def _slots(x: Expression) -> list[Symbol]:

@@ -66,6 +66,8 @@ class Path(Expression):
     def words(self) -> str:
         """The path as written, without spaces."""
         text = self.head
+        if not self.steps:
+            return text
         for step in self.steps:
             if isinstance(step, Member):
                 text += f".{step.name}"
