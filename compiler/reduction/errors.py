@@ -48,7 +48,7 @@ class DerivativeThroughLoop(Diagnostic):
     title = (
         "`{element}` is in derivative form behind an algebraic loop ({members}), which this version does not support"
     )
-    advice = "Put a storage into the loop, or a resistor before `{element}`."
+    advice = "Put a storage into the loop, or a resistor before `{element}`; if it has `prefer = derivative`, leave that out."
     element: str
     members: str
 

@@ -15,7 +15,7 @@ from ..graph.units import ONE
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
-from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, is_slot, wall_components
+from .domain_table import ELEMENT_KINDS, TWO_SIDED, DomainTable, domain_table, element_ports, is_slot, wall_components
 from .errors import (
     Cycle,
     DuplicateName,
@@ -322,7 +322,7 @@ class Elaborator(Resolver):
             hint = suggestion(
                 statement.kind,
                 known,
-                "Kinds: Se Sf MSe MSf C I R MR TF GY MTF MGY 0 1 splitter, and the models of this file or imported into it.",
+                "Kinds: Se Sf MSe MSf C I IC R MR RS TF GY MTF MGY 0 1 splitter, and the models of this file or imported into it.",
             )
             raise Wrong(UnknownKind(statement.span, statement.kind, hint))
         if definition in chain:
@@ -379,6 +379,13 @@ class Elaborator(Resolver):
                 else "With one port it is a C or an I."
             )
             raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", hint))
+        if statement.kind in TWO_SIDED and declared.components:
+            what = f"`{statement.kind} {declared.name}` lists ports, but it has two sides without names"
+            hint = (
+                "An arrow into it reaches side 1, an arrow out of it leaves side 2; several ports that exchange power without loss "
+                "are several transducers."
+            )
+            raise Wrong(WrongConnection(declared.span, what, hint))
         index = self.index_of(declared.index, scope)
         if index is None and scope.outer is not None:
             raise Wrong(

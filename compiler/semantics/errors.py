@@ -168,10 +168,11 @@ class DomainConflict(Diagnostic):
     """BG115."""
 
     code = "BG115"
-    title = "`{name}` is {first} here, but {second} elsewhere"
+    title = "`{name}` is {first} here, but joined to `{neighbour}`, which is {second}"
     advice = "Two domains meet only through a transducer: TF, GY or a field with a port in each."
     name: str
     first: str
+    neighbour: str
     second: str
     other: Span
 

@@ -137,7 +137,7 @@ class Resolver:
                 DimensionMismatch(
                     expression.span,
                     f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}",
-                    unit_hint(typed.dimension, dimension),
+                    unit_hint(typed.dimension, dimension, expression),
                 )
             )
         for slot in template.slots:
@@ -534,7 +534,7 @@ class Resolver:
                     DimensionMismatch(
                         value.span,
                         f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}",
-                        unit_hint(part.dimension, declared),
+                        unit_hint(part.dimension, declared, value),
                     )
                 )
         if isinstance(template.value, tuple) and not is_default and item.value is not None:
@@ -654,7 +654,7 @@ class Resolver:
                         DimensionMismatch(
                             override.span,
                             f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}",
-                            unit_hint(found, dimension),
+                            unit_hint(found, dimension, override),
                         )
                     )
                 bound = self.bind(template, template.formulas[0], self.root)

@@ -267,8 +267,10 @@ def describe(dimension: Dimension | None) -> str:
     return "a bare number" if dimension == ONE else f"in [{dimension}]"
 
 
-def unit_hint(found: Dimension | None, wanted: Dimension | None) -> str:
-    """What to do about a quantity of another unit."""
+def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.Expression | None = None) -> str:
+    """What to do about a quantity of another unit; `written` is how it stands in the text."""
     if found == ONE and wanted is not None:
         return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."
+    if isinstance(written, tree.Literal) and wanted is not None:
+        return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
     return "Check the units of the names in it, and whether a factor is missing."

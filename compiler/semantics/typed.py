@@ -41,6 +41,7 @@ from .errors import (
     NoValue,
     TooMany,
     UnknownFunction,
+    UnknownName,
     UnknownUnit,
     Unsupported,
     WrongArguments,
@@ -335,6 +336,10 @@ class ExpressionCompiler:
 
     def _in_function(self, node: tree.Path) -> Value:
         """A function reads its parameters and the constants of its file, nothing of the model that calls it."""
+        if self.scope.find(node.head) is not None and node.head not in self.scope.definition.file.constants:
+            function = self.opening[-1]
+            hint = f"It reads its parameters and its file's constants; make it one: `{function}(…, {node.head})`."
+            raise Wrong(UnknownName(node.span, node.head, f"the function `{function}`", hint))
         outside = Scope(self.scope.definition, "")
         found = self.resolve(node, outside)
         values = [v for v in found.values if v is not None]
@@ -374,7 +379,10 @@ class ExpressionCompiler:
                 if not isinstance(v, tuple) or len(v) != length:
                     raise Wrong(
                         WrongType(
-                            term.span, f"A list of {length}", "something else", "Only lists of one length can be added."
+                            term.span,
+                            f"A list of {length}",
+                            f"a list of {len(v)}" if isinstance(v, tuple) else f"the single number `{term.span.text}`",
+                            "Only lists of one length can be added; one item of a list is `name[1]`.",
                         )
                     )
                 terms.append((sign, term, v[i]))
