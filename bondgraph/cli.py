@@ -39,9 +39,16 @@ def main() -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def _harmless(message: str) -> str:
+    """A message whose names of files are data: they cannot rewrite the terminal."""
+    from .views.tables import visible
+
+    return "\n".join(map(visible, message.split("\n")))
+
+
 def _stop(message: str, code: int) -> NoReturn:
     """End the command with a message on stderr."""
-    click.echo(message, err=True)
+    click.echo(_harmless(message), err=True)
     raise click.exceptions.Exit(code)
 
 
@@ -259,7 +266,7 @@ def fmt(files: Sequence[str], only_check: bool) -> None:
                 if not only_check:
                     write_text(file, text)
         for file in changed:
-            click.echo(f"{'would change' if only_check else 'formatted'} {file}")
+            click.echo(f"{'would change' if only_check else 'formatted'} {_harmless(file)}")
     if only_check and changed:
         raise click.exceptions.Exit(WRONG)
 
@@ -277,4 +284,4 @@ def new(file: str) -> None:
         if path.exists():
             raise click.UsageError(f"`{file}` exists already; choose another name")
         write_text(path, starter_text(path.stem))
-        click.echo(f"wrote {file}; try: bondgraph run {file}")
+        click.echo(f"wrote {_harmless(file)}; try: bondgraph run {_harmless(file)}")

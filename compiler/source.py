@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
+
+_COMMENT = re.compile(r"#[^\n]*")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +61,11 @@ class Span:
     def text(self) -> str:
         """The text itself."""
         return self.source.text[self.start : self.end]
+
+    @property
+    def words(self) -> str:
+        """The text on one line without its comments: what stands for it where it is named."""
+        return " ".join(_COMMENT.sub(" ", self.text).split())
 
     def to(self, other: Span) -> Span:
         """The stretch from the start of this one to the end of the other."""

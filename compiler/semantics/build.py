@@ -339,7 +339,7 @@ class _Nodes:
             known = (["start", "nominal"] if stored else []) + ["prefer", "require"]
             hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
-        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.text
+        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.words
         allowed = ["integral", "derivative", "effort", "flow"] if stored else ["effort", "flow"]
         if word not in allowed:
             hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")

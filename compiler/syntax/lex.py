@@ -13,7 +13,8 @@ from typing import Any
 from lark.exceptions import UnexpectedCharacters
 from lark.lexer import Lexer, PatternStr, Token
 
-from .refused import Refused, TooDeep
+from .errors import StrangeCharacter, TooDeep
+from .refused import Refused
 
 MAXIMUM_NESTING = 100  # brackets within brackets
 
@@ -25,6 +26,8 @@ _NEXT = re.compile(
       | (->|=>|\.\.|[<>=!]=|[-+*/^=<>,;:.(){}\[\]]) )?""",
     re.VERBOSE,
 )
+# Control characters, and those that turn the direction of writing: in a text they would rewrite the terminal or the reader's eye.
+_HIDDEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]")
 _WORD, _NUMBER, _STRING = 2, 3, 4
 _GOES_ON = re.compile(r"[-+*/^,=)\]<>:!]|(?:if|else|and|or)\b")  # what begins a line that continues the one above
 _JUNCTION = re.compile(r"[01](?=[ \t]+[A-Za-z_])")
@@ -98,6 +101,9 @@ class Words(Lexer):
                     word = text[start:end]
             elif index == _STRING:
                 kind = "STRING"
+                hidden = _HIDDEN.search(text, start, end)
+                if hidden:
+                    raise _strange(hidden)
             elif index is None or index == 1:
                 raise UnexpectedCharacters(text, start, 0, 0, allowed=set(here.all), state=state)  # type: ignore[no-untyped-call]
             else:
@@ -141,6 +147,11 @@ class _Accepted:
         self.words = {text: self.all[name] for text, names in fixed.items() for name in names if name in self.all}
         self.name, self.number = self.all.get("NAME", "NAME"), self.all.get("NUMBER", "NUMBER")
         self.names, self.numbers, self.ends = "NAME" in self.all, "NUMBER" in self.all, "_NL" in self.all
+
+
+def _strange(found: re.Match[str]) -> Refused:
+    hint = "Texts are made of letters, digits, marks and spaces: what cannot be seen has no place in them."
+    return Refused(StrangeCharacter, found.start(), found.end(), character=f"U+{ord(found[0]):04X}", hint=hint)
 
 
 def _junction(text: str, start: int, end: int, here: _Accepted) -> tuple[str, int]:

@@ -6,9 +6,7 @@ from typing import Any
 
 from ..errors import Diagnostic
 from ..source import Source, Span
-from .errors import TooDeep, Unexpected
-
-__all__ = ["Refused", "TooDeep"]
+from .errors import StrangeCharacter, Unexpected
 
 
 class Refused(Exception):
@@ -21,7 +19,7 @@ class Refused(Exception):
     @property
     def is_limit(self) -> bool:
         """Whether what follows could only cost time."""
-        return self.kind is not Unexpected
+        return self.kind not in (Unexpected, StrangeCharacter)
 
     def diagnostic(self, source: Source) -> Diagnostic:
         return self.kind(Span(source, self.start, self.end), **self.values)

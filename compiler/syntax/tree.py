@@ -72,7 +72,7 @@ class Path(Expression):
             if isinstance(step, Member):
                 text += f".{step.name}"
             else:
-                text += f"[{','.join(''.join(i.span.text.split()) for i in step.items)}]"
+                text += f"[{','.join(''.join(i.span.words.split()) for i in step.items)}]"
         return text
 
 
