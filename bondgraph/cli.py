@@ -253,13 +253,12 @@ def compile_(file: str, out: str, model: str | None) -> None:
 def fmt(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay."""
     with _told():
-        from .door import Source, format_text
+        from .door import Source, format_text, read_text
         from .files import write_text
 
         changed = []
         for file in files:
-            with open(file, encoding="utf-8-sig", newline="") as stream:
-                source = Source(file, stream.read(), Path(file))
+            source = Source(file, read_text(file, newline=""), Path(file))
             text = format_text(source)
             if text != source.text:
                 changed.append(file)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from compiler.scene import Override, Plan, Reported, Scene
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.typed import scale_of
-    from compiler.source import Source, Span
+    from compiler.source import Source, Span, read_text
     from compiler.syntax import parse_expression
     from compiler.syntax.format import format_text
     from compiler.syntax.tree import Literal
@@ -31,14 +31,14 @@ _HOMES = {
     "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
-    "Unsupported": "semantics.errors", "scale_of": "semantics.typed", "Source": "source", "Span": "source",
+    "Unsupported": "semantics.errors", "scale_of": "semantics.typed", "Source": "source", "Span": "source", "read_text": "source",
     "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree",
 }  # fmt: skip
 
 __all__ = [
     "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LinearLoop", "Literal", "Override", "Plan",
     "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "format_text", "parse_expression",
-    "render", "scale_of", "to_sympy",
+    "read_text", "render", "scale_of", "to_sympy",
 ]  # fmt: skip
 
 

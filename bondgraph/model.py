@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .door import Compilation, Diagnostic, Override, Scene, Source, Span, check_source, parse_expression
+from .door import Compilation, Diagnostic, Override, Scene, Source, Span, check_source, parse_expression, read_text
 from .errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def _source(path_or_text: str | Path) -> Source:
     if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
         return Source("text", path_or_text)
     path = Path(path_or_text)
-    return Source(str(path_or_text), path.read_text(encoding="utf-8-sig"), path)
+    return Source(str(path_or_text), read_text(path), path)
 
 
 class Model:

@@ -17,6 +17,7 @@ from .memory import uncollected
 from .reduction import StateSpace, reduce_equations
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
+from .semantics.errors import TooLongRow
 from .source import Source
 from .syntax import SyntaxTree, parse
 
@@ -80,7 +81,10 @@ class Compilation:
     def program(self) -> Program:
         from .codegen.numpy import generate_program
 
-        return generate_program(self.state_space)
+        try:
+            return generate_program(self.state_space)
+        except RecursionError:
+            raise CompilationFailed([_too_long(self.tree)]) from None
 
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
@@ -98,6 +102,8 @@ def _check(source: Source, model: str | None, library: Path | None) -> tuple[Dia
         parts = check_parts(tree, library, model)
     except CompilationFailed as failed:  # a limit was passed
         return failed.diagnostics
+    except RecursionError:
+        return (_too_long(tree),)
     found = parts.diagnostics
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
@@ -109,7 +115,15 @@ def _check(source: Source, model: str | None, library: Path | None) -> tuple[Dia
                 lower(compilation.state_space)
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
+        except RecursionError:
+            found = [_too_long(tree)]
     return CompilationFailed(found).diagnostics if found else ()
+
+
+def _too_long(tree: SyntaxTree) -> Diagnostic:
+    """What is said where the stages nest more deeply than Python follows them."""
+    model = list(tree.models.values())[-1]
+    return TooLongRow(model.name_span, model.name)
 
 
 # Several models to choose from are no mistake of a file of parts.

@@ -30,7 +30,7 @@ from .experiments import choose_experiment, experiment_overrides, experiments_of
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
-from .resolve import Known
+from .resolve import MAXIMUM_MISTAKES, Known
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
 
 
@@ -74,6 +74,8 @@ def check_parts(syntax: SyntaxTree, library: Path | None = None, wanted: str | N
     main = None if diagnostics else _main(file, wanted)
     whole: Built | None = None
     for definition in [d for d in file.models.values() if d.file is file]:
+        if len(diagnostics) > MAXIMUM_MISTAKES:
+            break
         opened = _Opened.of(definition, Scene(experiment=None), (), definition is not main, known)
         whole = opened.built() if definition is main else whole
         if definition is main and opened.elaborator.diagnostics:  # what only a run lacks is told if nothing else is

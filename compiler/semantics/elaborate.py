@@ -49,7 +49,7 @@ from .scope import (
     suggestion,
 )
 
-MAXIMUM_INSTANCES = 200_000  # instances, elements and junctions together
+MAXIMUM_INSTANCES = 100_000  # instances, elements, junctions, quantities and rounds of loops together
 MAXIMUM_ROUNDS = 100_000  # rounds of one loop
 MAXIMUM_HIERARCHY = 60  # models within models
 
@@ -77,11 +77,11 @@ class Elaborator(Resolver):
             self.diagnostics += self._tables[key].diagnostics
         return self._tables[key]
 
-    def counted(self, span: Span) -> None:
-        """Count one more instance, element or junction, up to the limit."""
-        self.count += 1
+    def counted(self, span: Span, more: int = 1) -> None:
+        """Count one more instance, element, junction, quantity or round, up to the limit."""
+        self.count += more
         if self.count > MAXIMUM_INSTANCES:
-            limit = TooMany(span, "Instances, elements and junctions", MAXIMUM_INSTANCES)
+            limit = TooMany(span, "Instances, elements, junctions, quantities and rounds", MAXIMUM_INSTANCES)
             raise CompilationFailed([*self.diagnostics, limit])
 
     # ------------------------------------------------------------ declaring
@@ -227,6 +227,7 @@ class Elaborator(Resolver):
             return
         if role == "mode":
             raise Wrong(Unsupported(item.span, "`mode`", "Modes come with events."))
+        self.counted(item.span)
         index = self.index_of(item.index, scope)
         value, where, is_default = item.value, scope, True
         if item.name in bindings and role in ("parameter", "input") and index is None:
@@ -423,6 +424,7 @@ class Elaborator(Resolver):
         first, last = self.integer(loop.range.first, scope), self.integer(loop.range.last, scope)
         if last - first >= MAXIMUM_ROUNDS:
             raise Wrong(TooMany(loop.range.span, "Rounds of a `for`", MAXIMUM_ROUNDS))
+        self.counted(loop.range.span, max(0, last - first + 1))
         return range(first, last + 1)
 
     @staticmethod

@@ -356,3 +356,23 @@ class TooMany(Diagnostic):
     advice = "The limit protects against files that never end; split the model."
     what: str
     limit: int
+
+
+@dataclass(frozen=True, slots=True)
+class TooLongRow(Diagnostic):
+    """BG162: deeper than the compiler follows."""
+
+    code = "BG162"
+    title = "In `{model}` quantities, functions or expressions read one another in a row that is too long to follow"
+    advice = "Shorten the row: write several steps as one expression, or with `for` over elements that store something."
+    model: str
+
+
+@dataclass(frozen=True, slots=True)
+class TooManyMistakes(Diagnostic):
+    """BG161: enough has been told."""
+
+    code = "BG161"
+    title = "More than {limit} mistakes: what else is wrong is not told"
+    advice = "Mend these first; one cause may be behind many of them."
+    limit: int

@@ -8,23 +8,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ..algebra.expression import ZERO, Number, evaluate, select
 from ..algebra.formula import Bound, Formula
-from ..errors import Diagnostic
+from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import DOMAINS, GENERIC, Domain
 from ..graph.network import TIME, Integral, Law, Named, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension, Scale
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
+from .domain_table import DomainTable, paths_of
 from .errors import (
     Cycle,
     DimensionMismatch,
     MissingValue,
     NotStatic,
     NoValue,
+    TooMany,
+    TooManyMistakes,
     UnknownName,
     Unsupported,
     WrongIndex,
@@ -53,8 +57,11 @@ from .scope import (
 from .typed import ExpressionCompiler, Readable, Slot, Template, Typed, bind_template, scale_of
 
 if TYPE_CHECKING:
-    from .domain_table import DomainTable
     from .laws import CompiledLaw
+
+
+MAXIMUM_MISTAKES = 200  # told of one file
+MAXIMUM_ROW = 40  # quantities that wait for one another at once
 
 
 @dataclass(slots=True)
@@ -90,11 +97,15 @@ class Resolver:
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []
         self._inferring = False
+        self._waiting = 0  # quantities that are being resolved, one because of the other
+        self._entered: set[int] = set()  # those whose turn comes
         self._keep = known.nodes
 
     def tell(self, diagnostic: Diagnostic) -> None:
-        """Collect what is wrong."""
+        """Collect what is wrong. Raises `CompilationFailed` when it is more than anybody reads."""
         self.diagnostics.append(diagnostic)
+        if len(self.diagnostics) >= MAXIMUM_MISTAKES:
+            raise CompilationFailed([*self.diagnostics, TooManyMistakes(diagnostic.span, MAXIMUM_MISTAKES)])
 
     def guard(self, action: Callable[..., Any], *arguments: Any) -> Any:
         """Run one statement; what is wrong in it is collected, and None comes back."""
@@ -232,7 +243,7 @@ class Resolver:
         if entry is None:
             entry = self._file_constant(path.head, scope)
         if entry is None:
-            names = [*_readable(scope), *scope.definition.file.constants]
+            names = chain(_readable(scope), scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
@@ -471,16 +482,22 @@ class Resolver:
                 if pending.role in ("signal", "output", "input")
                 else "These depend on each other"
             )
-            chain = [p.name for p in self.pending if p.state == "busy"]
+            busy = [p.name for p in self.pending if p.state == "busy"]
             self.tell(
                 Cycle(
                     pending.item.span,
                     what,
-                    " -> ".join([pending.name, *[c for c in chain if c != pending.name], pending.name]),
+                    " -> ".join([pending.name, *[name for name in busy if name != pending.name], pending.name]),
                 )
             )
             raise AlreadyTold
+        self._resolve_what_it_reads(pending)
+        if pending.state != "waiting":
+            return self.quantity(pending)
+        if self._waiting >= MAXIMUM_ROW:
+            raise Wrong(TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW))
         pending.state = "busy"
+        self._waiting += 1
         try:
             pending.result = self._resolve_quantity(pending)
         except (Wrong, AlreadyTold) as problem:
@@ -488,8 +505,46 @@ class Resolver:
             if isinstance(problem, Wrong):
                 self.tell(problem.diagnostic)
             raise AlreadyTold from None
+        finally:
+            self._waiting -= 1
         pending.state = "done"
         return pending.result
+
+    def _resolve_what_it_reads(self, pending: Pending) -> None:
+        """Resolve what a quantity reads, and what that reads, beginning where nothing is left to read.
+
+        Long rows of quantities would nest as deeply otherwise; what is missed here is found when it is asked for.
+        """
+        rows = [(pending, self._reads(pending))]
+        entered = {id(pending)} - self._entered
+        self._entered |= entered
+        while rows:
+            current, reads = rows[-1]
+            following = next((p for p in reads if p.state == "waiting" and id(p) not in self._entered), None)
+            if following is not None:
+                entered.add(id(following))
+                self._entered.add(id(following))
+                rows.append((following, self._reads(following)))
+                continue
+            rows.pop()
+            if rows and current.state == "waiting":
+                self.guard(self.quantity, current)
+        self._entered -= entered
+
+    def _reads(self, pending: Pending) -> Iterator[Pending]:
+        """The quantities that its value names."""
+        for path in paths_of(pending.value) if pending.value is not None else ():
+            entry = pending.scope.find(path.head)
+            for step in path.steps:
+                if isinstance(entry, InstanceEntry) and isinstance(step, tree.Member):
+                    entry = entry.scope.entries.get(step.name)
+                elif isinstance(entry, Array) and isinstance(step, tree.Index):
+                    try:
+                        entry = entry.items.get(self.index_of(step, pending.scope) or ())
+                    except (Wrong, AlreadyTold):
+                        entry = None  # told when it is read
+            if isinstance(entry, Pending):
+                yield entry
 
     def _resolve_quantity(self, pending: Pending) -> Scalar | Items:
         item = pending.item

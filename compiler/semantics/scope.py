@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
@@ -17,6 +18,7 @@ from ..syntax import tree
 if TYPE_CHECKING:
     from .domain_table import DomainTable
 
+MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
 STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
 RESERVED = frozenset(
     [
@@ -252,9 +254,15 @@ class Scope:
             scope = scope.outer
 
 
-def suggestion(name: str, known: Iterator[str] | list[str], otherwise: str = "") -> str:
+def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """ "Did you mean …?", if something is close."""
-    close = get_close_matches(name, list(known), n=2, cutoff=0.6)
+    name = name[:60]
+    near = (
+        word
+        for word in islice(known, 20 * MAXIMUM_COMPARED)
+        if min(len(word), len(name)) >= 0.4 * max(len(word), len(name))  # others are never close enough
+    )
+    close = get_close_matches(name, list(islice(near, MAXIMUM_COMPARED)), n=2, cutoff=0.6)
     if not close:
         return otherwise
     return "Did you mean " + " or ".join(f"`{c}`" for c in close) + "?"

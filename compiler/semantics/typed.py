@@ -49,6 +49,7 @@ from .errors import (
 )
 from .scope import Scope, Wrong, describe, suggestion, unit_hint
 
+MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 
 
@@ -203,7 +204,7 @@ class ExpressionCompiler:
 
     def _in_unit(self, expression: tree.Expression) -> Value:
         """After `name : unit =` a bare number stands in that unit, alone or in a list; whatever else has its own."""
-        if isinstance(expression, tree.Vector):
+        if isinstance(expression, tree.Vector) and len(expression.items) <= MAXIMUM_ITEMS:
             return tuple(self._item_in_unit(item) for item in expression.items)
         return self._item_in_unit(expression)
 
@@ -246,6 +247,8 @@ class ExpressionCompiler:
             case tree.Power():
                 return self._power(node)
             case tree.Vector():
+                if len(node.items) > MAXIMUM_ITEMS:
+                    raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
                 return tuple(self.scalar(item) for item in node.items)
             case tree.Call():
                 return self._call(node)
