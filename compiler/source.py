@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import re
 import stat
 from bisect import bisect_right
@@ -81,12 +80,12 @@ def read_text(path: str | Path, newline: str | None = None) -> str:
 
     Raises OSError, or UnicodeDecodeError.
     """
-    found = os.stat(path)
+    found = Path(path).stat()
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, "it is a folder, not a file", str(path))
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
     if found.st_size > MAXIMUM_BYTES:
         raise OSError(errno.EFBIG, f"it has {found.st_size} bytes; the limit is {MAXIMUM_BYTES}", str(path))
-    with open(path, encoding="utf-8-sig", newline=newline) as stream:
+    with Path(path).open(encoding="utf-8-sig", newline=newline) as stream:
         return stream.read()
