@@ -491,7 +491,8 @@ class Resolver:
                 )
             )
             raise AlreadyTold
-        self._resolve_what_it_reads(pending)
+        if not self._inferring:
+            self._resolve_what_it_reads(pending)
         if pending.state != "waiting":
             return self.quantity(pending)
         if self._waiting >= MAXIMUM_ROW:
@@ -532,8 +533,11 @@ class Resolver:
         self._entered -= entered
 
     def _reads(self, pending: Pending) -> Iterator[Pending]:
-        """The quantities that its value names."""
-        for path in paths_of(pending.value) if pending.value is not None else ():
+        """The quantities that its value names; not those of an integral, which are read when all names are known."""
+        value = pending.value
+        if value is None or (isinstance(value, tree.Call) and value.function == "integral"):
+            return
+        for path in paths_of(value):
             entry = pending.scope.find(path.head)
             for step in path.steps:
                 if isinstance(entry, InstanceEntry) and isinstance(step, tree.Member):
