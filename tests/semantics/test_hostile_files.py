@@ -202,7 +202,7 @@ def test_imports_of_imports(tmp_path: Path) -> None:
 def test_signals_with_memory_are_no_ring() -> None:
     """What an integral reads is asked for when all names are known, also where another quantity is resolved before it."""
     text = body(
-        "input target = 0\nsignal place = integral(speed, 0)\nsignal speed = integral((force - speed)/1 s, 0)/1 s\n"
+        "input target = 0\nsignal place = integral(speed, 0)\nsignal speed = integral((force - speed*1 s)/1 s, 0)/1 s\n"
         "signal error = target - place\nsignal force = 3*error + 2*integral(error/1 s, 0)\noutput y = place"
     )
     assert [d.sentence for d in check(Source("loop.bg", text))] == []
