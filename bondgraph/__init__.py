@@ -5,6 +5,8 @@
     result = model.simulate(to="10 s")
     result["position"]          # a numpy array, in SI
 
+`Graph` builds a model by calls instead.
+
 Nothing heavy is imported before it is used.
 """
 
@@ -13,15 +15,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .builder import Graph
     from .errors import RunFailed, UsageError
     from .model import Model, check, load
     from .results import Result
 
-__all__ = ["CompilationFailed", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
+__all__ = ["CompilationFailed", "Graph", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
 _HOMES = {
     "load": "model",
     "check": "model",
     "Model": "model",
+    "Graph": "builder",
     "Result": "results",
     "RunFailed": "errors",
     "UsageError": "errors",

@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|run|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|run|causality|show|equations|compile|fmt|new`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -171,6 +171,8 @@ def run(
         result = chosen.simulate(
             None if experiment == "none" else experiment, dict(map(_setting, settings)), to, points, rtol, atol, energy
         )
+        for left in result.warnings:
+            click.echo(f"warning: {left}", err=True)
         if write is not None:
             write(result)
         if plot is not None:
@@ -212,13 +214,35 @@ def _check_target(path: str, endings: tuple[str, ...], option: str) -> None:
 
 @commands.command()
 @_file
-@click.option("--stage", required=True, metavar="STAGE", help="syntax, graph, causality, equations, reduction or code.")
+@click.option(
+    "--stage",
+    required=True,
+    metavar="STAGE",
+    help="syntax, graph, causality, equations, reduction, code; or text: back in the language, flat.",
+)
 @_experiment
 @_model
 def show(file: str, stage: str, experiment: str, model: str | None) -> None:
     """Print one stage of the compiler."""
     with _told():
         click.echo(_load(file, model).show(stage, None if experiment == "none" else experiment))
+
+
+@commands.command()
+@_file
+@_experiment
+@_model
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-causality/1).")
+def causality(file: str, experiment: str, model: str | None, as_json: bool) -> None:
+    """Print the strokes, and why there are derivative storages and algebraic loops."""
+    with _told():
+        from .views.causality import explain, told
+
+        chosen = _load(file, model)
+        found = explain(chosen.compilation(chosen.scene(None if experiment == "none" else experiment)))
+        click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.text())
+        if found.diagnostics:
+            _stop(told(found.diagnostics), WRONG)
 
 
 @commands.command()

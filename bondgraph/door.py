@@ -11,34 +11,49 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compiler.algebra.expression import evaluate
     from compiler.algebra.sympy_form import to_sympy
-    from compiler.codegen.program import Program
+    from compiler.causality import Because, CausalGraph, Dependence, dependences
+    from compiler.codegen.program import LimitNote, Program
     from compiler.driver import Compilation
     from compiler.driver import check as check_source
-    from compiler.equations.system import Assignment, Storage
+    from compiler.equations.system import Assignment, EquationSystem, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
+    from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.units import SECOND
+    from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace
     from compiler.scene import Override, Plan, Reported, Scene
+    from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
-    from compiler.semantics.typed import scale_of
+    from compiler.semantics.scales import scale_of
+    from compiler.semantics.scope import RESERVED
+    from compiler.semantics.unit import read_unit
     from compiler.source import Source, Span, read_text
-    from compiler.syntax import parse_expression
+    from compiler.syntax import parse_expression, parse_law
     from compiler.syntax.format import format_text
-    from compiler.syntax.tree import Literal
+    from compiler.syntax.tree import Literal, Path
+    from compiler.writing import write_text
+    from compiler.writing.literals import bond_lines, braces, number_text
 
 _HOMES = {
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
-    "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
+    "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
-    "Unsupported": "semantics.errors", "scale_of": "semantics.typed", "Source": "source", "Span": "source", "read_text": "source",
-    "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree",
+    "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
+    "read_text": "source",
+    "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
+    "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
+    "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
+    "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
+    "dependences": "causality", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip
 
 __all__ = [
-    "SECOND", "Assignment", "Compilation", "CompilationFailed", "Diagnostic", "InternalError", "LinearLoop", "Literal", "Override", "Plan",
-    "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported", "check_source", "evaluate", "format_text", "parse_expression",
-    "read_text", "render", "scale_of", "to_sympy",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Compilation",
+    "CompilationFailed", "Dependence", "Diagnostic", "EquationSystem", "InternalError", "LimitNote", "LinearLoop", "Literal",
+    "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported",
+    "blocks", "bond_lines", "braces", "check_source", "dependences", "evaluate", "format_text", "number_text", "parse_expression",
+    "parse_law", "read_text", "read_unit", "render", "scale_of", "to_sympy", "write_text",
 ]  # fmt: skip
 
 

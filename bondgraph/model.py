@@ -8,16 +8,29 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .door import Compilation, Diagnostic, Override, Scene, Source, Span, check_source, parse_expression, read_text
+from .door import (
+    Compilation,
+    CompilationFailed,
+    Diagnostic,
+    Override,
+    Scene,
+    Source,
+    Span,
+    check_source,
+    parse_expression,
+    read_text,
+    write_text,
+)
 from .errors import UsageError
 
 if TYPE_CHECKING:
     import networkx
 
+    from .door import StateSpace
     from .results import Result
 
 LIBRARY = Path(__file__).with_name("library")
-STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code")
+STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +128,22 @@ class Model:
         """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs."""
         from .views.equations import state_equations
 
-        return state_equations(self.compilation(everything=True).state_space)
+        return state_equations(self._with_inputs())
 
     def equations(self, latex: bool = False) -> str:
         """The causally ordered equations as text, or as LaTeX."""
         from .views.equations import equations_text
 
-        return equations_text(self.compilation(everything=True).state_space, latex)
+        return equations_text(self._with_inputs(), latex)
+
+    def _with_inputs(self) -> StateSpace:
+        """The equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
+        try:
+            return self.compilation(Scene(self.model, None, free=frozenset(self.inputs)), everything=True).state_space
+        except CompilationFailed as failed:
+            if any(d.code != "BG503" for d in failed.diagnostics):
+                raise
+            return self.compilation(everything=True).state_space
 
     def show(self, stage: str, experiment: str | None = "") -> str:
         """One stage of the compiler as stable text; `STAGES` lists them."""
@@ -130,6 +152,13 @@ class Model:
         from .views.stages import stage_text
 
         return stage_text(self.compilation(Scene(self.model, experiment)), stage)
+
+    def text(self, experiment: str | None = None) -> str:
+        """The model as one flat model in the language, which compiles to an equal graph; with an experiment, as it sets it.
+
+        Instances and loops are opened, numbers stand in SI. Raises `CompilationFailed`, also if something cannot be written.
+        """
+        return write_text(self.compilation(Scene(self.model, experiment)).whole_graph)
 
     def compile(self, target: str = "numpy") -> str:
         """The source of a program of its own, with every parameter and input as an argument."""

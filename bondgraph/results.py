@@ -74,13 +74,37 @@ class EnergyBalance:
     residual: float
 
 
+@dataclass(frozen=True, slots=True)
+class LimitLeft:
+    """A limit that a model requires was left in a run: the first instant, and the values there in SI.
+
+    `owner` is the instance ("" for the model itself), `place` the line of the limit, `stands` that of the instance.
+    """
+
+    time: float
+    owner: str
+    condition: str
+    text: str
+    values: tuple[tuple[str, float, str], ...]  # name, value, unit
+    place: str
+    stands: str = ""
+
+    def __str__(self) -> str:
+        who = f"`{self.owner}` ({self.stands})" if self.owner else "the model"
+        shown = ", ".join(f"{name} = {value:.6g}{f' {unit}' * (unit != '1')}" for name, value, unit in self.values)
+        about = f" ({self.text})" if self.text else ""
+        where = f"from t = {self.time:.9g} s {who} is outside of `{self.condition}`{about}, {self.place}"
+        return f"{where}: {shown}" if shown else where
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """One run. `result["x"]` is the output `x` over `result.time`, in SI.
 
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report` says what the experiment shows, in
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
-    `wall_time` in s. `energy` is there if it was asked for. Raises ValueError if the shapes do not fit.
+    `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
+    left: it went on, but there the model does not hold. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -95,6 +119,7 @@ class Result:
     rtol: float = math.nan
     wall_time: float = math.nan
     energy: EnergyBalance | None = None
+    warnings: tuple[LimitLeft, ...] = ()
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -219,6 +244,7 @@ class Result:
             solver       name; steps: accepted ones; evaluations: {what: count}; rtol; wall_time in s
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
                          elements: {name: {kind, stored, supplied, dissipated}}}
+            warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
         """
@@ -237,6 +263,7 @@ class Result:
             "rtol": _finite(self.rtol),
             "wall_time": _finite(self.wall_time),
         }
+        told["warnings"] = [_warning_json(item) for item in self.warnings]
         if self.energy is not None:
             told["energy"] = _energy_json(self.energy)
         return told
@@ -283,6 +310,12 @@ def _first(time: NDArray[np.float64]) -> float | None:
 
 def _last(time: NDArray[np.float64]) -> float | None:
     return _finite(time[-1]) if len(time) else None
+
+
+def _warning_json(item: LimitLeft) -> dict[str, Any]:
+    values = {name: {"value": _finite(value), "unit": unit} for name, value, unit in item.values}
+    told = {"time": item.time, "owner": item.owner, "condition": item.condition, "text": item.text}
+    return {**told, "values": values, "place": item.place}
 
 
 def _energy_json(energy: EnergyBalance) -> dict[str, Any]:

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 from .causality import CausalGraph, assign_causality
-from .codegen.lower import lower
+from .codegen.lower import Lowered, lower
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
 from .graph.prune import known_zeros, prune
 from .memory import uncollected
-from .reduction import StateSpace, reduce_equations
+from .reduction import StateSpace, reduce_equations, refuse_singular_loops
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
-from .source import Source
+from .source import Source, Span
 from .syntax import SyntaxTree, parse
 
 
@@ -67,24 +69,54 @@ class Compilation:
 
     @cached_property
     def causal(self) -> CausalGraph:
-        return assign_causality(self.graph)
+        with self._instances():
+            return assign_causality(self.graph)
 
     @cached_property
     def equations(self) -> EquationSystem:
-        return derive_equations(self.causal, self.zeros, self.scene.free)
+        with self._instances():
+            return derive_equations(self.causal, self.zeros, self.scene.free)
 
     @cached_property
     def state_space(self) -> StateSpace:
-        return reduce_equations(self.equations, self.everything, self.graph.span)
+        with self._instances():
+            space = reduce_equations(self.equations, self.everything, self.graph.span)
+            refuse_singular_loops(space, self.equations, self.scene.free)
+            return space
+
+    @cached_property
+    def lowered(self) -> Lowered:
+        with self._instances():
+            return lower(self.state_space)
 
     @cached_property
     def program(self) -> Program:
         from .codegen.numpy import generate_program
 
         try:
-            return generate_program(self.state_space)
+            return generate_program(self.lowered)
         except RecursionError:
             raise CompilationFailed([_too_long(self.tree)]) from None
+
+    @contextmanager
+    def _instances(self) -> Iterator[None]:
+        """What is wrong inside an instance is told with the line where the instance stands: the part may be another's."""
+        try:
+            yield
+        except CompilationFailed as failed:
+            stands = self.whole_graph.stands
+            raise CompilationFailed([standing(item, stands) for item in failed.diagnostics]) from None
+
+
+def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
+    """The diagnostic with the places of the instances that it is in, as the names in it say."""
+    if item.stands:
+        return item
+    names = (getattr(item, word, "") for word in ("element", "owner", "culprit", "node"))
+    name = next((n for n in names if isinstance(n, str) and n), "")
+    parts = name.split(".")
+    paths = [".".join(parts[:i]) for i in range(1, len(parts) + 1)]
+    return replace(item, stands=tuple((stands[p], f"`{p}` stands here") for p in paths if p in stands))
 
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
@@ -112,7 +144,7 @@ def _check(source: Source, model: str | None, library: Path | None) -> tuple[Dia
             compilation.__dict__["_built"] = (parts.built.graph, parts.built.plan)
         try:
             if not compilation.is_part:
-                lower(compilation.state_space)
+                _ = compilation.lowered
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
         except RecursionError:

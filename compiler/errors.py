@@ -1,14 +1,15 @@
 """Errors are values: a diagnostic names its code, its place, what is wrong in the author's own names, and what to do.
 
 Every room lists its diagnostics in its own `errors.py`, with a range of codes of its own:
-BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4xx equations, BG5xx reduction, BG6xx code.
+BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4xx equations, BG5xx reduction, BG6xx code,
+BG7xx back to text.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
 from .source import Span
@@ -22,9 +23,12 @@ class Diagnostic:
     title: ClassVar[str] = ""
     advice: ClassVar[str] = ""
     span: Span
+    stands: tuple[tuple[Span, str], ...] = field(
+        default=(), kw_only=True
+    )  # the instances that it is in, outermost first
 
     def _fill(self, template: str) -> str:
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "span"}
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("span", "stands")}
         return template.format(**values) if values else template
 
     @property
@@ -72,7 +76,7 @@ def printable(text: str) -> str:
 def render(item: Diagnostic) -> str:
     """The diagnostic as text: place and sentence, the line with a mark below it, advice."""
     parts = [f"{printable(item.span.place)}: {item.code}: {printable(item.sentence)}", _excerpt(item.span)]
-    for span, why in item.related():
+    for span, why in (*item.related(), *item.stands):
         parts += [f"{printable(span.place)}: {printable(why)}", _excerpt(span)]
     if item.help:
         parts.append(f"  help: {printable(item.help)}")

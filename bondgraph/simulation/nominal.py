@@ -1,72 +1,152 @@
 """How large each state is going to be, so that an absolute tolerance means the same for nanometres and megapascals.
 
-What the author says counts; else the start and a coarse linearly implicit Euler run over the whole time (L-stable, so what is
+What the author says counts; else the start and a coarse run of implicit Euler over the whole time (L-stable, so what is
 fast only follows) tell the magnitude, with what a free motion from there would reach: the speed of something that is pushed
-slowly is measured by the speed at which it would swing back. States of one unit support each other: a coordinate that happens
-to stay at zero must not be held to round-off.
+slowly is measured by the speed at which it would swing back. States of one unit support each other a little: a coordinate that
+happens to stay at zero must not be held to round-off.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..door import Program
+from ..errors import RunFailed
+from .factorise import dense, is_large, sparse
+from .loops import LoopSolver
 from .segments import Segment
 
 STEPS = 60  # of the coarse run
+MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
+SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
+NEWTON_ITERATIONS = 8
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
+SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 LARGEST = 200  # states up to which the modes are computed
-SHARE = 1e-2  # of the largest state of the same unit, at least
+SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
+SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
 
 
-def nominal_magnitudes(program: Program, constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment]) -> Any:
-    """A positive magnitude for every state, in SI; shape (n,)."""
+def nominal_magnitudes(
+    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment]
+) -> Any:  # fmt: skip
+    """A positive magnitude for every state and unknown, in SI; shape (n,). `mechanisms`: their names."""
     given = np.asarray(program.nominal(constants), dtype=float)
-    peak = np.maximum(np.abs(state), _coarse_peak(program, constants, state, inputs, stretches))
+    peak = np.abs(state)
+    if len(program.states.names):
+        peak = np.maximum(peak, _Coarse(program, constants, inputs, state).peak(stretches))
     result = np.where(given > 0, given, peak)
-    units = program.states.units
-    for unit in set(units):
-        same = np.array([u == unit for u in units])
-        largest = result[same].max(initial=0.0)
-        result[same] = np.maximum(result[same], SHARE * largest)
+    units = (*program.states.units, *program.unknowns.units)
+    kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
+    for groups, share in ((list(zip(units, kinds, strict=True)), SHARE), (list(units), SLIGHT)):
+        for group in set(groups):
+            same = np.array([g == group for g in groups])
+            result[same] = np.maximum(result[same], share * result[same].max(initial=0.0))
     bare = np.array([u in ("1", "1/s") for u in units], dtype=bool)
     result[bare] = np.maximum(result[bare], SMALLEST_ANGLE)
     result[(result == 0) | ~np.isfinite(result)] = 1.0
     return result
 
 
-def _coarse_peak(program: Program, constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment]) -> Any:
-    peak = np.abs(state)
-    x = np.array(state, dtype=float)
-    reach = _free_motion(program.jacobian(stretches[0].start, x, inputs, constants, stretches[0].mode), x)
-    whole = stretches[-1].stop - stretches[0].start
-    identity = np.eye(len(x))
-    for stretch in stretches:
-        length = stretch.stop - stretch.start
-        count = max(2, min(STEPS, round(STEPS * length / whole)))
-        h = length / count
-        for i in range(count):
-            time = stretch.start + i * h
-            slope = program.derivative(time + h, x, inputs, constants, stretch.mode)
-            jacobian = program.jacobian(time + h, x, inputs, constants, stretch.mode)
-            if not (np.isfinite(slope).all() and np.isfinite(jacobian).all()):
-                return peak
-            scale = np.maximum(np.maximum(peak, np.abs(h * slope)), 1e-300)
-            system = identity - h * jacobian * scale / scale[:, None]
+def _kind(name: str, mechanisms: Sequence[str]) -> str:
+    """What a state has in common with its like: the mechanism that it belongs to, or its name without the indices of arrays."""
+    return next((m for m in mechanisms if name.startswith(f"{m}.")), re.sub(r"\[[^\]]*\]", "", name))
+
+
+class _Coarse:
+    """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
+
+    def __init__(self, program: Program, constants: Any, inputs: Any, state: Any) -> None:
+        self.program, self.constants, self.inputs = program, constants, inputs
+        self.state, self.largest = np.array(state, dtype=float), np.abs(state)
+        self.differential = np.arange(len(state)) < len(program.states.names)
+        self.rows, self.columns = program.pattern
+        kind = sparse if is_large(len(state), len(self.rows)) else dense
+        self.shifted = kind(self.rows, self.columns, self.differential)
+
+    def peak(self, stretches: Sequence[Segment]) -> Any:
+        """The largest magnitudes on the way, as far as it gets."""
+        reach = None
+        first = stretches[0]
+        if self.differential.all():
+            fixed = (self.inputs, self.constants, first.mode)
+            reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
+        whole = stretches[-1].stop - first.start
+        taken = 0
+        for stretch in stretches:
+            length = stretch.stop - stretch.start
+            usual = size = length / max(2, min(STEPS, round(STEPS * length / whole)))
+            time = stretch.start
+            while time < stretch.stop and taken < MOST_STEPS:
+                taken += 1
+                size = min(size, stretch.stop - time)
+                found = self._step(time + size, size, stretch.mode)
+                if found is None:
+                    size *= 0.25
+                    if size < SMALLEST_STEP * whole:
+                        return self.largest
+                    continue
+                time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
+                size = min(usual, 2 * size)
+                self.state = found
+                self.largest = np.maximum(self.largest, np.abs(found))
+                if reach is not None:
+                    self.largest = np.maximum(self.largest, reach(found))
+        return self.largest
+
+    def _step(self, time: float, size: float, mode: Any) -> Any:
+        """The state at the end of a step; None if it is not found."""
+        program, fixed = self.program, (self.inputs, self.constants, mode)
+        try:
+            magnitude = np.where(self.largest > 0, self.largest, 1.0)
+            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, self.state, mode)
+        except RunFailed:
+            return None
+        before = np.inf
+        for _ in range(NEWTON_ITERATIONS):
+            slope = program.derivative(time, x, *fixed)
+            entries = program.jacobian_entries(time, x, *fixed)
+            if not (np.isfinite(slope).all() and np.isfinite(entries).all()):
+                return None
+            moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))
+            scale = self._scale(moved, np.abs(size * entries))
+            unit = np.where(self.differential, scale, 1.0)
+            rest = slope - np.where(self.differential, (x - self.state) / size, 0.0)
             try:
-                step = np.linalg.solve(system, h * slope / scale) * scale
-            except np.linalg.LinAlgError:
-                return peak
-            if not np.isfinite(step).all() or np.any(np.abs(step) > 1e8 * np.maximum(peak, np.abs(h * slope)) + 1e300):
-                return peak
-            x = x + step
-            peak = np.maximum(peak, np.abs(x))
-            if reach is not None:
-                peak = np.maximum(peak, reach(x))
-    return peak
+                matrix = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
+            except (np.linalg.LinAlgError, RuntimeError, ValueError):
+                return None
+            step = matrix.solve(rest / unit)
+            norm = float(np.abs(step[self.differential]).max(initial=0.0))
+            if not np.isfinite(norm) or norm > 2 * before:
+                return None
+            x = x + step * scale
+            if norm <= 1e-2 * float(np.abs(x / scale)[self.differential].max(initial=0.0)):
+                return x
+            before = norm
+        return None
+
+    def _scale(self, moved: Any, gain: Any) -> Any:
+        """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.
+
+        A number of its own, however small, would be large in some units and overflow in others.
+        """
+        scale = np.array(moved)
+        for _ in range(len(scale)):
+            still = scale == 0
+            if not still.any():
+                break
+            reached = np.zeros(len(scale))
+            np.maximum.at(reached, self.rows, gain * scale[self.columns])
+            if not reached[still].any():
+                break
+            scale[still] = reached[still]
+        scale[scale == 0] = 1.0
+        return np.maximum(scale, SMALLEST_RATIO * scale.max())
 
 
 def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:

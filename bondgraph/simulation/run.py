@@ -28,6 +28,8 @@ from .energy import energy_balance
 from .integrate import Tolerances, Trajectory, integrate
 from .nominal import nominal_magnitudes
 from .segments import mode_after, segments
+from .start import consistent_start
+from .validity import Watch
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -72,9 +74,15 @@ def simulate(
         values, balance = run.go()
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     return Result(
-        model.name, plan.experiment, instants, columns, values, plan.report, "Radau IIA 5 (scipy)" if program.states.names else "none", run.trajectory.steps,
-        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance,
+        model.name, plan.experiment, instants, columns, values, plan.report, _solver(program), run.trajectory.steps,
+        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance, run.watch.warnings,
     )  # fmt: skip
+
+
+def _solver(program: Program) -> str:
+    if program.states.names:
+        return "Radau IIA 5"
+    return "Newton" if program.unknowns.names else "none"
 
 
 def _stop(plan: Plan, to: str | float | None) -> float:
@@ -125,22 +133,34 @@ class _Run:
         self.parameters = np.array(program.defaults, dtype=float)
         self.constants = program.constants(self.parameters)
         self.inputs = np.array(program.input_defaults, dtype=float)
-        self.state = np.asarray(program.start(self.constants), dtype=float)
         self.stretches = segments(program, self.constants, instants[0], instants[-1])
+        self.state, self.moved = self._start(program, compilation)
         self.needed = self._needed()
         self.magnitude = self._magnitudes()
         self.atol = self._tolerances(atol)
         self.trajectory = Trajectory(np.empty((0, 0)))
+        self.watch = Watch(program, self.constants, self.inputs, rtol)
+
+    def _start(self, program: Program, compilation: Compilation) -> tuple[Any, tuple[str, ...]]:
+        """The state at the start, unknowns of loops included, and what the author's starts moved."""
+        constants = program.constants(np.array(program.defaults, dtype=float))
+        state = np.asarray(program.start(constants), dtype=float)
+        names = program.states.names
+        if not np.isfinite(state).all():
+            bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
+            raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
+        first = self.stretches[0]
+        return consistent_start(program, compilation.state_space, constants, self.inputs, state, first)
 
     def _tolerances(self, atol: float | None) -> Any:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
         result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
         outputs = self.compilation.state_space.outputs
-        variables = {
-            self.compilation.state_space.variables[s.variable].name: i
-            for i, s in enumerate(self.compilation.state_space.states)
+        space = self.compilation.state_space
+        numbers = {
+            v: i for i, v in enumerate([*(s.variable for s in space.states), *(u.variable for u in space.unknowns)])
         }
-        numbers = {s.variable: i for i, s in enumerate(self.compilation.state_space.states)}
+        variables = {space.variables[v].name: i for v, i in numbers.items()}
         for name, value in self.plan.tolerances.items():
             index = variables.get(name, numbers.get(outputs.get(name, -1)))
             if index is None:
@@ -152,33 +172,39 @@ class _Run:
 
     def _magnitudes(self) -> Any:
         """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
-        result = nominal_magnitudes(self.program, self.constants, self.state, self.inputs, self.stretches)
+        mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
+        result = nominal_magnitudes(self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches)
         if not self.needed.all():
             lean = self.lean.program
             constants = lean.constants(np.array(lean.defaults, dtype=float))
-            start = np.asarray(lean.start(constants), dtype=float)
-            result[self.needed] = nominal_magnitudes(lean, constants, start, self.inputs, self.stretches)
+            start, _ = self._start(lean, self.lean)
+            result[self.needed] = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
         return result
 
     def _needed(self) -> Any:
-        """Which states the outputs need; all of them, unless more are there for the energy balance."""
-        names = self.program.states.names
+        """Which states and unknowns the outputs need; all of them, unless more are there for the energy balance."""
+        names = (*self.program.states.names, *self.program.unknowns.names)
         if not self.energy:
             return np.ones(len(names), dtype=bool)
-        lean = self.lean.state_space
-        known = {lean.variables[s.variable].name for s in lean.states}
+        lean = self.lean.program
+        known = {*lean.states.names, *lean.unknowns.names}
         return np.array([n in known for n in names], dtype=bool)
 
     def go(self) -> tuple[Any, EnergyBalance | None]:
         """Integrate and evaluate the outputs; shape (points, outputs)."""
         program = self.program
-        if not np.isfinite(self.state).all():
-            bad = [program.states.names[i] for i in np.flatnonzero(~np.isfinite(self.state))]
-            raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
         powers = self._powers if self.energy else None
         tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed)
         self.trajectory = integrate(
-            program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances, powers
+            program,
+            self.constants,
+            self.inputs,
+            self.state,
+            self.stretches,
+            self.instants,
+            tolerances,
+            powers,
+            self.watch,
         )
         values = self._outputs()
         return values, self._balance() if self.energy else None
@@ -191,6 +217,8 @@ class _Run:
                 values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
         last = self.stretches[-1]
         mode = mode_after(self.program, self.constants, last.stop, last)
+        final = self.trajectory.states[-1:]
+        self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
         return values
 

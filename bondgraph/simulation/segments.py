@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -9,8 +10,16 @@ from typing import Any
 import numpy as np
 
 from ..door import Program
+from ..errors import RunFailed
 
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
+PER_PERIOD = 8  # such places for each period of a noise, if there are more
+MAXIMUM_GRID = 2_000_000
+SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
+# Where a step looks, places between, and the weights that a cubic through the former has at the latter.
+SEEN = np.array([0.0, 0.155, 0.645, 1.0])
+LOOKS = np.concatenate([SEEN, [0.075, 0.3, 0.5, 0.85]])
+BETWEEN = np.linalg.solve(np.vander(SEEN).T, np.vander(LOOKS[4:], 4).T).T
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +37,24 @@ def segments(program: Program, constants: Any, start: float, stop: float) -> lis
     edges = _distinct([start, *sorted(cuts), stop])
     edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
     return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in pairwise(edges)]
+
+
+def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Callable[[float, float], bool]:
+    """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
+    the signal between them, to a share of the range that the signal has. A rectifier whose diode is off at all of a step's
+    places would else not see the next peak."""
+    span = stretch.stop - stretch.start
+    grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
+    if not grid.shape[-1]:
+        return lambda start, stop: True
+    allowed = SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
+
+    def follows(start: float, stop: float) -> bool:
+        values = program.signals(start + (stop - start) * LOOKS, inputs, constants, stretch.mode)
+        off = np.abs(BETWEEN @ values[: len(SEEN)] - values[len(SEEN) :])
+        return not bool((off > allowed).any())
+
+    return follows
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
@@ -50,10 +77,23 @@ def _distinct(edges: list[float]) -> list[float]:
     return kept
 
 
+def _places(program: Program, constants: Any, length: float) -> int:
+    """At how many places a stretch is searched."""
+    period = float(min(np.abs(program.periods(constants)), default=np.inf))
+    places = max(GRID, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
+    if places > MAXIMUM_GRID:
+        raise RunFailed(
+            f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s; "
+            "give the noise a longer period, or a smooth law instead of the condition"
+        )
+    return places
+
+
 def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     """Zeros of the functions of time that are not linear in it: signs on a grid, then bisection.
 
-    Two zeros closer than 1/256 of a smooth stretch can be missed; the error control of the solver still sees the bend.
+    Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed; the error control of the
+    solver still sees the bend.
     """
     middle = 0.5 * (edges[0] + edges[-1])
     if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
@@ -62,8 +102,9 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
 
     found: list[float] = []
     for a, b in pairwise(edges):
-        times = a + (b - a) * (np.arange(GRID) + 0.5) / GRID
-        values = np.array([program.crossings(t, constants, _mode(program, constants, t)) for t in times])
+        places = _places(program, constants, b - a)
+        times = a + (b - a) * (np.arange(places) + 0.5) / places
+        values = program.crossings(times, constants, program.switches(times, constants))
         for column in range(values.shape[1]):
             signs = np.sign(values[:, column])
             for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):

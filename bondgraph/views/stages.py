@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from ..door import Compilation
+from ..door import Compilation, write_text
 from .tables import visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
     """The text of one stage."""
     writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
-        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code,
+        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code, "text": _text,
     }  # fmt: skip
     return "\n".join(visible(line) for text in writers[stage](compilation) for line in text.split("\n"))
 
@@ -75,6 +75,9 @@ def _graph(compilation: Compilation) -> Iterator[str]:
         yield f"  {named.role} {named.name} [{named.unit}]{value}  # {_place(named.span)}"
     for named in graph.outputs.values():
         yield f"  reported {named.name} [{named.unit}]  # {_place(named.span)}"
+    for required in graph.requirements:
+        owner = f" of {required.name}" if required.name else ""
+        yield f"  required{owner}: {required.words}  # {_place(required.span)} {required.text}".rstrip()
 
 
 def _causality(compilation: Compilation) -> Iterator[str]:
@@ -127,3 +130,8 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
 
 def _code(compilation: Compilation) -> Iterator[str]:
     yield compilation.program.source
+
+
+def _text(compilation: Compilation) -> Iterator[str]:
+    """Back in the language, flat."""
+    yield write_text(compilation.whole_graph).rstrip()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .expression import (
+    CURVES,
     MINUS_ONE,
     ONE,
     ZERO,
@@ -23,6 +24,7 @@ from .expression import (
     power,
     select,
 )
+from .table import curve_slope
 
 
 def derivative(x: Expression, symbol: Symbol) -> Expression:
@@ -88,6 +90,11 @@ def partial(node: Apply, i: int) -> Expression:
             return divide(MINUS_ONE, call("sqrt", ONE - x * x))
         case "atan":
             return divide(ONE, ONE + x * x)
+        case "root":
+            n = node.operands[1]
+            if i == 0:  # infinite at 0 where n > 1, like that of a root of second degree
+                return select(call("equal", x, ZERO), ZERO, divide(node, multiply(n, x)))
+            return negate(divide(multiply(node, call("log", call("abs", x))), multiply(n, n)))
         case "atan2":
             y, z = node.operands
             length = y * y + z * z
@@ -120,6 +127,8 @@ def partial(node: Apply, i: int) -> Expression:
             a, b = node.operands
             first = call("less", a, b) if node.operator == "min" else call("less", b, a)
             return select(first, ONE, ZERO) if i == 0 else select(first, ZERO, ONE)
+    if node.operator in CURVES and i == 1:
+        return curve_slope(node)
     raise AssertionError(node.operator)
 
 

@@ -9,7 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeGuard
+
+from . import interpolate
 
 
 class Expression:
@@ -119,6 +122,15 @@ def _power(a: float, b: float) -> float:
     return float(result)
 
 
+def _root(a: float, n: float) -> float:
+    """The one real number whose power n is a."""
+    if n == 0 or n % 2 == 0:
+        raise ValueError("a power of this exponent has two real inverses, or none")
+    if a < 0 and n == int(n):
+        return -_power(-a, 1 / n)
+    return _power(a, 1 / n)
+
+
 # name -> (number of operands, its meaning for floats). `add` and `multiply` take any number of operands.
 OPERATORS: Mapping[str, tuple[int, Callable[..., float | bool]]] = {
     "divide": (2, _divide),
@@ -144,6 +156,7 @@ OPERATORS: Mapping[str, tuple[int, Callable[..., float | bool]]] = {
     "sign": (1, _sign),
     "floor": (1, lambda x: float(math.floor(x))),
     "ceil": (1, lambda x: float(math.ceil(x))),
+    "root": (2, _root),
     "min": (2, min),
     "max": (2, max),
     "less": (2, lambda a, b: a < b),
@@ -154,6 +167,20 @@ OPERATORS: Mapping[str, tuple[int, Callable[..., float | bool]]] = {
     "not": (1, lambda a: not a),
     "select": (3, lambda c, a, b: a if c else b),
 }
+# Operators over points, any number of them, and over random numbers. The first operand counts derivatives, the second is
+# what they are taken at; the rest does not change during a run (see `table.py`).
+CURVES: Mapping[str, Callable[..., float]] = {
+    "linear": interpolate.linear,
+    "cubic": interpolate.hermite,
+    "monotone": interpolate.hermite,
+    "inverse": interpolate.inverse,
+    "noise": interpolate.noise,
+}
+# Number, places, values -> the slope of a curve in one of its points.
+SLOPES: Mapping[str, Callable[..., float]] = {
+    "natural_slope": partial(interpolate.slope_at, interpolate.natural_slopes),
+    "monotone_slope": partial(interpolate.slope_at, interpolate.monotone_slopes),
+}
 CONDITIONS = frozenset({"less", "less_equal", "equal", "and", "or", "not"})
 
 
@@ -163,6 +190,10 @@ def value_of(operator: str, values: Iterable[float]) -> float:
         return math.fsum(values)
     if operator == "multiply":
         return math.prod(values)
+    if operator in CURVES:
+        return float(CURVES[operator](*values))
+    if operator in SLOPES:
+        return float(SLOPES[operator](*values))
     return float(OPERATORS[operator][1](*values))
 
 
@@ -355,6 +386,18 @@ def symbols(x: Expression) -> Iterator[Symbol]:
             yield node
         elif isinstance(node, Apply):
             stack.extend(reversed(node.operands))
+
+
+def operations(x: Expression) -> Iterator[Apply]:
+    """The distinct operations."""
+    seen: set[Expression] = set()
+    stack = [x]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Apply) and node not in seen:
+            seen.add(node)
+            yield node
+            stack.extend(node.operands)
 
 
 def depends_on(x: Expression, symbol: Symbol) -> bool:

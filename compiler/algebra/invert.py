@@ -1,11 +1,13 @@
 """Laws that are not affine, solved for one of their variables where that is one real function.
 
 The operations around the variable are taken off one by one, each by its inverse. Only what has one real inverse is taken: an
-odd power (as a signed root), exp, log, tanh and their like; not an even power, sin, or a variable that stands in two places.
-A general solver would return one of several branches, or not return at all.
+odd power (as a signed root), exp, log, tanh and their like, a table that rises or falls throughout; not an even power, sin, or
+a variable that stands in two places. A general solver would return one of several branches, or not return at all.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 from .expression import (
     ZERO,
@@ -19,9 +21,11 @@ from .expression import (
     divide,
     multiply,
     negate,
+    operations,
     power,
     symbols,
 )
+from .table import KINDS, turned_round
 
 _INVERSES = {
     "exp": "log", "log": "exp", "sinh": "asinh", "asinh": "sinh", "tanh": "atanh", "atanh": "tanh", "atan": "tan", "asin": "sin",
@@ -65,6 +69,11 @@ def _peel(x: Expression, y: Expression, symbol: Symbol) -> Expression | None:
         case "power" if inner is x.operands[0] and isinstance(x.operands[1], Number):
             root = _root(y, x.operands[1].value)
             return None if root is None else _peel(inner, root, symbol)
+        case "power" if inner is x.operands[0]:  # whether it has one inverse is seen where the exponent is known
+            return _peel(inner, call("root", y, x.operands[1]), symbol)
+        case "linear" | "cubic" | "monotone" if inner is x.operands[1]:
+            place = turned_round(x, y)
+            return None if place is None else _peel(inner, place, symbol)
         case "sqrt":
             return _peel(inner, power(call("sqrt", y), Number(4.0)), symbol)  # y^2, and no number for a negative y
         case "log10":
@@ -117,3 +126,14 @@ def _power_of(factor: Expression) -> tuple[Expression, float, int] | None:
         case Apply(operator="power", operands=(u, Number(n))) if n == int(n):
             return u, n, int(n) % 2
     return factor, 1.0, 1
+
+
+def obstacle(sides: Iterable[Expression]) -> str:
+    """What to do about a law that cannot be turned round, if its operators tell."""
+    operators = {node.operator for side in sides for node in operations(side)}
+    if operators & set(KINDS):
+        return (
+            "A table is turned round where its values rise or fall throughout: `linear` and `monotone` then are, `cubic` if its "
+            "points are numbers and its curve does not turn back. Use one of those, or a table of the other variable."
+        )
+    return ""

@@ -8,6 +8,9 @@ from typing import Any
 import sympy
 
 from .expression import Apply, Expression, Number, Symbol, add, call, divide, multiply, power, select
+from .table import lists
+
+SHOWN_POINTS = 12  # of a table, in equations that people read
 
 _FUNCTIONS: dict[str, Any] = {
     "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin, "acos": sympy.acos, "atan": sympy.atan,
@@ -49,11 +52,31 @@ def to_sympy(x: Expression, name: Callable[[Any], Any]) -> Any:
                 return operands[0] ** operands[1]
             case "log10":
                 return sympy.log(operands[0]) / sympy.log(10)
+            case "root":
+                return operands[0] ** (1 / operands[1])
+            case "linear" | "cubic" | "monotone" | "inverse":
+                return _table(node, operands)
+            case "noise":
+                return sympy.Function(_differentiated("noise", operands[0]))(*operands[1:])
+            case "natural_slope" | "monotone_slope":
+                return sympy.Function(node.operator)(*operands)
             case "select":
                 return sympy.Piecewise((operands[1], operands[0]), (operands[2], True))
         return _FUNCTIONS[node.operator](*operands)
 
     return walk(x)
+
+
+def _differentiated(name: str, order: Any) -> str:
+    return name if order == 0 else f"{name}_{'slope' if order == 1 else f'derivative_{order}'}"
+
+
+def _table(node: Apply, operands: list[Any]) -> Any:
+    """A table as people write it; a long one with the number of its points."""
+    n = len(lists(node)[0])
+    points = [sympy.Tuple(*operands[2:][i * n : (i + 1) * n]) for i in range(2)]
+    shown = points if n <= SHOWN_POINTS else [sympy.Symbol(f"{n} points")]
+    return sympy.Function(_differentiated(node.operator, operands[0]))(operands[1], *shown)
 
 
 def from_sympy(x: Any, key: Callable[[Any], Hashable]) -> Expression:

@@ -15,3 +15,33 @@ class JumpsWithoutEnd(Diagnostic):
     title = "`{function}` of an expression of time jumps at instants that this version does not find"
     advice = "Write the signal with step, pulse, ramp or `if` on time."
     function: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseOutOfStep(Diagnostic):
+    """BG602."""
+
+    code = "BG602"
+    title = "The instants at which `noise` takes a new number are not equally spaced in time"
+    advice = "Write `noise(time, period, seed)`, with a period that does not change; bend the result instead."
+
+
+@dataclass(frozen=True, slots=True)
+class TableTurnsBack(Diagnostic):
+    """BG603."""
+
+    code = "BG603"
+    title = "Causality asks the table in the law of `{owner}` for its argument, but its values neither rise nor fall throughout"
+    advice = "Give a table of the other variable, say `require = …` to see what stands against it, or put a storage beside it."
+    owner: str
+
+
+@dataclass(frozen=True, slots=True)
+class EvenPower(Diagnostic):
+    """BG604."""
+
+    code = "BG604"
+    title = "Causality asks the law of `{owner}` for the base of a power, but a power of {exponent} has two inverses or none"
+    advice = "Write the law the other way round; of a positive base `b`, `exp(n*log(b))` is the same power and can be turned round."
+    owner: str
+    exponent: str

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
@@ -30,20 +29,15 @@ from ..algebra.expression import (
     substitute,
 )
 from ..algebra.formula import Formula
+from ..algebra.table import domain, is_table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..reduction import LinearLoop, StateSpace
 from ..source import Span
-from .errors import JumpsWithoutEnd
+from .errors import JumpsWithoutEnd, NoiseOutOfStep
+from .limits import Leaf, Limit, ranges, requirement
 
 PARAMETER, TIME, INPUT, STATE, MODE = 1, 2, 4, 8, 16  # what a node depends on, as bits
-
-
-class Leaf(NamedTuple):
-    """A symbol of a program: role and position in its array (time has none)."""
-
-    role: str  # parameter, input, state, time or mode
-    position: int
 
 
 BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
@@ -67,19 +61,31 @@ class Lowered:
     inputs: tuple[int, ...] = ()
     values: dict[int, Expression] = field(default_factory=dict)  # variable -> its expression
     labels: dict[Expression, Label] = field(default_factory=dict)
-    rates: tuple[Expression, ...] = ()
+    rates: tuple[Expression, ...] = ()  # of the states, then the residuals of the unknowns
     jacobian: dict[tuple[int, int], Expression] = field(default_factory=dict)  # (row, column) -> nonzero entry
     starts: tuple[Expression, ...] = ()
+    claims: tuple[Expression, ...] = ()  # by how much a start that the author gave to what is computed is missed
+    forced: tuple[Expression, ...] = ()  # what must not jump with time
     nominals: tuple[Expression | None, ...] = ()
     outputs: dict[str, Expression] = field(default_factory=dict)
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
+    periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
+    limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
+    signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     differentiated: int = 0  # formulas whose partial derivatives were formed
 
     def dependence(self, x: Expression) -> int:
         """What an expression depends on, as bits."""
         return _dependence(x, self._bits)
+
+    def parameter_values(self, leaf: Leaf) -> float:
+        """The value that a parameter has if nobody changes it. Raises `ValueError` for what is no parameter."""
+        value = self.space.variables[self.parameters[leaf.position]].value if leaf.role == "parameter" else None
+        if value is None:
+            raise ValueError(leaf.role)
+        return value
 
     _bits: dict[Expression, int] = field(default_factory=dict)
 
@@ -96,9 +102,9 @@ def lower(space: StateSpace) -> Lowered:
             result.values[number] = Symbol(Leaf(variable.role, position))
     result.parameters, result.inputs = tuple(roles["parameter"]), tuple(roles["input"])
     slopes: dict[int, dict[int, Expression]] = {}
-    for position, state in enumerate(space.states):
-        result.values[state.variable] = Symbol(Leaf("state", position))
-        slopes[state.variable] = {position: ONE}
+    for position, number in enumerate(moving(space)):
+        result.values[number] = Symbol(Leaf("state", position))
+        slopes[number] = {position: ONE}
     switching = _Switching(result)
     formulas: set[Formula] = set()
     for step in space.steps:
@@ -107,19 +113,53 @@ def lower(space: StateSpace) -> Lowered:
         else:
             _lower_assignment(result, step, slopes, switching, formulas)
     result.differentiated = len(formulas)
-    result.rates = tuple(result.values[s.rate] for s in space.states)
-    for row, state in enumerate(space.states):
-        for column, entry in slopes.get(state.rate, {}).items():
+    rates = [*(s.rate for s in space.states), *(u.residual for u in space.unknowns)]
+    result.rates = tuple(result.values[v] for v in rates)
+    result.signals = tuple(_signals(result))
+    for row, rate in enumerate(rates):
+        for column, entry in slopes.get(rate, {}).items():
             if entry != ZERO:
                 result.jacobian[row, column] = entry
-    result.starts = tuple(_entry(result, s.start) for s in space.states)
-    result.nominals = tuple(None if s.nominal is None else _entry(result, s.nominal) for s in space.states)
+    result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
+    result.claims = tuple(result.values[c.variable] - _entry(result, c.start) for c in space.claims)
+    result.forced = tuple(result.values[f.variable] for f in space.forced)
+    nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
+    result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
+    result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
     return result
+
+
+def _signals(result: Lowered) -> Iterable[Expression]:
+    """The largest expressions behind the rates that depend on time but on no state; those linear in time never turn."""
+    time = Symbol(Leaf("time", 0))
+    seen: set[Expression] = set()
+    stack = list(result.rates)
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        bits = result.dependence(node)
+        if not bits & TIME:
+            continue
+        if not bits & STATE:
+            if node != time and result.dependence(derivative(node, time)) & (TIME | MODE):
+                yield node
+        elif isinstance(node, Apply):
+            stack.extend(node.operands)
+
+
+def moving(space: StateSpace) -> list[int]:
+    """The variables that a program gets as its state: the states, then the unknowns of its loops."""
+    return [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
 
 
 def _used(space: StateSpace) -> set[int]:
     used: set[int] = set(space.outputs.values())
+    for limit in space.limits:
+        used.add(limit.condition)
+        used.update(entry for _, entry, _ in limit.values if isinstance(entry, int))
     for step in space.steps:
         if isinstance(step, LinearLoop):
             used.update(e for row in (*step.matrix, step.right) for e in row if not isinstance(e, float))
@@ -128,6 +168,7 @@ def _used(space: StateSpace) -> set[int]:
     for state in space.states:
         used.add(state.rate)
         used.update(e for e in (state.start, state.nominal) if isinstance(e, int))
+    used.update(v for c in space.claims for v in (c.variable, c.start) if isinstance(v, int))
     used.update(v for port in space.ports for v in (port.effort, port.flow))
     used.update(space.stored.values())
     for storage in space.storages:
@@ -141,9 +182,9 @@ def _entry(result: Lowered, entry: int | float) -> Expression:
 
 
 @lru_cache(maxsize=65536)
-def partials(formula: Formula) -> tuple[Expression, ...]:
-    """The partial derivatives of a formula with respect to its slots: formed once, whatever the number of its uses."""
-    return tuple(derivative(formula.expression, Symbol(i)) for i in range(formula.arity))
+def partial(formula: Formula, slot: int) -> Expression:
+    """The partial derivative of a formula with respect to one of its slots: formed once, whatever the number of its uses."""
+    return derivative(formula.expression, Symbol(slot))
 
 
 def _lower_assignment(
@@ -161,6 +202,7 @@ def _lower_assignment(
 
     value = switching.replaced(substitute(step.formula.expression, put), step.span)
     result.values[step.target] = value
+    result.limits += ranges(step, put, result.space.variables, result.parameter_values)
     if isinstance(value, Apply):
         result.labels.setdefault(value, Label(result.space.variables[step.target].name, step.span, step.owner))
     moving = [(slot, a) for slot, a in enumerate(step.arguments) if isinstance(a, int) and slopes.get(a)]
@@ -169,7 +211,7 @@ def _lower_assignment(
     formulas.add(step.formula)
     terms: dict[int, list[Expression]] = {}
     for slot, argument in moving:
-        slope = substitute(partials(step.formula)[slot], put)
+        slope = substitute(partial(step.formula, slot), put)
         if slope == ZERO:
             continue
         slope = switching.replaced(slope, step.span)
@@ -277,6 +319,11 @@ class _Switching:
         if alone and x.operator in ("floor", "ceil"):
             raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
         operands = tuple(self.replaced(o, span) for o in x.operands)
+        if alone and is_table(x):
+            for knot in domain(x):  # where the curve or one of its derivatives bends
+                self._instant(self.replaced(x.operands[1] - knot, span))
+        if x.operator == "noise":
+            self._period(x.operands[1], alone, span)
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
             self._instant(self.replaced(g, span))
@@ -296,6 +343,20 @@ class _Switching:
         """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
         leaf: Leaf = symbol.key
         return self.result.switches[leaf.position] if leaf.role == "mode" else symbol
+
+    def _period(self, place: Expression, alone: bool, span: Span) -> None:
+        """No step may pass over more than one whole number of the places that random numbers belong to.
+
+        Where a place also moves with states, only its own pace in time is known before the run.
+        """
+        slope = derivative(place, Symbol(Leaf("time", 0)))
+        if self.result.dependence(slope) & ~PARAMETER:
+            if alone:
+                raise CompilationFailed([NoiseOutOfStep(span)])
+            return
+        period = divide(ONE, call("abs", slope))
+        if slope != ZERO and period not in self.result.periods:
+            self.result.periods.append(period)
 
     def _instant(self, g: Expression) -> None:
         """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..source import Span
+
 Array = Any  # a numpy array; this module loads no numpy
 
 
@@ -17,17 +19,33 @@ class Names:
     units: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class LimitNote:
+    """How a limit of the model is told: the range of a `table` ends the run, what is `require`d is a warning."""
+
+    kind: str  # "table" or "require"
+    owner: str  # the element or quantity with the table; the instance that requires, "" for the model itself
+    words: str  # the kind of table; the condition as written
+    text: str  # the author's
+    span: Span
+    stands: Span | None  # where the instance is declared
+    values: tuple[tuple[str, str], ...]  # names and SI units of what it is about
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """A model that can be run.
 
     Arrays have their index last and may have leading axes (batches): parameters (…, P), constants (…, K), inputs (…, U),
-    state (…, n). `mode` holds the truth of the conditions on time (`switches`), constant between two instants.
+    state (…, n). The state holds the n - m states and then the m unknowns of the algebraic loops: the program is M x' = f
+    with M = diag(1 … 1, 0 … 0), an explicit system if m = 0, else semi-explicit of index 1. `mode` holds the truth of the
+    conditions on time (`switches`), constant between two instants.
     """
 
     name: str
     source: str  # the text of the module
     states: Names
+    unknowns: Names  # of the algebraic loops that the run solves
     outputs: Names
     inputs: Names
     parameters: Names
@@ -36,11 +54,18 @@ class Program:
     constants: Callable[[Array], Array]  # parameters -> all that depends on parameters alone
     start: Callable[[Array], Array]  # constants -> state
     nominal: Callable[[Array], Array]  # constants -> nominal magnitudes given by the author (0: none)
-    derivative: Callable[[float, Array, Array, Array, Array], Array]  # time, state, inputs, constants, mode -> (…, n)
+    derivative: Callable[
+        [float, Array, Array, Array, Array], Array
+    ]  # time, state, inputs, constants, mode -> (…, n): rates of the states, then what must vanish
     pattern: tuple[Array, Array]  # rows and columns of the Jacobian's entries
     jacobian_entries: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, entries)
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
+    claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> by how much given starts are missed
+    forced: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what must not jump with time
+    signals: Callable[
+        [Array, Array, Array, Array], Array
+    ]  # time, inputs, constants, mode -> what rates read of time alone
     powers: Callable[
         [float, Array, Array, Array, Array], Array
     ]  # the same -> power into each port, then stored energies
@@ -48,6 +73,10 @@ class Program:
     crossings: Callable[
         [Array, Array, Array], Array
     ]  # time, constants, mode -> functions of time whose zeros are such instants
-    switches: Callable[[float, Array], Array]  # time, constants -> mode
+    switches: Callable[[Array, Array], Array]  # time, constants -> mode
+    periods: Callable[[Array], Array]  # constants -> times that no step may be longer than
+    limits: tuple[LimitNote, ...]
+    holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit
+    limit_values: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> the values of all limits in a row
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed

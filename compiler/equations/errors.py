@@ -20,18 +20,6 @@ class NotInvertible(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
-class DerivativeField(Diagnostic):
-    """BG402."""
-
-    code = "BG402"
-    title = "The field `{element}` would need derivative form at its port `{port}`, which this version does not support"
-    advice = "Something else already decides its {what}: put a resistor or a storage of another kind between the two."
-    element: str
-    port: str
-    what: str
-
-
-@dataclass(frozen=True, slots=True)
 class Undetermined(Diagnostic):
     """BG404."""
 
@@ -40,13 +28,3 @@ class Undetermined(Diagnostic):
     advice = "Leave out one bond of the ring, or put an element into it."
     node: str
     variable: str
-
-
-@dataclass(frozen=True, slots=True)
-class StartOfDependent(Diagnostic):
-    """BG403."""
-
-    code = "BG403"
-    title = "`{element}` is in derivative form, so its start follows from other storages and cannot be given"
-    advice = "Remove its `start`, or give `prefer = integral` to it and `prefer = derivative` to the other one."
-    element: str

@@ -11,28 +11,57 @@ from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divi
 from ..algebra.invert import solve_nonlinear
 from ..graph.network import Kind, Law, Own
 
+Equations = tuple[tuple[Expression, Expression], ...]
+STORED = {"e": "q", "f": "p"}  # what a storage gives, and what it stores then
+GIVEN = {"q": "e", "p": "f"}  # what it stores, and what its law gives in integral form
+
 
 @lru_cache(maxsize=4096)
 def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
     """Each wanted own variable as an expression of the others; None if the law cannot be solved for them.
 
-    Explicit equations are taken as they are, affine ones are solved, others are inverted where they have one inverse.
+    Explicit equations are taken as they are, affine ones are solved, others are inverted where they have one inverse. A
+    field of which some ports are asked for what they store is thereby transformed as by Legendre: its energy gives as many
+    equations as it has ports, whatever is known of them.
     """
-    if law.energy is not None:
-        if all(w.variable in "ef" for w in wanted):  # efforts by displacements, flows by momenta
-            stored = {"e": "q", "f": "p"}
-            return tuple(derivative(law.energy, Symbol(Own(w.port, stored[w.variable]))) for w in wanted)
-        if len(wanted) != 1:
-            return None
-        slope = derivative(law.energy, Symbol(Own(0, wanted[0].variable)))
-        given = Symbol(Own(0, "e" if wanted[0].variable == "q" else "f"))
-        return _one(((given, slope),), wanted[0])
-    if len(wanted) == 1 and len(law.equations) == 1:
-        return _one(law.equations, wanted[0])
-    return _several(law, wanted)
+    equations = _equations(law, wanted)
+    return _one(equations, wanted[0]) if len(wanted) == len(equations) == 1 else _several(equations, wanted)
 
 
-def _one(equations: tuple[tuple[Expression, Expression], ...], wanted: Own) -> tuple[Expression, ...] | None:
+@lru_cache(maxsize=4096)
+def paired(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
+    """For each wanted variable an expression that vanishes and in which it occurs; None if there are not enough of them.
+
+    For laws that `solved` gives up: the run solves them by Newton's method. Which equation goes with which variable is a
+    matching in a bipartite graph (Kuhn's augmenting paths).
+    """
+    rests = [left - right for left, right in _equations(law, wanted)]
+    choice: dict[int, int] = {}  # equation -> wanted
+
+    def place(number: int, tried: set[int]) -> bool:
+        for i, rest in enumerate(rests):
+            if i not in tried and depends_on(rest, Symbol(wanted[number])):
+                tried.add(i)
+                if i not in choice or place(choice[i], tried):
+                    choice[i] = number
+                    return True
+        return False
+
+    if not all(place(number, set()) for number in range(len(wanted))):
+        return None
+    of = {number: rests[i] for i, number in choice.items()}
+    return tuple(of[number] for number in range(len(wanted)))
+
+
+def _equations(law: Law, wanted: tuple[Own, ...]) -> Equations:
+    """The law as equations; of an energy the efforts of displacements and the flows of momenta are the slopes."""
+    if law.energy is None:
+        return law.equations
+    stored = [Own(w.port, STORED.get(w.variable, w.variable)) for w in wanted]
+    return tuple((Symbol(Own(s.port, GIVEN[s.variable])), derivative(law.energy, Symbol(s))) for s in stored)
+
+
+def _one(equations: Equations, wanted: Own) -> tuple[Expression, ...] | None:
     ((left, right),) = equations
     found = solve_affine(left, right, Symbol(wanted))
     if found is None:
@@ -40,10 +69,10 @@ def _one(equations: tuple[tuple[Expression, Expression], ...], wanted: Own) -> t
     return None if found is None else (found,)
 
 
-def _several(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
+def _several(given: Equations, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
     """Elimination: each equation gives one wanted variable, put into the others."""
     unknown = [Symbol(w) for w in wanted]
-    equations = list(law.equations)
+    equations = list(given)
     result: dict[Symbol, Expression] = {}
     for symbol in list(unknown):  # explicit ones first: they stay as written
         for equation in equations:
@@ -75,12 +104,13 @@ def _put(x: Expression, known: Mapping[Symbol, Expression]) -> Expression:
 def _pivot(
     equations: list[tuple[Expression, Expression]], rest: list[Symbol], known: dict[Symbol, Expression]
 ) -> tuple[Symbol, Expression, tuple[Expression, Expression]] | None:
-    for equation in equations:
-        put = (_put(equation[0], known), _put(equation[1], known))
-        for symbol in rest:
-            found = solve_affine(*put, symbol)
-            if found is not None:
-                return symbol, found, equation
+    for solve in (solve_affine, solve_nonlinear):
+        for equation in equations:
+            put = (_put(equation[0], known), _put(equation[1], known))
+            for symbol in rest:
+                found = solve(*put, symbol)
+                if found is not None:
+                    return symbol, found, equation
     return None
 
 

@@ -16,7 +16,7 @@ Argument = int | float  # a variable by number, or a number
 class Variable:
     """One scalar of the model.
 
-    role: parameter, input, time, state, rate (of a state), or computed (by an assignment).
+    role: parameter, input, time, state, unknown (of an algebraic loop), or computed (by an assignment).
     """
 
     name: str
@@ -27,13 +27,17 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """`target := formula(arguments)`, because of a line of the text."""
+    """`target := formula(arguments)`, because of a line of the text.
+
+    An implicit one says `0 = formula(arguments)`, and the target, which is among the arguments, is what makes it so.
+    """
 
     target: int
     formula: Formula
     arguments: tuple[Argument, ...]
     span: Span
     owner: str  # the element, junction or quantity that it belongs to
+    implicit: bool = False
 
     @property
     def expression(self) -> Expression:
@@ -66,6 +70,17 @@ class State:
     start: Argument
     nominal: Argument | None
     span: Span
+    given: bool = False  # whether the author said the start
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A start that the author gives to what is computed from states: they must start so that it holds."""
+
+    variable: int
+    start: Argument
+    element: str
+    span: Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +109,19 @@ class Storage:
     laws: tuple[Expression, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Validity:
+    """What an instance requires: a variable that is 1 where it holds, and the values that it is told with."""
+
+    owner: str  # the instance, "" for the model itself
+    words: str  # the condition as written
+    text: str
+    condition: int
+    values: tuple[tuple[str, Argument, str], ...]  # name, variable or number, SI unit
+    span: Span
+    stands: Span | None
+
+
 @dataclass(frozen=True, eq=False)
 class EquationSystem:
     """All equations of a model, causal but not yet ordered."""
@@ -108,3 +136,5 @@ class EquationSystem:
     ports: tuple[PowerPort, ...]
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]  # node -> variable of its stored energy, for mechanisms
+    claims: tuple[Claim, ...]
+    limits: tuple[Validity, ...] = ()

@@ -7,7 +7,7 @@ knows the definition it came from, its instance path and its line.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -173,6 +173,19 @@ class Integral:
     span: Span
 
 
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A validity limit: `require CONDITION "text"`. The condition is 1 where it holds."""
+
+    name: str  # the instance that requires, "" for the model itself
+    condition: Bound
+    words: str  # as written
+    text: str
+    readings: tuple[tuple[str, Reference, str], ...]  # what it is about: words, what they read, SI unit
+    span: Span
+    stands: Span | None  # where the instance is declared
+
+
 @dataclass(frozen=True, eq=False)
 class BondGraph:
     """The whole model: nodes, bonds and the named quantities."""
@@ -184,6 +197,8 @@ class BondGraph:
     outputs: Mapping[str, Named]
     integrals: Mapping[str, Integral]
     span: Span
+    requirements: tuple[Requirement, ...] = ()
+    stands: Mapping[str, Span] = field(default_factory=dict)  # instance -> where it is declared
 
     def definitions(self) -> Iterator[Bound]:
         """Everything that signals, parameters and outputs are computed from."""
@@ -193,6 +208,8 @@ class BondGraph:
         for integral in self.integrals.values():
             yield integral.rate
             yield integral.start
+        for requirement in self.requirements:
+            yield requirement.condition
 
     @cached_property
     def incident(self) -> tuple[tuple[int, ...], ...]:

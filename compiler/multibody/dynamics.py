@@ -137,7 +137,7 @@ class _Dynamics:
         half = call("sin", multiply(HALF, turn))
         less = self.let(f"{name}.versine", multiply(Number(2.0), half, half))
         s = self.sin(turn)
-        return self.let(f"{name}.dx", negate(less * arm[0]) - s * arm[1]), self.let(
+        return self.let(f"{name}.dx", negate(less * arm[0]) - s * arm[1], "m"), self.let(
             f"{name}.dy", s * arm[0] - less * arm[1]
         )
 
@@ -204,8 +204,8 @@ class _Dynamics:
             pose, rate = self._coordinate(f"{body.name}.{letter}", rate_letter, start, start_rate, unit)
             poses.append(pose)
             rates.append(rate)
-        shift = self.let(f"{body.name}.dx", poses[0] - at[0]), self.let(f"{body.name}.dy", poses[1] - at[1])
-        turn = self.let(f"{body.name}.turn", poses[2] - angle)
+        shift = self.let(f"{body.name}.dx", poses[0] - at[0], "m"), self.let(f"{body.name}.dy", poses[1] - at[1], "m")
+        turn = self.let(f"{body.name}.turn", poses[2] - angle, "1")
         state = _State((poses[0], poses[1]), shift, turn, (rates[0], rates[1]), rates[2], (poses[0], poses[1]))
         state.axes = [[ZERO, ONE, ZERO], [ZERO, ZERO, ONE], [ONE, ZERO, ZERO]]
         state.rates = rates
@@ -219,13 +219,13 @@ class _Dynamics:
         if parent is None:
             return _State(at, (ZERO, ZERO), ZERO, (ZERO, ZERO), ZERO, at)
         position = (
-            self.let(f"{name}.px", parent.position[0] + arm[0]),
-            self.let(f"{name}.py", parent.position[1] + arm[1]),
+            self.let(f"{name}.px", parent.position[0] + arm[0], "m"),
+            self.let(f"{name}.py", parent.position[1] + arm[1], "m"),
         )
-        shift = self.let(f"{name}.dx", position[0] - at[0]), self.let(f"{name}.dy", position[1] - at[1])
+        shift = self.let(f"{name}.dx", position[0] - at[0], "m"), self.let(f"{name}.dy", position[1] - at[1], "m")
         velocity = (
-            self.let(f"{name}.vx", parent.velocity[0] - spin * arm[1]),
-            self.let(f"{name}.vy", parent.velocity[1] + spin * arm[0]),
+            self.let(f"{name}.vx", parent.velocity[0] - spin * arm[1], "m/s"),
+            self.let(f"{name}.vy", parent.velocity[1] + spin * arm[0], "m/s"),
         )
         state = _State(position, shift, turn, velocity, spin, arm)
         state.bias = [ZERO, negate(spin * spin * arm[0]), negate(spin * spin * arm[1])]
@@ -242,15 +242,21 @@ class _Dynamics:
         d = self.rotated(turn, u, f"{joint.name}.axis")
         d = (multiply(sign, d[0]), multiply(sign, d[1]))
         carried = self.rotated(turn, (at[0] - parent_at[0], at[1] - parent_at[1]), f"{name}.rest")
-        slip = (self.let(f"{name}.slip.x", q * d[0]), self.let(f"{name}.slip.y", q * d[1]))
-        arm = (self.let(f"{name}.arm.x", carried[0] + slip[0]), self.let(f"{name}.arm.y", carried[1] + slip[1]))
+        slip = (self.let(f"{name}.slip.x", q * d[0], "m"), self.let(f"{name}.slip.y", q * d[1], "m"))
+        arm = (
+            self.let(f"{name}.arm.x", carried[0] + slip[0], "m"),
+            self.let(f"{name}.arm.y", carried[1] + slip[1], "m"),
+        )
         state = self._carried(name, arm, at, parent, turn, spin)
         if parent is None:
-            state.position = (self.let(f"{name}.px", at[0] + slip[0]), self.let(f"{name}.py", at[1] + slip[1]))
+            state.position = (
+                self.let(f"{name}.px", at[0] + slip[0], "m"),
+                self.let(f"{name}.py", at[1] + slip[1], "m"),
+            )
             state.shift, state.arm = slip, state.position
         state.velocity = (
-            self.let(f"{name}.v.x", state.velocity[0] + d[0] * rate),
-            self.let(f"{name}.v.y", state.velocity[1] + d[1] * rate),
+            self.let(f"{name}.v.x", state.velocity[0] + d[0] * rate, "m/s"),
+            self.let(f"{name}.v.y", state.velocity[1] + d[1] * rate, "m/s"),
         )
         state.axes = [[ZERO, d[0], d[1]]]
         two = multiply(Number(2.0), spin, rate)
@@ -266,18 +272,18 @@ class _Dynamics:
         pin = self._point(joint.position, f"{joint.name} at")
         q, rate = self._coordinate(f"{joint.name}.phi", "omega", *self._starts(joint, "phi", ZERO), ("1", "1/s"))
         sign = Number(-1.0 if link.reversed else 1.0)
-        own_turn = self.let(f"{name}.turn", turn + sign * q)
-        own_spin = self.let(f"{name}.spin", spin + sign * rate)
+        own_turn = self.let(f"{name}.turn", turn + sign * q, "1")
+        own_spin = self.let(f"{name}.spin", spin + sign * rate, "1/s")
         near = self.rotated(turn, (pin[0] - parent_at[0], pin[1] - parent_at[1]), f"{joint.name}.near")
         far = self.rotated(own_turn, (at[0] - pin[0], at[1] - pin[1]), f"{joint.name}.far")
-        arm = (self.let(f"{name}.arm.x", near[0] + far[0]), self.let(f"{name}.arm.y", near[1] + far[1]))
+        arm = (self.let(f"{name}.arm.x", near[0] + far[0], "m"), self.let(f"{name}.arm.y", near[1] + far[1], "m"))
         position, velocity = ((ZERO, ZERO), (ZERO, ZERO)) if parent is None else (parent.position, parent.velocity)
-        place = (self.let(f"{name}.px", position[0] + arm[0]), self.let(f"{name}.py", position[1] + arm[1]))
+        place = (self.let(f"{name}.px", position[0] + arm[0], "m"), self.let(f"{name}.py", position[1] + arm[1], "m"))
         speed = (
-            self.let(f"{name}.vx", velocity[0] - spin * near[1] - own_spin * far[1]),
-            self.let(f"{name}.vy", velocity[1] + spin * near[0] + own_spin * far[0]),
+            self.let(f"{name}.vx", velocity[0] - spin * near[1] - own_spin * far[1], "m/s"),
+            self.let(f"{name}.vy", velocity[1] + spin * near[0] + own_spin * far[0], "m/s"),
         )
-        shift = (self.let(f"{name}.dx", place[0] - at[0]), self.let(f"{name}.dy", place[1] - at[1]))
+        shift = (self.let(f"{name}.dx", place[0] - at[0], "m"), self.let(f"{name}.dy", place[1] - at[1], "m"))
         state = _State(place, shift, own_turn, speed, own_spin, arm)
         state.axes = [[sign, multiply(sign, negate(far[1])), multiply(sign, far[0])]]
         state.bias = [ZERO, *(negate(spin * spin * near[i]) - own_spin * own_spin * far[i] for i in (0, 1))]
@@ -320,7 +326,7 @@ class _Dynamics:
         if not self._is_used(body.name):
             return
         angle = self.geometry(body.angle, f"{body.name} angle")
-        poses = (state.position[0], state.position[1], self.let(f"{body.name}.phi", angle + state.turn))
+        poses = (state.position[0], state.position[1], self.let(f"{body.name}.phi", angle + state.turn, "1"))
         self._pose_ports(body.name, poses, (*state.velocity, state.spin), (*state.shift, state.turn))
         for i, letter in ((1, "x"), (2, "y"), (0, "phi")):
             state.force[i] = state.force[i] + self.efforts.get(f"{body.name}.{letter}", ZERO)
@@ -349,13 +355,13 @@ class _Dynamics:
         swing = self.swung(state.turn, offset, frame.name)
         shift = (state.shift[0] + swing[0], state.shift[1] + swing[1])
         rates = (
-            self.let(f"{frame.name}.vx", state.velocity[0] - state.spin * arm[1]),
-            self.let(f"{frame.name}.vy", state.velocity[1] + state.spin * arm[0]),
+            self.let(f"{frame.name}.vx", state.velocity[0] - state.spin * arm[1], "m/s"),
+            self.let(f"{frame.name}.vy", state.velocity[1] + state.spin * arm[0], "m/s"),
             state.spin,
         )
         poses = (
-            self.let(f"{frame.name}.px", point[0] + shift[0]),
-            self.let(f"{frame.name}.py", point[1] + shift[1]),
+            self.let(f"{frame.name}.px", point[0] + shift[0], "m"),
+            self.let(f"{frame.name}.py", point[1] + shift[1], "m"),
             state.turn,
         )
         self._pose_ports(frame.name, poses, rates, (*shift, state.turn))
@@ -386,7 +392,10 @@ class _Dynamics:
             arms.append(arm)
             shifts.append(shift)
             velocities.append(velocity)
-        gap = (self.let(f"{name}.dx", shifts[1][0] - shifts[0][0]), self.let(f"{name}.dy", shifts[1][1] - shifts[0][1]))
+        gap = (
+            self.let(f"{name}.dx", shifts[1][0] - shifts[0][0], "m"),
+            self.let(f"{name}.dy", shifts[1][1] - shifts[0][1], "m"),
+        )
         share = {"from": ZERO, "middle": HALF, "to": ONE}[joint.axes]  # whose turn the axes follow
         axes_turn = add(multiply(ONE - share, turns[0]), multiply(share, turns[1]))
         axes_spin = add(multiply(ONE - share, spins[0]), multiply(share, spins[1]))
@@ -395,13 +404,14 @@ class _Dynamics:
             velocities[1][0] - velocities[0][0] + axes_spin * gap[1],
             velocities[1][1] - velocities[0][1] - axes_spin * gap[0],
         )
-        slip = (self.let(f"{name}.slip.x", slip[0]), self.let(f"{name}.slip.y", slip[1]))
+        slip = (self.let(f"{name}.slip.x", slip[0], "m"), self.let(f"{name}.slip.y", slip[1], "m"))
         coordinates = (c * gap[0] + s * gap[1], c * gap[1] - s * gap[0], turns[1] - turns[0])
         rates = (c * slip[0] + s * slip[1], c * slip[1] - s * slip[0], spins[1] - spins[0])
         for letter, coordinate, rate in zip(("x", "y", "phi"), coordinates, rates, strict=True):
             held = self._variable_of(coordinate, f"{name}.{letter}")
             assert held is not None
-            flow = self.let(f"{name}.{letter}.{'omega' if letter == 'phi' else 'v'}", rate)
+            word, unit = ("omega", "1/s") if letter == "phi" else ("v", "m/s")
+            flow = self.let(f"{name}.{letter}.{word}", rate, unit)
             self.result.motions[f"{name}.{letter}"] = Motion(flow, Symbol(held), held)
         e = [self.efforts.get(f"{name}.{letter}", ZERO) for letter in ("x", "y", "phi")]
         force = [self.let(f"{name}.force.x", c * e[0] - s * e[1]), self.let(f"{name}.force.y", s * e[0] + c * e[1])]
@@ -416,13 +426,16 @@ class _Dynamics:
             return ZERO, ZERO, (ZERO, ZERO), (ZERO, ZERO), (ZERO, ZERO)
         index = self.place[body]
         state, at = self.bodies[index], self._point(self.links[index].body.position, f"{body} at")
-        offset = (self.let(f"{name}.ox", point[0] - at[0]), self.let(f"{name}.oy", point[1] - at[1]))
+        offset = (self.let(f"{name}.ox", point[0] - at[0], "m"), self.let(f"{name}.oy", point[1] - at[1], "m"))
         swing = self.swung(state.turn, offset, name)
-        arm = (self.let(f"{name}.ax", offset[0] + swing[0]), self.let(f"{name}.ay", offset[1] + swing[1]))
-        shift = (self.let(f"{name}.sx", state.shift[0] + swing[0]), self.let(f"{name}.sy", state.shift[1] + swing[1]))
+        arm = (self.let(f"{name}.ax", offset[0] + swing[0], "m"), self.let(f"{name}.ay", offset[1] + swing[1], "m"))
+        shift = (
+            self.let(f"{name}.sx", state.shift[0] + swing[0], "m"),
+            self.let(f"{name}.sy", state.shift[1] + swing[1], "m"),
+        )
         velocity = (
-            self.let(f"{name}.vx", state.velocity[0] - state.spin * arm[1]),
-            self.let(f"{name}.vy", state.velocity[1] + state.spin * arm[0]),
+            self.let(f"{name}.vx", state.velocity[0] - state.spin * arm[1], "m/s"),
+            self.let(f"{name}.vy", state.velocity[1] + state.spin * arm[0], "m/s"),
         )
         return state.turn, state.spin, arm, shift, velocity
 

@@ -1,6 +1,7 @@
 """Equations to state space: what this run needs, in the order in which it is computed, loops solved."""
 
 from .reduce import reduce_equations
-from .state_space import LinearLoop, StateSpace
+from .singular import refuse_singular_loops
+from .state_space import LinearLoop, StateSpace, Unknown
 
-__all__ = ["LinearLoop", "StateSpace", "reduce_equations"]
+__all__ = ["LinearLoop", "StateSpace", "Unknown", "reduce_equations", "refuse_singular_loops"]

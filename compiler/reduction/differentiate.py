@@ -1,94 +1,166 @@
-"""Storages in derivative form: d/dt of their law, by the chain rule over the assignments that lead to it.
+"""Storages in derivative form: d/dt of what they store, by the chain rule over the assignments that lead to it.
 
-The result is affine in the rates of the states, so it joins the equations as a linear loop (E x' = f, solved where it stands).
+This is index reduction on a causal graph: a stroke that denies a storage its integral form marks the constraint to be
+differentiated, and the storage's own rate is its dummy derivative (Mattsson and Söderlind, SIAM J. Sci. Comput. 14, 1993).
+What the storage holds stays computed from the states, so that hidden constraints hold to round-off. The derivative of a
+variable is a variable of its own, defined by one assignment; where a loop leads back to it, the equations for the derivatives
+form a loop as well, linear in them whatever the laws are (I-TF-I and C||C are the simplest), which joins the others.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import replace
+
 from ..algebra.derivative import derivative
-from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply, substitute
+from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, substitute
 from ..algebra.formula import bind
-from ..equations.system import Assignment, EquationSystem, Variable
+from ..equations.system import Assignment, Derivative, EquationSystem, Variable
 from ..errors import Diagnostic
-from .errors import DerivativeThroughLoop, ForcedStorage
+from .errors import DerivativeWithoutEnd, ForcedByInput
+
+HIGHEST = 6  # derivatives of derivatives; a chain of more ends nowhere
 
 
 class Differentiator:
-    """Adds the assignments of time derivatives."""
+    """Adds the assignments of time derivatives, each variable's on first demand."""
 
     def __init__(self, system: EquationSystem) -> None:
-        self.system = system
         self.variables: list[Variable] = list(system.variables)
-        self.added: list[Assignment] = []
         self.diagnostics: list[Diagnostic] = []
-        self.rates = {s.variable: s.rate for s in system.states}
         self.assigned = {a.target: a for a in system.assignments}
-        self._known: dict[int, Expression | None] = {}
+        self.order: dict[
+            int, int
+        ] = {}  # variable that is a derivative -> how often something was differentiated for it
+        self.forced: list[tuple[int, Derivative]] = []  # what time alone moves and was differentiated: it must not jump
+        self._rates = {s.variable: s.rate for s in system.states}
+        self._derivatives: dict[int, int] = {}  # variable -> that of its derivative
+        self._waiting: deque[tuple[int, Derivative]] = deque()
+        self._moving: dict[int, bool] = {}
+        self._system = system
 
     def run(self) -> None:
-        for item in self.system.derivatives:
-            self._element, self._span = item.owner, item.span
-            self._via, self._target = item.owner, self.variables[item.target].name
-            before = len(self.diagnostics)
-            found = self._rate(item.of)
-            if found is not None:
-                self._assign(item.target, found, item.owner)
-            elif len(self.diagnostics) == before:
-                self.diagnostics.append(DerivativeThroughLoop(item.span, item.owner, f"`{self._via}`"))
+        """Every derivative that the system asks for, and those behind it."""
+        self._moving = {item.target: True for item in self._system.derivatives}  # until their own assignments are known
+        for item in self._system.derivatives:
+            self._assign(item.target, self._derivative(item.of, item), item)
+        while self._waiting and not self.diagnostics:
+            variable, item = self._waiting.popleft()
+            chain = self._chain(variable, item)
+            self._assign(self._derivatives[variable], chain, item, self.assigned[variable].owner)
+        self._shorten()
 
-    def _assign(self, target: int, expression: Expression, owner: str) -> None:
+    def _assign(self, target: int, expression: Expression, item: Derivative, owner: str | None = None) -> None:
         bound = bind(expression)
-        self.added.append(Assignment(target, bound.formula, tuple(bound.arguments), self._span, owner))
+        owner = owner if owner is not None else item.owner
+        self.assigned[target] = Assignment(target, bound.formula, tuple(bound.arguments), item.span, owner)
 
-    def _rate(self, variable: int) -> Expression | None:
-        """The time derivative of a variable, as an expression over variables; None if it cannot be formed."""
-        if variable in self.rates:
-            return Symbol(self.rates[variable])
-        if variable in self._known:
-            return self._known[variable]
-        self._known[variable] = None  # met again while it is formed: the loop is told below
-        kind = self.variables[variable]
-        if kind.role == "parameter":
-            result: Expression | None = ZERO
-        elif kind.role in ("time", "input"):
-            self.diagnostics.append(ForcedStorage(self._span, self._element, self._via, self._target))
-            result = None
-        else:
-            result = self._chain(variable)
-        self._known[variable] = result
-        return result
+    def _derivative(self, variable: int, item: Derivative) -> Expression:
+        """The time derivative of a variable: a number, or the variable that holds it."""
+        if variable in self._rates:
+            return Symbol(self._rates[variable])
+        role = self.variables[variable].role
+        if role == "time":
+            return ONE
+        if role == "input":
+            self.diagnostics.append(ForcedByInput(item.span, item.owner, self.variables[variable].name))
+            return ZERO
+        if not self._moves(variable):
+            return ZERO
+        if variable not in self._derivatives:
+            order = self.order.get(variable, 0) + 1
+            if order > HIGHEST:
+                name = self.variables[item.of].name
+                if not any(d.span == item.span for d in self.diagnostics):
+                    self.diagnostics.append(DerivativeWithoutEnd(item.span, item.owner, name))
+                return ZERO
+            self._derivatives[variable] = len(self.variables)
+            self.order[len(self.variables)] = order
+            self.variables.append(Variable(f"d({self.variables[variable].name})/dt", "computed"))
+            self._waiting.append((variable, item))
+        return Symbol(self._derivatives[variable])
 
-    def _chain(self, variable: int) -> Expression | None:
-        assignment = self.assigned.get(variable)
-        if assignment is None:
-            return None
-        terms = []
-        self._via = assignment.owner  # what is named if it turns out to change with time
-        for slot, argument in enumerate(assignment.arguments):
-            if isinstance(argument, float):
+    def _moves(self, variable: int) -> bool:
+        """Whether a variable changes in time: what depends on parameters alone does not."""
+        stack = [variable]
+        while stack:
+            node = stack[-1]
+            if node in self._moving:
+                stack.pop()
                 continue
-            if argument in self._known and self._known[argument] is None and argument not in self.rates:
-                if not self.diagnostics:
-                    self.diagnostics.append(DerivativeThroughLoop(self._span, self._element, f"`{assignment.owner}`"))
-                return None
-            inner = self._rate(argument)  # first: what jumps with time has no slope, but no derivative either
-            if inner is None:
-                return None
-            slope = derivative(assignment.formula.expression, Symbol(slot))
-            if inner != ZERO and slope != ZERO:
-                terms.append(multiply(self._put(slope, assignment), inner))
+            assignment = self.assigned.get(node)
+            if assignment is None:
+                self._moving[node] = self.variables[node].role != "parameter"
+            else:
+                inner = [a for a in assignment.arguments if isinstance(a, int)]
+                if assignment.implicit or node in self.order or any(self._moving.get(a) for a in inner):
+                    self._moving[node] = True
+                else:
+                    open_ones = [a for a in inner if a not in self._moving and a not in stack]
+                    if open_ones:
+                        stack.append(open_ones[0])
+                        continue
+                    # An argument still on the stack closes a loop: it counts as moving, which costs an assignment at most.
+                    self._moving[node] = any(a not in self._moving for a in inner)
+            stack.pop()
+        return self._moving[variable]
+
+    def _chain(self, variable: int, item: Derivative) -> Expression:
+        """The chain rule over what computes a variable; of an implicit law the part that its own derivative does not bear."""
+        assignment = self.assigned[variable]
+        terms: list[Expression] = []
+        by_time = False
+        for slot, argument in enumerate(assignment.arguments):
+            if isinstance(argument, float) or (assignment.implicit and argument == variable):
+                continue
+            by_time = by_time or self.variables[argument].role == "time"
+            inner = self._derivative(argument, item)  # also where the slope vanishes: what jumps with time has none
+            slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
+            if slope != ZERO:
+                terms.append(multiply(_put(slope, assignment), inner))
+        if by_time:
+            self.forced.append((variable, item))
         total = add(*terms)
-        if isinstance(total, Number | Symbol):
+        if not assignment.implicit:
             return total
-        target = len(self.variables)
-        self.variables.append(Variable(f"d({self.variables[variable].name})/dt", "computed"))
-        self._assign(target, total, assignment.owner)
-        return Symbol(target)
+        own = derivative(assignment.formula.expression, Symbol(assignment.arguments.index(variable)))
+        return multiply(Number(-1.0), total) / _put(own, assignment)
 
-    @staticmethod
-    def _put(expression: Expression, assignment: Assignment) -> Expression:
-        def value(symbol: Symbol) -> Expression:
-            argument = assignment.arguments[symbol.key]
-            return Number(argument) if isinstance(argument, float) else Symbol(argument)
+    def _shorten(self) -> None:
+        """Derivatives that turned out to be a copy or a number need no variable of their own."""
+        short: dict[int, int | float] = {}
+        for variable in self.order:
+            expression = self.assigned[variable].expression if variable in self.assigned else None
+            if isinstance(expression, Number):
+                short[variable] = expression.value
+            elif isinstance(expression, Symbol) and expression.key != variable:
+                short[variable] = expression.key
 
-        return substitute(expression, value)
+        def end(argument: int | float) -> int | float:
+            seen = set()
+            while isinstance(argument, int) and argument in short and argument not in seen:
+                seen.add(argument)
+                argument = short[argument]
+            return argument
+
+        for target in (*self.order, *(d.target for d in self._system.derivatives)):
+            if target in self.assigned and target not in short:
+                old = self.assigned[target]
+                values = [end(a) for a in old.arguments]
+
+                def value(symbol: Symbol, values: list[int | float] = values) -> Expression:
+                    known = values[symbol.key]
+                    return Number(known) if isinstance(known, float) else Symbol(known)
+
+                bound = bind(substitute(old.formula.expression, value))
+                self.assigned[target] = replace(old, formula=bound.formula, arguments=tuple(bound.arguments))
+
+
+def _put(expression: Expression, assignment: Assignment) -> Expression:
+    """An expression over the slots of an assignment, over its variables."""
+
+    def value(symbol: Symbol) -> Expression:
+        argument = assignment.arguments[symbol.key]
+        return Number(argument) if isinstance(argument, float) else Symbol(argument)
+
+    return substitute(expression, value)

@@ -8,17 +8,6 @@ from ..errors import Diagnostic
 
 
 @dataclass(frozen=True, slots=True)
-class NonlinearLoop(Diagnostic):
-    """BG501."""
-
-    code = "BG501"
-    title = "A nonlinear algebraic loop goes through {members}; this version solves linear loops only"
-    advice = "Put a storage into the loop (a small C on a 0-junction, a small I on a 1-junction), or make the law of `{culprit}` linear."
-    members: str
-    culprit: str
-
-
-@dataclass(frozen=True, slots=True)
 class SingularLoop(Diagnostic):
     """BG502."""
 
@@ -29,28 +18,25 @@ class SingularLoop(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
-class ForcedStorage(Diagnostic):
+class ForcedByInput(Diagnostic):
     """BG503."""
 
     code = "BG503"
-    title = "`{element}` is forced by `{source}`, which changes with time: `{what}` would be a derivative that this version does not form"
-    advice = "Put a resistor or a storage of the other kind between the two, as every real source has one."
+    title = "`{element}` is forced by the input `{source}`, so its flow needs the derivative of what comes from outside"
+    advice = "Give `{source}` as an expression of time (`set` in an experiment), or put a resistor between the two."
     element: str
     source: str
-    what: str
 
 
 @dataclass(frozen=True, slots=True)
-class DerivativeThroughLoop(Diagnostic):
+class DerivativeWithoutEnd(Diagnostic):
     """BG504."""
 
     code = "BG504"
-    title = (
-        "`{element}` is in derivative form behind an algebraic loop ({members}), which this version does not support"
-    )
-    advice = "Put a storage into the loop, or a resistor before `{element}`; if it has `prefer = derivative`, leave that out."
+    title = "`{element}` is in derivative form, but nothing decides `{variable}`: it would depend on its own derivatives without end"
+    advice = "Let one of the storages that hang together be in integral form: remove `prefer = derivative` or `require` there."
     element: str
-    members: str
+    variable: str
 
 
 @dataclass(frozen=True, slots=True)

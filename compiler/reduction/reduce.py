@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, depends_on, multiply, negate, symbols
 from ..algebra.formula import bind
-from ..equations.system import Assignment, EquationSystem, State, Variable
+from ..equations.system import Assignment, Claim, EquationSystem, Variable
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..source import Span
 from .differentiate import Differentiator
-from .errors import NonlinearLoop, NothingToCompute, SingularLoop
+from .errors import NothingToCompute, SingularLoop
 from .order import blocks, needed, tear
-from .state_space import Entry, LinearLoop, StateSpace, Step
+from .state_space import Entry, Forced, LinearLoop, StateSpace, Step, Unknown
 
 
 def reduce_equations(system: EquationSystem, everything: bool, span: Span) -> StateSpace:
@@ -29,7 +29,9 @@ class _Reduction:
         if differentiator.diagnostics:
             raise CompilationFailed(differentiator.diagnostics)
         self.variables: list[Variable] = differentiator.variables
-        self.assigned: dict[int, Assignment] = {a.target: a for a in (*system.assignments, *differentiator.added)}
+        self.assigned: dict[int, Assignment] = differentiator.assigned
+        self.differentiator = differentiator
+        self.unknowns: list[Unknown] = []
         self.diagnostics: list[Diagnostic] = []
 
     def run(self) -> StateSpace:
@@ -44,12 +46,15 @@ class _Reduction:
         wanted = list(system.outputs.values())
         if self.everything or not wanted:
             wanted += [s.variable for s in system.states]
+        for limit in system.limits:  # validity is part of every run, whatever it reports
+            wanted += [limit.condition, *(v for _, v, _ in limit.values if isinstance(v, int))]
         if self.everything:
             wanted += [v for p in system.ports for v in (p.effort, p.flow)] + list(system.stored.values())
             wanted += [v for s in system.storages for v in s.stored]
         if not wanted:
             raise CompilationFailed([NothingToCompute(self.span)])
         used = needed(wanted, reach)
+        claims = self._claims(used, inputs, reach)
         states = [s for s in system.states if s.variable in used]
         for state in states:  # starts and nominals are computed from parameters alone
             extra = [e for e in (state.start, state.nominal) if isinstance(e, int)]
@@ -61,12 +66,38 @@ class _Reduction:
             steps += self._block(block, inputs)
         if self.diagnostics:
             raise CompilationFailed(self.diagnostics)
-        kept = tuple(State(s.variable, s.rate, s.start, s.nominal, s.span) for s in states)
+        forced = [Forced(v, d.owner, d.span) for v, d in self.differentiator.forced if v in used]
         return StateSpace(
-            system.name, tuple(self.variables), tuple(steps), kept, system.outputs, system.quantities,
+            system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
-            system.stored if self.everything else {}, tuple(d.owner for d in system.derivatives),
+            system.stored if self.everything else {}, tuple(dict.fromkeys(d.owner for d in system.derivatives if d.target in used)),
+            claims, tuple(forced), self._index(used, steps), system.limits,
         )  # fmt: skip
+
+    def _claims(
+        self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
+    ) -> tuple[Claim, ...]:  # fmt: skip
+        """The claims that bind a state of this run; what they read is used as well."""
+        kept: list[Claim] = []
+        left = list(self.system.claims)
+        states = {s.variable for s in self.system.states}
+        while left:
+            found = [c for c in left if needed([c.variable], inputs) & used & states or c.variable in used]
+            if not found:
+                break
+            for claim in found:
+                left.remove(claim)
+                kept.append(claim)
+                used |= needed([claim.variable], reach)
+                used |= needed([claim.start] if isinstance(claim.start, int) else [], inputs)
+        return tuple(kept)
+
+    def _index(self, used: set[int], steps: Sequence[Step]) -> int:
+        """The index of the equations before reduction: one more than the highest derivative that was formed."""
+        order = max((self.differentiator.order.get(v, 0) for v in used), default=0)
+        if any(d.target in used for d in self.system.derivatives):
+            return max(order, 1) + 1
+        return 1 if self.unknowns or any(isinstance(s, LinearLoop) for s in steps) else 0
 
     def _block(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
         """One strongly connected block: an assignment, or a loop."""
@@ -80,33 +111,57 @@ class _Reduction:
         return self._loop(block, inputs)
 
     def _loop(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
-        """An affine loop: cut, express the members in the cut variables, solve for those, then compute the members."""
+        """Cut a loop so that the rest follows in order; linear ones are solved where they stand, others by whoever runs."""
         cut, order = tear(block, inputs)
         members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
+        linear = self._linear(block, cut, order, members)
+        return linear if linear is not None else self._nonlinear(cut, order, members)
+
+    def _nonlinear(self, cut: list[int], order: list[int], members: tuple[str, ...]) -> list[Step]:
+        """The cut variables are unknowns; what each should be, less what it is, must vanish."""
+        inner: list[Step] = [self.assigned[v] for v in order]
+        for variable in cut:
+            assignment = self.assigned[variable]
+            old = self.variables[variable]
+            self.variables[variable] = Variable(old.name, "unknown", old.unit)
+            residual = assignment.expression if assignment.implicit else assignment.expression - Symbol(variable)
+            bound = bind(residual)
+            number = len(self.variables)
+            self.variables.append(Variable(f"residual of {old.name}", "computed"))
+            inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
+            self.unknowns.append(Unknown(variable, number, assignment.span, members))
+        return inner
+
+    def _linear(
+        self, block: list[int], cut: list[int], order: list[int], members: tuple[str, ...]
+    ) -> list[Step] | None:  # fmt: skip
+        """An affine loop: each member expressed in the cut variables, those solved for; None if it is not affine."""
         named = ", ".join(f"`{m}`" for m in members[:8]) + ("…" if len(members) > 8 else "")
-        span = self.assigned[block[0]].span
+        inside = set(block)
+        parts = {v: self._affine(self.assigned[v].expression, inside) for v in block}
+        if any(p is None for p in parts.values()):
+            return None
         known: dict[int, tuple[dict[int, Expression], Expression]] = {v: ({v: ONE}, ZERO) for v in cut}
         steps: list[Step] = []
         rows: list[tuple[dict[int, Expression], Expression]] = []
         for variable in (*order, *cut):
-            assignment = self.assigned[variable]
-            parts = self._affine(assignment.expression, set(block))
-            if parts is None:
-                self.diagnostics.append(NonlinearLoop(assignment.span, named, assignment.owner))
-                return []
-            combined = self._combine(parts, known)
+            part = parts[variable]
+            assert part is not None
+            combined = self._combine(part, known)
             if variable in cut:
                 rows.append(combined)
             else:
                 name = self.variables[variable].name
-                known[variable] = self._held(combined, name, assignment, steps)
+                known[variable] = self._held(combined, name, self.assigned[variable], steps)
         matrix, right = [], []
         for variable, (slopes, rest) in zip(cut, rows, strict=True):
             owner = self.assigned[variable]
-            row = [add(ONE if v == variable else ZERO, negate(slopes.get(v, ZERO))) for v in cut]
+            own = ZERO if owner.implicit else ONE
+            row = [add(own if v == variable else ZERO, negate(slopes.get(v, ZERO))) for v in cut]
             entries = (self._entry(x, self._gain(v, variable), owner, steps) for v, x in zip(cut, row, strict=True))
             matrix.append(tuple(entries))
             right.append(self._entry(rest, f"right side of the loop for {self.variables[variable].name}", owner, steps))
+        span = self.assigned[block[0]].span
         if any(all(x == 0.0 for x in row) for row in matrix):
             self.diagnostics.append(SingularLoop(span, named))
             return []

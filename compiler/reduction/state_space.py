@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..equations.system import Assignment, PowerPort, State, Storage, Variable
+from ..equations.system import Assignment, Claim, PowerPort, State, Storage, Validity, Variable
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number
@@ -25,9 +25,28 @@ class LinearLoop:
 Step = Assignment | LinearLoop
 
 
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A cut of a nonlinear algebraic loop: the variable is what makes the residual vanish, together with all others."""
+
+    variable: int
+    residual: int
+    span: Span
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Forced:
+    """What time alone moves and a storage in derivative form differentiates: where it jumps, a flow is an impulse."""
+
+    variable: int
+    element: str
+    span: Span
+
+
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """x' = f(x, t), y = g(x, t) as ordered steps over variables.
+    """x' = f(x, z, t), 0 = g(x, z, t), y = h(x, z, t) as ordered steps over variables: states x, unknowns z of loops.
 
     `outputs` are the author's, `powers` and `stored` what an energy balance reads.
     """
@@ -36,9 +55,14 @@ class StateSpace:
     variables: tuple[Variable, ...]
     steps: tuple[Step, ...]
     states: tuple[State, ...]
+    unknowns: tuple[Unknown, ...]
     outputs: Mapping[str, int]
     quantities: Mapping[str, int]
     ports: tuple[PowerPort, ...]
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]
     dependent: tuple[str, ...]  # storages in derivative form
+    claims: tuple[Claim, ...]
+    forced: tuple[Forced, ...]
+    index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
+    limits: tuple[Validity, ...] = ()

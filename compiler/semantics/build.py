@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..algebra.formula import Bound
@@ -27,11 +27,14 @@ from .errors import (
     WrongValue,
 )
 from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
+from .known import Known
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
-from .resolve import MAXIMUM_MISTAKES, Known
+from .requirements import read_requirements
+from .resolve import MAXIMUM_MISTAKES
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+from .transducers import TRANSDUCERS, expand_transducers, has_many_ports
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +190,7 @@ class _Opened:
             elaborator.guard(elaborator.quantity, pending)
         nodes = _Nodes(elaborator, self.known)
         nodes.build()
+        requirements = read_requirements(elaborator)
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)
         graph = BondGraph(
@@ -197,6 +201,8 @@ class _Opened:
             outputs,
             elaborator.integrals(),
             self.definition.model.name_span,
+            requirements,
+            elaborator.stands,
         )
         if not elaborator.part and not elaborator.structure_broken:
             elaborator.diagnostics += _unconnected(graph)
@@ -262,6 +268,7 @@ class _Nodes:
         self._mechanisms(connector)
         self.bonds = connector.bonds(self.ends)
         self._share_ports()
+        expand_transducers(self.nodes, self.bonds)
 
     def _element(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> None:
         if declaration.kind == "splitter":
@@ -300,9 +307,10 @@ class _Nodes:
         )  # fmt: skip
 
     def _law(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> CompiledLaw:
-        found = self._laws.get(id(declaration))
+        elaborator = self.elaborator
+        known = self._laws.setdefault(id(declaration), [])
+        found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
         if found is None:
-            elaborator = self.elaborator
             try:
                 compiled = compile_law(
                     declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
@@ -311,8 +319,9 @@ class _Nodes:
                 if elaborator.table_of(scope.definition).diagnostics:
                     raise AlreadyTold from None  # with a wrong domain its letters mean nothing
                 raise
-            found = CompiledLaw(self._interned.setdefault(compiled.law, compiled.law), compiled.slots, compiled.stored)
-            self._laws[id(declaration)] = found
+            found = replace(compiled, law=self._interned.setdefault(compiled.law, compiled.law))
+            known.append(found)
+        elaborator.check(found.checks, found.slots, scope)
         return found
 
     def _attributes(
@@ -487,7 +496,7 @@ def _unconnected(graph: BondGraph) -> list[Diagnostic]:
             spans = bonds.get(End(number, port_number), [])
             name = (
                 f"{node.name}.{port.name}"
-                if port.name and node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR)
+                if port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
                 else node.name
             )
             if len(spans) > 1:
@@ -497,10 +506,6 @@ def _unconnected(graph: BondGraph) -> list[Diagnostic]:
                 )
             elif not spans:
                 side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
-                what = (
-                    f"No bond goes {side} of `{name}`"
-                    if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
-                    else f"No bond reaches `{name}`"
-                )
+                what = f"No bond goes {side} of `{name}`" if side else f"No bond reaches `{name}`"
                 result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
     return result

@@ -245,7 +245,7 @@ class Connector:
     ) -> Place:
         words = place.words
         match entry:
-            case ElementEntry(kind=("TF" | "GY" | "MTF" | "MGY")):
+            case ElementEntry(kind=("TF" | "GY" | "MTF" | "MGY")) if "1" in entry.ports:
                 side = "1" if is_head else "2"
                 if component is not None:
                     raise Wrong(

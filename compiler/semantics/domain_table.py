@@ -113,7 +113,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
         declaration = kinds.get(place.head)
         if declaration is None:
             return {}
-        if declaration.kind in TWO_SIDED:
+        if is_two_sided(declaration):
             return {"": (place.head, "1" if is_head else "2")}
         if declaration.kind in ELEMENT_KINDS:
             ports = element_ports(declaration, place.head)
@@ -194,9 +194,14 @@ def wall_components(item: tree.PortItem) -> dict[str, str | None]:
     return {"": item.domain}
 
 
+def is_two_sided(declaration: tree.Declaration) -> bool:
+    """Whether it is a transducer with the sides 1 and 2; one that lists its ports has those instead."""
+    return declaration.kind in TWO_SIDED and not any(d.components for d in declaration.names)
+
+
 def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
     """The names of an element's scalar ports."""
-    if declaration.kind in TWO_SIDED:
+    if is_two_sided(declaration):
         return ("1", "2")
     declared = next(d for d in declaration.names if d.name == name)
     return tuple(c.name for c in declared.components) or ("",)
@@ -279,7 +284,7 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
 def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:
     """The specific letters that a law uses for one port."""
     found: set[str] = set()
-    two_sided = declaration.kind in TWO_SIDED
+    two_sided = is_two_sided(declaration)
     for path in paths_of(law):
         if two_sided:
             if not path.steps and path.head[-1:] == port:

@@ -15,7 +15,7 @@ from ..graph.units import ONE
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
-from .domain_table import ELEMENT_KINDS, TWO_SIDED, DomainTable, domain_table, element_ports, is_slot, wall_components
+from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, is_slot, wall_components
 from .errors import (
     Cycle,
     DuplicateName,
@@ -28,8 +28,10 @@ from .errors import (
     WrongConnection,
     WrongType,
 )
+from .known import Known
 from .mechanisms import declare_mechanism
-from .resolve import Known, Resolver, indexed
+from .quantities import QuantityResolver
+from .resolve import indexed
 from .scope import (
     RESERVED,
     AlreadyTold,
@@ -54,13 +56,15 @@ MAXIMUM_ROUNDS = 100_000  # rounds of one loop
 MAXIMUM_HIERARCHY = 60  # models within models
 
 
-class Elaborator(Resolver):
+class Elaborator(QuantityResolver):
     """Opens one model; `part` also allows open ports."""
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         super().__init__(overrides, part, known)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
+        self.stands: dict[str, Span] = {}  # instance -> where it is declared
+        self.requirements: list[tuple[Scope, tree.Requirement]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
@@ -100,6 +104,8 @@ class Elaborator(Resolver):
     ) -> Scope:
         """Open one instance. `bindings` are its attributes, read in the scope where it stands."""
         scope = Scope(definition, path, stands=stands)
+        if stands is not None:
+            self.stands[path.removesuffix(".")] = stands
         if not chain:
             self.root = scope  # loops and indices may already read what is set from outside
             self._enter_swept(scope)
@@ -148,6 +154,8 @@ class Elaborator(Resolver):
                     later.append(statement)
                 case tree.Bonds():
                     self.bonds.append((scope, statement))
+                case tree.Requirement():
+                    self.requirements.append((scope, statement))
                 case tree.Event():
                     self.tell(
                         Unsupported(
@@ -380,13 +388,6 @@ class Elaborator(Resolver):
                 else "With one port it is a C or an I."
             )
             raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", hint))
-        if statement.kind in TWO_SIDED and declared.components:
-            what = f"`{statement.kind} {declared.name}` lists ports, but it has two sides without names"
-            hint = (
-                "An arrow into it reaches side 1, an arrow out of it leaves side 2; several ports that exchange power without loss "
-                "are several transducers."
-            )
-            raise Wrong(WrongConnection(declared.span, what, hint))
         index = self.index_of(declared.index, scope)
         if index is None and scope.outer is not None:
             raise Wrong(

@@ -348,6 +348,36 @@ class WrongExperiment(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class WrongTable(Diagnostic):
+    """BG151."""
+
+    code = "BG151"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    others: tuple[tuple[Span, str], ...] = ()
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.others
+
+
+@dataclass(frozen=True, slots=True)
+class WrongColumn(Diagnostic):
+    """BG152."""
+
+    code = "BG152"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    others: tuple[tuple[Span, str], ...] = ()
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.others
+
+
+@dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
     """BG160."""
 

@@ -15,8 +15,8 @@ from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
+from .scales import scale_of
 from .scope import ModelDefinition, Pending, Scalar, Scope, Wrong, describe, suggestion
-from .typed import scale_of
 
 SETTINGS = ("rtol", "atol", "points")
 

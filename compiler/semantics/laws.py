@@ -14,7 +14,9 @@ from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of
 from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
 from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
-from .typed import ExpressionCompiler, OwnVariable, Resolve, Slot
+from .template import Check, OwnVariable, Resolve, Slot
+from .transducers import check_many_ports
+from .typed import ExpressionCompiler
 
 # The variables that a law may relate, kind by kind.
 LAW_VARIABLES: Mapping[str, str] = {
@@ -36,6 +38,8 @@ class CompiledLaw:
     law: Law
     slots: tuple[Slot, ...]
     stored: tuple[str, ...]
+    checks: tuple[Check, ...]  # points of tables that are known in each instance
+    lists: tuple[tuple[tree.Path, int], ...]  # lists that it reads, with their lengths
 
 
 def plain_kind(kind: str) -> str:
@@ -55,7 +59,7 @@ def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dic
         for variable in variables:
             found = OwnVariable(Own(number, variable), domain.dimension(variable))
             letters = {variable, domain.letter(variable)}
-            if kind in TWO_SIDED:
+            if port in ("1", "2"):
                 own.update({letter + port: found for letter in letters})
             elif port:
                 own.update({f"{port}.{letter}": found for letter in letters})
@@ -121,13 +125,14 @@ def compile_law(
                     )
                 )
             equations.append((left.expression, right.expression))
-        _check_form(declaration, kind, name, equations, len(ports))
+        _check_form(declaration, kind, name, equations, list(ports))
     slots = tuple(compiler.slot_list)
     _check_modulation(declaration, kind, name, slots, scope, role_of, energy is not None)
     if kind == "RS":
         equations.append(_heat(len(ports)))
     law = Law(tuple(equations), energy, len(slots))
-    return CompiledLaw(law, slots, _stored(kind, name, law, list(ports), definition.span))
+    stored = _stored(kind, name, law, list(ports), definition.span)
+    return CompiledLaw(law, slots, stored, tuple(compiler.checks), tuple(compiler.lists.values()))
 
 
 def _heat(ports: int) -> tuple[Expression, Expression]:
@@ -227,7 +232,7 @@ def _check_names(
             if role not in ("parameter", "constant", "input", "signal", "index"):
                 continue  # not a number, or an output, which a law does not read
             variable = own[words].own
-            generic = variable.variable if kind not in TWO_SIDED else words
+            generic = words if kind in TWO_SIDED else variable.variable
             raise Wrong(NameClash(path.span, words, name, str(role), generic))
         if words in forbidden and scope.find(path.head) is None:
             relates = {
@@ -258,9 +263,17 @@ def _own(x: Expression) -> set[Own]:
 
 
 def _check_form(
-    declaration: tree.Declaration, kind: str, name: str, equations: list[tuple[Expression, Expression]], ports: int
+    declaration: tree.Declaration,
+    kind: str,
+    name: str,
+    equations: list[tuple[Expression, Expression]],
+    names: list[str],
 ) -> None:
+    ports = len(names)
     span = declaration.definition.span if declaration.definition else declaration.span
+    if kind in ("TF", "GY") and "1" not in names:
+        check_many_ports(kind, name, equations, ports, span)
+        return
     expected = 1 if kind in ("TF", "GY") else ports - (kind == "RS")
     if len(equations) != expected:
         raise Wrong(

@@ -11,16 +11,9 @@ from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .resolve import MAXIMUM_MISTAKES
 from .scope import RESERVED, FileScope, ModelDefinition, suggestion
+from .within import project_folder, within_project
 
 MAXIMUM_FILES = 500
-
-
-def project_folder(file: Path) -> Path:
-    """The nearest ancestor with a `bondgraph.toml` or `pyproject.toml`; else the file's own folder."""
-    for folder in file.resolve().parents:
-        if (folder / "bondgraph.toml").is_file() or (folder / "pyproject.toml").is_file():
-            return folder
-    return file.resolve().parent
 
 
 def read_source(path: Path) -> Source:
@@ -41,7 +34,7 @@ class Loader:
         return self._file(syntax, root, ())
 
     def _file(self, syntax: SyntaxTree, root: Path | None, chain: tuple[Path, ...]) -> FileScope:
-        scope = FileScope(syntax.source, {}, {}, {})
+        scope = FileScope(syntax.source, {}, {}, {}, root=root, library=self.library)
         if syntax.source.path is not None:
             self.files[syntax.source.path.resolve()] = scope
             chain = (*chain, syntax.source.path.resolve())
@@ -146,10 +139,7 @@ class Loader:
             )
             return None
         target = (scope.source.path.parent / statement.place).resolve()  # links are resolved before the check
-        inside = target.is_relative_to(root) or (
-            self.library is not None and target.is_relative_to(self.library.resolve())
-        )
-        if not inside:
+        if not within_project(target, root, self.library):
             hint = "Only files below the project folder are read: that of the nearest `bondgraph.toml` or `pyproject.toml` above the file, else its own."
             self.diagnostics.append(
                 WrongImport(statement.span, f"`{statement.place}` lies outside the project folder", hint)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
@@ -16,6 +17,7 @@ from ..source import Source, Span
 from ..syntax import tree
 
 if TYPE_CHECKING:
+    from .columns import Sheet
     from .domain_table import DomainTable
 
 MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
@@ -36,6 +38,7 @@ RESERVED = frozenset(
         "multibody",
         "for",
         "when",
+        "require",
         "experiment",
         "function",
         "if",
@@ -198,6 +201,9 @@ class FileScope:
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
     functions: dict[str, tree.Function]
     missing: set[str] = field(default_factory=set)  # models whose import failed, which has been told
+    root: Path | None = None  # the project folder
+    library: Path | None = None
+    sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
 
 
 @dataclass(slots=True, eq=False)

@@ -6,35 +6,26 @@ A formula is made once per place in the text and cached there; each instance onl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from fractions import Fraction
-from functools import lru_cache
 
-from ..algebra.expression import (
-    ONE as NUMBER_ONE,
-)  # fmt: skip
+from ..algebra.expression import ONE as NUMBER_ONE
 from ..algebra.expression import (
     ZERO,
-    Apply,
     Expression,
     Number,
     Symbol,
     add,
     call,
-    divide,
-    multiply,
     negate,
     power,
     select,
-    substitute,
-    symbols,
 )
-from ..algebra.formula import Bound, Formula
-from ..graph.network import Own, Reference
+from ..algebra.formula import Formula
 from ..graph.units import ONE, UNITS, Dimension, Scale
 from ..source import Span
 from ..syntax import tree
+from . import tables
 from .errors import (
     Cycle,
     DimensionMismatch,
@@ -42,144 +33,17 @@ from .errors import (
     TooMany,
     UnknownFunction,
     UnknownName,
-    UnknownUnit,
     Unsupported,
     WrongArguments,
     WrongType,
 )
+from .functions import FUNCTIONS
+from .scales import bare, is_absolute, scale_of
 from .scope import Scope, Wrong, describe, suggestion, unit_hint
+from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
 
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
-
-
-@dataclass(frozen=True, slots=True)
-class Typed:
-    """A formula's expression with its dimension; `truth` marks a condition."""
-
-    expression: Expression
-    dimension: Dimension | None
-    truth: bool = False
-
-
-Value = Typed | tuple[Typed, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """What a slot reads: a path of the text, and which item of it if it is a list."""
-
-    path: tree.Path | tree.Call  # a call is `integral(…)`, a signal of its own
-    item: int | None
-
-    @property
-    def words(self) -> str:
-        """What it reads, as written."""
-        return self.path.words if isinstance(self.path, tree.Path) else "integral(…)"
-
-
-@dataclass(frozen=True, slots=True)
-class Template:
-    """One place in the text, compiled: value(s) over slots, and what each slot reads."""
-
-    value: Value
-    slots: tuple[Slot, ...]
-    formulas: tuple[Formula, ...]
-
-    @property
-    def scalar(self) -> Typed:
-        assert isinstance(self.value, Typed)
-        return self.value
-
-
-# What a path reads, seen by the compiler of expressions: its dimension, or those of its items.
-@dataclass(frozen=True, slots=True)
-class Readable:
-    """What a path stands for where an expression reads it."""
-
-    dimensions: tuple[Dimension | None, ...]
-    is_list: bool
-    values: tuple[float | None, ...] = ()  # of constants
-    truth: bool = False
-
-
-Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]
-
-
-@dataclass(frozen=True, slots=True)
-class OwnVariable:
-    """A law's own variable."""
-
-    own: Own
-    dimension: Dimension
-
-
-def scale_of(unit: tree.Unit) -> Scale:
-    """The scale of a unit as written."""
-    key = (*[(symbol, exponent) for symbol, exponent, _ in unit.factors], unit.number)
-    found = _SCALES.get(key)
-    if found is None:
-        found = _scale_of(unit)
-        if len(_SCALES) < 4096:
-            _SCALES[key] = found
-    return found
-
-
-_SCALES: dict[tuple[object, ...], Scale] = {}  # a large file has many quantities and few units
-
-
-def _scale_of(unit: tree.Unit) -> Scale:
-    result = Scale(ONE, unit.number)
-    for symbol, exponent, span in unit.factors:
-        scale = UNITS.get(symbol)
-        if scale is None:
-            raise Wrong(UnknownUnit(span, f"`{symbol}` is not a unit", _unit_advice(symbol)))
-        if scale.offset and (len(unit.factors) > 1 or exponent != 1):
-            what = f"`{symbol}` is an absolute temperature and cannot stand in a product"
-            raise Wrong(UnknownUnit(span, what, "Use K."))
-        raised = scale if exponent == 1 else scale**exponent
-        if raised is None:
-            raise Wrong(
-                UnknownUnit(span, f"`{symbol}^({exponent})` is no rational number of SI units", "Convert it first.")
-            )
-        result = raised if len(unit.factors) == 1 and unit.number == 1 else result * raised
-    return result
-
-
-def _is_absolute(unit: tree.Unit) -> bool:
-    """Whether it is a temperature with a zero of its own."""
-    return any(UNITS[symbol].offset for symbol, _, _ in unit.factors if symbol in UNITS)
-
-
-def _unit_advice(symbol: str) -> str:
-    if symbol == "dB":
-        return "A ratio in dB stands alone after its number: `20 dB`."
-    if symbol.startswith("_"):
-        return "Digits stand without separators: `1000`."
-    for cut in range(1, len(symbol)):
-        if symbol[:cut] in UNITS and symbol[cut:] in UNITS:
-            return f"A product is written in brackets: `[{symbol[:cut]}*{symbol[cut:]}]`."
-    usual = {
-        "sec": "s",
-        "seconds": "s",
-        "meter": "m",
-        "Ohm": "ohm",
-        "degree": "deg",
-        "l": "L",
-        "gram": "g",
-        "volt": "V",
-        "amp": "A",
-    }
-    if symbol in usual:
-        return f"Write `{usual[symbol]}`."
-    return suggestion(symbol, list(UNITS), "See the list of units in the language reference.")
-
-
-def bare(expression: tree.Expression) -> bool:
-    """Whether it is a number without unit, or such a number with a sign."""
-    if isinstance(expression, tree.Negative):
-        return bare(expression.operand)
-    return isinstance(expression, tree.Literal) and expression.unit is None
 
 
 class ExpressionCompiler:
@@ -195,17 +59,22 @@ class ExpressionCompiler:
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         self.opening: list[str] = []  # functions being opened, outermost first
         self.opened = 0
+        self.checks: list[Check] = []
+        self.lists: dict[str, tuple[tree.Path, int]] = {}
 
     def compile(self, expression: tree.Expression) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
         parts = value if isinstance(value, tuple) else (value,)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
-        return Template(value, tuple(self.slot_list), formulas)
+        return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
 
     def _in_unit(self, expression: tree.Expression) -> Value:
         """After `name : unit =` a bare number stands in that unit, alone or in a list; whatever else has its own."""
         if isinstance(expression, tree.Vector) and len(expression.items) <= MAXIMUM_ITEMS:
             return tuple(self._item_in_unit(item) for item in expression.items)
+        if isinstance(expression, tree.Call) and expression.function == "column":  # the unit stands in its header
+            self.unit = None
+            return self.value(expression)
         return self._item_in_unit(expression)
 
     def _item_in_unit(self, expression: tree.Expression) -> Typed:
@@ -221,7 +90,7 @@ class ExpressionCompiler:
         """The node compiled; what is a number must be a finite one."""
         value = self._value(node)
         for part in value if isinstance(value, tuple) else (value,):
-            if not part.truth and not _has_value(part.expression):
+            if not part.truth and not has_value(part.expression):
                 raise Wrong(
                     NoValue(
                         node.span, "a division by zero, an overflow, or a root or logarithm of a negative number", ""
@@ -243,7 +112,7 @@ class ExpressionCompiler:
                 return self._literal(literal, -literal.number)  # -20 degC and -20 dB are not 20 of them, negated
             case tree.Negative():
                 value = self.value(node.operand)
-                return _each(lambda t: _negated(self._number(t, node.span)), value)
+                return each(lambda t: negated(self._number(t, node.span)), value)
             case tree.Power():
                 return self._power(node)
             case tree.Vector():
@@ -252,6 +121,9 @@ class ExpressionCompiler:
                 return tuple(self.scalar(item) for item in node.items)
             case tree.Call():
                 return self._call(node)
+            case tree.Text():
+                hint = "Texts name files and columns, in `column`."
+                raise Wrong(WrongType(node.span, "A number", "a text", hint))
             case tree.Comparison():
                 return self._comparison(node)
             case tree.Logical():
@@ -324,6 +196,10 @@ class ExpressionCompiler:
             if found.truth:
                 return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
             return Typed(symbol, found.dimensions[0])
+        if found.fixed:
+            known = [v for v in found.values if v is not None]
+            return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
+        self.lists[words] = node, len(found.dimensions)
         return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
 
     def _item_of_argument(self, node: tree.Path) -> Value:
@@ -362,7 +238,7 @@ class ExpressionCompiler:
 
     def _sum(self, node: tree.Sum) -> Value:
         absolute = [
-            s for s, t in node.terms if isinstance(t, tree.Literal) and t.unit is not None and _is_absolute(t.unit)
+            s for s, t in node.terms if isinstance(t, tree.Literal) and t.unit is not None and is_absolute(t.unit)
         ]
         if len(absolute) > 1 and sum(absolute) not in (0, 1):
             hint = "A difference of temperatures is in K: `20 degC + 5 K`."
@@ -371,7 +247,7 @@ class ExpressionCompiler:
         length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
         if length is None:
             scalars = [(sign, term, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
-            dimension = self._common([(t, term.span) for _, term, t in scalars], "These cannot be added")
+            dimension = self.common([(t, term.span) for _, term, t in scalars], "These cannot be added")
             return Typed(
                 add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension
             )
@@ -389,13 +265,13 @@ class ExpressionCompiler:
                         )
                     )
                 terms.append((sign, term, v[i]))
-            dimension = self._common([(t, term.span) for _, term, t in terms], "These cannot be added")
+            dimension = self.common([(t, term.span) for _, term, t in terms], "These cannot be added")
             result.append(
                 Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
             )
         return tuple(result)
 
-    def _common(self, parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
+    def common(self, parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
         known: tuple[Dimension, Span] | None = None
         for value, span in parts:
             if value.dimension is None:
@@ -420,22 +296,22 @@ class ExpressionCompiler:
                         )
                     )
                 scalar = result
-                result = tuple(_times(scalar, self._number(v, factor.span), 1) for v in value)
+                result = tuple(times(scalar, self._number(v, factor.span), 1) for v in value)
             else:
                 number = self._number(value, factor.span)
-                result = _each(lambda t, n=number, d=direction: _times(t, n, d), result)  # type: ignore[misc]
+                result = each(lambda t, n=number, d=direction: times(t, n, d), result)  # type: ignore[misc]
         return result
+
+    @staticmethod
+    def bare_number(value: Typed, node: tree.Expression, what: str) -> None:
+        """Raise `Wrong` for a quantity with a unit."""
+        if value.dimension not in (None, ONE):
+            text = f"{what} `{node.span.text}` must be a bare number, but it is {describe(value.dimension)}"
+            raise Wrong(DimensionMismatch(node.span, text, "Divide it by a reference of the same unit."))
 
     def _power(self, node: tree.Power) -> Typed:
         base, exponent = self.scalar(node.base), self.scalar(node.exponent)
-        if exponent.dimension not in (None, ONE):
-            raise Wrong(
-                DimensionMismatch(
-                    node.exponent.span,
-                    f"The exponent `{node.exponent.span.text}` must be a bare number, but it is {describe(exponent.dimension)}",
-                    "Divide it by a reference of the same unit.",
-                )
-            )
+        self.bare_number(exponent, node.exponent, "The exponent")
         dimension: Dimension | None = ONE
         if base.dimension not in (None, ONE):
             if not isinstance(exponent.expression, Number):
@@ -454,7 +330,7 @@ class ExpressionCompiler:
 
     def _comparison(self, node: tree.Comparison) -> Typed:
         left, right = self.scalar(node.left), self.scalar(node.right)
-        self._common([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
+        self.common([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
         a, b = left.expression, right.expression
         match node.operator:
             case "<":
@@ -476,7 +352,7 @@ class ExpressionCompiler:
         value, otherwise = self.value(node.value), self.value(node.otherwise)
         if isinstance(value, tuple) or isinstance(otherwise, tuple):
             raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
-        dimension = self._common(
+        dimension = self.common(
             [(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit"
         )
         return Typed(select(condition, value.expression, otherwise.expression), dimension)
@@ -487,13 +363,14 @@ class ExpressionCompiler:
             return self._open(function, node)
         if node.function == "integral":
             return self._integral(node)
+        if node.function in tables.USAGE:
+            return tables.compile_table(self, node)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
-            if node.function in ("noise", "table", "linear", "cubic", "monotone", "column"):
-                hint = "Signals are made of step, pulse, ramp, smoothstep5, sin, chirp and `if`."
-                raise Wrong(Unsupported(node.span, f"`{node.function}`", hint))
             hint = suggestion(
-                node.function, [*FUNCTIONS, *self.scope.definition.file.functions], "A product is written with `*`."
+                node.function,
+                [*FUNCTIONS, *tables.USAGE, *self.scope.definition.file.functions],
+                "A product is written with `*`.",
             )
             raise Wrong(UnknownFunction(node.span, node.function, hint))
         count, usage, build = rule
@@ -547,198 +424,3 @@ class ExpressionCompiler:
 
 def _arguments(count: int) -> str:
     return f"{count} argument{'s' * (count != 1)}"
-
-
-def _has_value(x: Expression) -> bool:
-    """Not an operation on numbers that could not be folded, nor a number beyond doubles."""
-    if isinstance(x, Number):
-        return math.isfinite(x.value)
-    return not (isinstance(x, Apply) and all(isinstance(o, Number) for o in x.operands))
-
-
-def _each(f: Callable[[Typed], Typed], value: Value) -> Value:
-    return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
-
-
-def _negated(value: Typed) -> Typed:
-    return Typed(negate(value.expression), value.dimension)
-
-
-def _times(a: Typed, b: Typed, direction: int) -> Typed:
-    if direction > 0:
-        if a.dimension is None or b.dimension is None:
-            return Typed(multiply(a.expression, b.expression), None)
-        return Typed(multiply(a.expression, b.expression), a.dimension * b.dimension)
-    bottom = b.dimension or ONE
-    return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)
-
-
-# ---------------------------------------------------------------- functions
-# name -> (number of arguments, usage, builder)
-Builder = Callable[[ExpressionCompiler, tree.Call, list[Typed]], Value]
-
-
-def _pure(operator: str) -> Builder:
-    """A function of a bare number."""
-
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        for argument, place in zip(arguments, node.arguments, strict=True):
-            if argument.dimension not in (None, ONE):
-                hint = "Divide by a reference of the same unit first."
-                raise Wrong(
-                    DimensionMismatch(
-                        place.span,
-                        f"`{node.function}` takes a bare number, but `{place.span.text}` is {describe(argument.dimension)}",
-                        hint,
-                    )
-                )
-        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
-
-    return build
-
-
-def _keeping(operator: str) -> Builder:
-    """A function whose arguments share one unit, which the result has too."""
-
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        dimension = _same(compiler, node, arguments)
-        return Typed(call(operator, *(a.expression for a in arguments)), dimension)
-
-    return build
-
-
-def _same(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Dimension | None:
-    parts = [(a, n.span) for a, n in zip(arguments, node.arguments, strict=True)]
-    return compiler._common(parts, f"The arguments of `{node.function}` need one unit")
-
-
-def _sqrt(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-    d = arguments[0].dimension
-    return Typed(call("sqrt", arguments[0].expression), None if d is None else d ** Fraction(1, 2))
-
-
-def _bare_result(operator: str) -> Builder:
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        _same(compiler, node, arguments)
-        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
-
-    return build
-
-
-def _step(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-    return Typed(select(call("less_equal", ZERO, arguments[0].expression), NUMBER_ONE, ZERO), ONE)
-
-
-def _pulse(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-    _same(compiler, node, arguments)
-    t, a, b = (x.expression for x in arguments)
-    return Typed(select(call("and", call("less_equal", a, t), call("less", t, b)), NUMBER_ONE, ZERO), ONE)
-
-
-def _rise(shape: Callable[[Expression], Expression]) -> Builder:
-    """0 before a, 1 after b, and `shape` of (t-a)/(b-a) between."""
-
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        _same(compiler, node, arguments)
-        t, a, b = (x.expression for x in arguments)
-        u = call("min", call("max", divide(t - a, b - a), ZERO), NUMBER_ONE)
-        return Typed(shape(u), ONE)
-
-    return build
-
-
-def _smooth3(u: Expression) -> Expression:
-    return multiply(u, u, 3 - 2 * u)
-
-
-def _smooth5(u: Expression) -> Expression:
-    return multiply(u, u, u, 10 + u * (6 * u - 15))
-
-
-def _chirp(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-    t, f0, f1, t1 = arguments
-    places = [a.span for a in node.arguments]
-    time = compiler._common([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
-    frequency = compiler._common([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
-    if time is not None and frequency is not None and time * frequency != ONE:
-        hint = "Write `chirp(time, 1 Hz, 20 Hz, 10 s)`."
-        raise Wrong(DimensionMismatch(node.span, "Time and frequency in `chirp` do not fit each other", hint))
-    x, low, high, end = (a.expression for a in arguments)
-    turns = x * (low + (high - low) * x / (2 * end))
-    return Typed(call("sin", 2 * math.pi * turns), ONE)
-
-
-def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Value:
-    r, angle = arguments
-    if angle.dimension not in (None, ONE):
-        raise Wrong(
-            DimensionMismatch(
-                node.arguments[1].span,
-                f"An angle is a bare number, but `{node.arguments[1].span.text}` is {describe(angle.dimension)}",
-                "Write it in deg or rad.",
-            )
-        )
-    return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
-
-
-FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
-    **{
-        name: (1, f"{name}(x)", _pure(name))
-        for name in [
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "asinh",
-            "acosh",
-            "atanh",
-            "exp",
-            "log10",
-            "floor",
-            "ceil",
-        ]
-    },
-    "log": (1, "log(x)", _pure("log")),
-    "ln": (1, "ln(x)", _pure("log")),
-    "sqrt": (1, "sqrt(x)", _sqrt),
-    "abs": (1, "abs(x)", _keeping("abs")),
-    "min": (2, "min(a, b)", _keeping("min")),
-    "max": (2, "max(a, b)", _keeping("max")),
-    "sign": (1, "sign(x)", _bare_result("sign")),
-    "atan2": (2, "atan2(y, x)", _bare_result("atan2")),
-    "step": (1, "step(time - 1 s)", _step),
-    "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
-    "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
-    "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
-    "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
-    "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
-    "polar": (2, "polar(radius, angle)", _polar),
-    "rotate": (2, "rotate((x, y), angle)", _polar),
-}
-
-
-def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
-    """The formula with what its slots read in this instance. Only the slots that occur are kept."""
-    if not template.slots:
-        return Bound(formula, ())
-    kept, used = _kept(formula)
-    return Bound(kept, tuple([lookup(template.slots[i]) for i in used]))
-
-
-@lru_cache(4096)
-def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
-    """The formula over the slots that occur in it, and which those are."""
-    used = tuple(sorted({s.key for s in _slots(formula.expression)}))
-    if used == tuple(range(formula.arity)):
-        return formula, used
-    renumbered = {old: new for new, old in enumerate(used)}
-    return Formula(len(used), substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))), used
-
-
-def _slots(x: Expression) -> list[Symbol]:
-    return [s for s in symbols(x) if isinstance(s.key, int)]

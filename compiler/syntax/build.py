@@ -65,6 +65,9 @@ class Builder(Transformer[Token, Any]):
     def alone(self, parts: list[Any]) -> tree.Expression:
         return _done(parts[0])  # type: ignore[no-any-return]
 
+    def alone_law(self, parts: list[Any]) -> tree.Law:
+        return parts[0]  # type: ignore[no-any-return]
+
     def import_(self, parts: list[Any]) -> tree.Import:
         place = parts[-1]
         names = tuple((str(t), self._span([t])) for t in parts[:-1])
@@ -208,6 +211,10 @@ class Builder(Transformer[Token, Any]):
         condition = _done(parts[0])
         return tree.Event(condition.span, condition, parts[1])
 
+    def requirement(self, parts: list[Any]) -> tree.Requirement:
+        condition = _done(parts[0])
+        return tree.Requirement(condition.span, condition, _text(parts[1]) or "")
+
     def resets(self, parts: list[Any]) -> tuple[tree.Reset, ...]:
         return tuple(parts)
 
@@ -283,6 +290,9 @@ class Builder(Transformer[Token, Any]):
     def call(self, parts: list[Any]) -> tree.Call:
         arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Token))
         return deepened(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
+
+    def text(self, parts: list[Any]) -> tree.Text:
+        return tree.Text(self._span(parts), 1, str(parts[0])[1:-1])
 
     def vector(self, parts: list[Any]) -> tree.Vector:
         items = tuple(_done(p) for p in parts if not isinstance(p, Token))

@@ -18,7 +18,7 @@ from .errors import ForeignFile, TooLarge
 from .explain import explain
 from .lex import Words
 from .refused import Refused
-from .tree import Expression, SyntaxTree
+from .tree import Expression, Law, SyntaxTree
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
 MAXIMUM_MISTAKES = 20  # syntax mistakes told of one file
@@ -34,7 +34,7 @@ def _parser() -> tuple[lark.Lark, Builder, Words]:
     parser = lark.Lark(
         grammar,
         parser="lalr",
-        start=["start", "alone"],
+        start=["start", "alone", "alone_law"],
         transformer=builder,
         lexer=Words,
         propagate_positions=False,
@@ -76,8 +76,17 @@ def parse(source: Source) -> SyntaxTree:
 
 def parse_expression(source: Source) -> Expression:
     """Parse a text that is one expression. Raises `CompilationFailed`."""
+    return _parse_alone(source, "alone")  # type: ignore[no-any-return]
+
+
+def parse_law(source: Source) -> Law:
+    """Parse a text that is one law: equations with commas between. Raises `CompilationFailed`."""
+    return _parse_alone(source, "alone_law")  # type: ignore[no-any-return]
+
+
+def _parse_alone(source: Source, start: str) -> Any:
     try:
-        return _parse_text(source, source.text, "alone")  # type: ignore[no-any-return]
+        return _parse_text(source, source.text, start)
     except Refused as refused:
         raise CompilationFailed([refused.diagnostic(source)]) from None
     except lark.UnexpectedInput as problem:

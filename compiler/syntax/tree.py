@@ -77,6 +77,13 @@ class Path(Expression):
 
 
 @dataclass(frozen=True, slots=True)
+class Text(Expression):
+    """A text among the arguments of a call: the name of a file or of a column."""
+
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
 class Call(Expression):
     """A function applied to arguments."""
 
@@ -319,6 +326,14 @@ class Event(Node):
 
     condition: Expression
     resets: tuple[Reset, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement(Node):
+    """`require condition "text"`: outside of it the model does not hold."""
+
+    condition: Expression
+    text: str
 
 
 @dataclass(frozen=True, slots=True)

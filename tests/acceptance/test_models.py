@@ -29,7 +29,12 @@ def test_energy_balance_within_the_tolerance(path: Path) -> None:
     turned_over = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in balance.elements)
     if path.stem == "pendulum":  # nothing is supplied or lost: against the energy that swings
         turned_over = 4 * 9.81
-    assert abs(balance.residual) < 100 * result.rtol * turned_over
+    if (
+        path.stem == "inverse_kinematics"
+    ):  # forces are k times a difference of positions, and rtol holds for these: k x^2
+        turned_over = 4e4 * 0.072**2 / 100
+    assert bool(balance.elements) is (path.stem != "lotka_volterra")  # which has signals and nothing else
+    assert abs(balance.residual) <= 100 * result.rtol * turned_over
 
 
 def test_series_rlc_against_the_closed_form() -> None:

@@ -34,6 +34,7 @@ DOMAINS: dict[str, tuple[tuple[float, float], ...]] = {
     "atan": ((-5, 5),), "atan2": ((0.2, 3), (-3, 3)), "sinh": ((-3, 3),), "cosh": ((-3, 3),), "tanh": ((-3, 3),), "asinh": ((-4, 4),), "acosh": ((1.2, 4),), "atanh": ((-0.9, 0.9),),
     "exp": ((-3, 3),), "log": ((0.2, 4),), "log10": ((0.2, 4),), "sqrt": ((0.2, 4),), "abs": ((0.1, 3),), "sign": ((0.1, 3),), "floor": ((0.1, 0.9),), "ceil": ((0.1, 0.9),),
     "min": ((-2, 0), (0.1, 2)), "max": ((-2, 0), (0.1, 2)),
+    "root": ((0.2, 3), (1.1, 1.9)),
 }  # fmt: skip
 CONDITIONS = {"less", "less_equal", "equal", "and", "or", "not", "select"}
 

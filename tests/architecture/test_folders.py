@@ -67,7 +67,17 @@ def test_test_folders_are_named_after_rooms() -> None:
         | {p.name for p in (ROOT / "bondgraph").iterdir()}
         | {p.stem for p in (ROOT / "bondgraph").iterdir()}
     )
-    others = {"golden", "errors", "physics", "architecture", "benchmarks", "acceptance"}
+    others = {
+        "golden",
+        "errors",
+        "physics",
+        "architecture",
+        "benchmarks",
+        "acceptance",
+        "metamorphic",
+        "gallery",
+        "published",
+    }
     found = {
         p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and p.name != "__pycache__" and any(p.rglob("*.py"))
     }
@@ -93,6 +103,7 @@ def test_codes_of_errors(path: Path) -> None:
         "equations": "4",
         "reduction": "5",
         "codegen": "6",
+        "writing": "7",
     }
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.ClassDef):

@@ -62,6 +62,7 @@ ROOMS = {
     "equations": {"causality", "multibody", "graph", "algebra"},
     "reduction": {"equations", "algebra"},
     "codegen": {"reduction", "equations", "algebra"},
+    "writing": {"semantics", "syntax", "graph", "algebra"},
 }
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compiler.causality import Because, CausalGraph
-from compiler.causality.assign import HEAD, TAIL
+from compiler.causality.strokes import HEAD, TAIL
 from compiler.graph.network import Element, Junction, Kind, MechanismNode
 from tests.compiling import Running, compiled, mistake, mistakes
 
@@ -115,16 +115,21 @@ class TestTextbook:
         assert [graph.graph.nodes[e.node].name for e in graph.derivative] == ["d"]
 
     def test_two_resistors_are_a_loop(self) -> None:
-        """Nothing decides; the first takes the direction in which its law is written."""
-        text = "model A {\n  Se s : u = 6 V\n  1 a\n  R r : u = 2 ohm*i\n  R t : u = 3 ohm*i\n  s -> a -> r, t\n}\n"
-        graph = causal(text)
-        assert (decides(graph, "r"), decides(graph, "t")) == ("effort", "flow")
-        assert because(graph, "r") is Because.PREFERRED and because(graph, "t") is Because.FOLLOWS
+        """Nothing decides; in series the larger one decides the flow."""
+        for r, t in ((2, 3), (3, 2)):
+            text = f"model A {{\n  Se s : u = 6 V\n  1 a\n  R r : u = {r} ohm*i\n  R t : u = {t} ohm*i\n  s -> a -> r, t\n}}\n"
+            graph = causal(text)
+            assert (decides(graph, "r"), decides(graph, "t")) == (("effort", "flow") if r < t else ("flow", "effort"))
+            assert because(graph, "r") is Because.CONDITIONED and because(graph, "t") is Because.FOLLOWS
 
-    def test_a_law_written_for_its_flow(self) -> None:
-        text = "model A {\n  Se s : u = 6 V\n  1 a\n  R r : i = u/2 ohm\n  R t : u = 3 ohm*i\n  s -> a -> r, t\n}\n"
+    @pytest.mark.parametrize("law", ["i = u/3 ohm", "u = 3 ohm*i"])
+    def test_equal_resistors_go_as_written(self, law: str) -> None:
+        text = f"model A {{\n  Se s : u = 6 V\n  1 a\n  R r : {law}\n  R t : u = 3 ohm*i\n  s -> a -> r, t\n}}\n"
         graph = causal(text)
-        assert (decides(graph, "r"), decides(graph, "t")) == ("flow", "effort")
+        assert (decides(graph, "r"), decides(graph, "t")) == (
+            ("flow", "effort") if law.startswith("i") else ("effort", "flow")
+        )
+        assert because(graph, "r") is Because.PREFERRED and because(graph, "t") is Because.FOLLOWS
 
     def test_nonlinear_laws_choose_first(self) -> None:
         """A linear law can be turned, a nonlinear one may not be."""

@@ -125,7 +125,7 @@ def test_a_compiled_module_runs_alone(tmp_path: Path) -> None:
 def test_equations_and_stages() -> None:
     assert "d/dt mass.p = mass.F" in run("equations", "models/oscillator.bg").stdout
     assert r"\frac{\mathrm{d}}{\mathrm{d}t}" in run("equations", "models/oscillator.bg", "--latex").stdout
-    for stage in ("syntax", "graph", "causality", "equations", "reduction", "code"):
+    for stage in ("syntax", "graph", "causality", "equations", "reduction", "code", "text"):
         assert run("show", "models/oscillator.bg", "--stage", stage).exit_code == 0
 
 

@@ -90,7 +90,7 @@ def test_nothing_is_solved_or_differentiated_again(monkeypatch: pytest.MonkeyPat
     counts: dict[int, tuple[int, int]] = {}
     for n in (5, 50):
         laws.solved.cache_clear()
-        lower.partials.cache_clear()
+        lower.partial.cache_clear()
         made = 0
         plain = room.derivative
 

@@ -18,8 +18,8 @@ from bondgraph.starter import starter_text
 from compiler.errors import Diagnostic
 from compiler.graph.domains import BUNDLES, DOMAINS
 from compiler.graph.units import UNITS, Scale
+from compiler.semantics.functions import FUNCTIONS
 from compiler.semantics.scope import RESERVED
-from compiler.semantics.typed import FUNCTIONS
 from compiler.source import Source
 from compiler.syntax import parse
 from compiler.syntax.format import format_text
@@ -176,9 +176,12 @@ LIMITS = [
     ("rounds of a `for`", "compiler.semantics.elaborate:MAXIMUM_ROUNDS"),
     ("models within models", "compiler.semantics.elaborate:MAXIMUM_HIERARCHY"),
     ("items of a list", "compiler.semantics.typed:MAXIMUM_ITEMS"),
-    ("quantities that read each other in a ring", "compiler.semantics.resolve:MAXIMUM_ROW"),
+    ("quantities that read each other in a ring", "compiler.semantics.quantities:MAXIMUM_ROW"),
     ("mistakes told of one file", "compiler.semantics.resolve:MAXIMUM_MISTAKES"),
     ("calls of your functions in one expression", "compiler.semantics.typed:MAXIMUM_CALLS"),
+    ("bytes of a file of columns", "compiler.semantics.columns:MAXIMUM_SIZE"),
+    ("rows of a file of columns", "compiler.semantics.columns:MAXIMUM_ROWS"),
+    ("points of a table that are parameters", "compiler.semantics.tables:MAXIMUM_POINTS"),
 ]
 
 

@@ -65,3 +65,14 @@ def test_no_word_is_reserved_by_the_grammar() -> None:
     quantities = model.statements[0]
     assert isinstance(quantities, tree.Quantities)
     assert [i.name for i in quantities.items] == ["C", "I", "model", "body", "hinge", "um"]
+
+
+@pytest.mark.parametrize(
+    "word", ["set", "start", "sweep", "simulate", "equilibrium", "modes", "response", "report", "experiment_"]
+)
+def test_words_of_experiments_are_names_in_a_model(word: str) -> None:
+    """A bond, too, may begin with an element that is called so."""
+    text = f"model M {{\n  1 {word}\n  {word} -> c; {word} -> d\n  experiment e {{ simulate 0 .. 1; report x\n report y }}\n}}\n"
+    (model,) = parse(Source("words.bg", text)).statements
+    assert isinstance(model, tree.Model)
+    assert [type(s).__name__ for s in model.statements] == ["Declaration", "Bonds", "Bonds", "Experiment"]

@@ -1,4 +1,4 @@
-"""State space to a numpy program: lowered, written, and loaded as a module of its own."""
+"""A lowered state space to a numpy program: written and loaded as a module of its own."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ import importlib.util
 from importlib.abc import InspectLoader
 from types import ModuleType
 
-from ...reduction import StateSpace
-from ..lower import Lowered, count_operations, lower
+from ..lower import Lowered, count_operations
 from ..program import Names, Program
 from .write import Writer
 
 
-def generate_program(space: StateSpace) -> Program:
+def generate_program(lowered: Lowered) -> Program:
     """A program of the numpy target."""
-    lowered = lower(space)
+    space = lowered.space
     source = write_module(lowered)
     module = load_module(space.name, source)
     tables = dict(_tables(lowered))
@@ -25,11 +24,12 @@ def generate_program(space: StateSpace) -> Program:
         return Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
 
     return Program(
-        space.name, source, names("STATES"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
+        space.name, source, names("STATES"), names("UNKNOWNS"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
         module.constants, module.start, module.nominal, module.derivative,
         module.PATTERN,
-        module.jacobian_entries, module.jacobian, module.output, module.powers, module.instants,
-        module.crossings, module.switches, count_operations(lowered.rates), lowered.differentiated,
+        module.jacobian_entries, module.jacobian, module.output, module.claims, module.forced, module.signals, module.powers, module.instants,
+        module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
+        count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
 
 
@@ -53,6 +53,7 @@ def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
     outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
     return [
         ("STATES", rows([s.variable for s in lowered.space.states])),
+        ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
         ("OUTPUTS", outputs),
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),

@@ -11,60 +11,21 @@ from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
+from ...algebra.table import lists
 from ...errors import printable
-from ..lower import INPUT, MODE, STATE, TIME, Leaf, Lowered
+from ..limits import Leaf
+from ..lower import INPUT, MODE, STATE, TIME, Lowered, moving
+from .beginning import beginning
 from .names import Identifiers
 
 _FUNCTIONS = {
     "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan", "atan2": "np.arctan2", "asinh": "np.arcsinh",
     "acosh": "np.arccosh", "atanh": "np.arctanh", "abs": "np.abs", "min": "np.minimum", "max": "np.maximum", "power": "np.power",
     "and": "np.logical_and", "or": "np.logical_or", "not": "np.logical_not", "select": "_select", "ceil": "np.ceil",
+    "noise": "_noise", "root": "_root",
 }  # fmt: skip
 _COMPARE = {"less": "<", "less_equal": "<=", "equal": "=="}
-_HEADER = '''
-
-import numpy as np
-
-
-def _select(condition, value, otherwise):
-    """`value if condition else otherwise`, for numbers and for arrays."""
-    if np.ndim(condition) == 0:
-        return value if condition else otherwise
-    return np.where(condition, value, otherwise)
-
-
-def _leading(time, *arrays):
-    """The leading axes that the arguments have together."""
-    if np.ndim(time) == 0 and all(np.ndim(a) < 2 for a in arrays):
-        return ()
-    return np.broadcast_shapes(np.shape(time), *(np.shape(a)[:-1] for a in arrays))
-
-
-def _pack(values, shape, batch):
-    """The values as an array whose last axes have the given shape, after the leading axes of a batch."""
-    if not batch and all(np.ndim(v) == 0 for v in values):
-        return np.array(values, dtype=float).reshape(shape)
-    like = np.zeros(batch[::-1])
-    packed = np.array(np.broadcast_arrays(like, *values)[1:], dtype=float)
-    packed = packed.reshape(*shape, *packed.shape[1:]) if values else np.zeros((*shape, *like.shape))
-    return np.moveaxis(packed.T, range(-1, -len(shape) - 1, -1), range(-len(shape), 0))
-
-
-def _solve(count, *entries):
-    """The solution of a linear system; the matrix by rows, then the right side."""
-    entries = np.array(np.broadcast_arrays(*entries), dtype=float).T
-    matrix = entries[..., : count * count].reshape(*entries.shape[:-1], count, count)
-    scale = np.abs(matrix).max(axis=-1, keepdims=True)
-    right = entries[..., count * count :, None]
-    try:
-        return np.linalg.solve(matrix / scale, right / scale)[..., 0].T
-    except np.linalg.LinAlgError:  # one of a batch at least has no solution: the others keep theirs
-        solution = np.full(right.shape, np.nan)
-        for index in np.ndindex(*matrix.shape[:-2]):
-            if np.linalg.matrix_rank(matrix[index] / scale[index]) == count:
-                solution[index] = np.linalg.solve(matrix[index] / scale[index], right[index] / scale[index])
-        return solution[..., 0].T
-'''
+_CURVES = {"linear": "_linear", "cubic": "_hermite", "monotone": "_hermite", "inverse": "_inverse"}
 
 
 class Writer:
@@ -77,9 +38,11 @@ class Writer:
         identifiers = Identifiers()
         for node in self.constants:
             self.constant_names[node] = identifiers.of(self._label(node))
-        self.state_names = [identifiers.of(lowered.space.variables[s.variable].name) for s in lowered.space.states]
+        self.state_names = [identifiers.of(lowered.space.variables[v].name) for v in moving(lowered.space)]
         self.input_names = [identifiers.of(lowered.space.variables[v].name) for v in lowered.inputs]
         self.taken = set(identifiers.taken)
+        self.operators: set[str] = set()  # that have been written
+        self.arrays: dict[tuple[float, ...], str] = {}  # the lists of tables that are numbers
 
     def _label(self, node: Expression) -> str:
         if isinstance(node, Symbol) and isinstance(node.key, Leaf) and node.key.role == "parameter":
@@ -94,8 +57,13 @@ class Writer:
             *lowered.rates,
             *lowered.jacobian.values(),
             *lowered.outputs.values(),
+            *lowered.claims,
+            *lowered.forced,
+            *lowered.signals,
             *lowered.switches,
             *lowered.crossings,
+            *(limit.condition for limit in lowered.limits),
+            *(value.expression for limit in lowered.limits for value in limit.values),
         ]
         return [*roots, *self._power_nodes()]
 
@@ -112,7 +80,7 @@ class Writer:
         """The largest expressions of parameters alone that anything else reads."""
         found: dict[Expression, None] = {}
         seen: set[Expression] = set()
-        moving = TIME | INPUT | STATE | MODE
+        changing = TIME | INPUT | STATE | MODE
         stack = [*reversed(self._roots())]
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
@@ -121,6 +89,7 @@ class Writer:
             *self.lowered.starts,
             *(n for n in self.lowered.nominals if n is not None),
             *self.lowered.instants,
+            *self.lowered.periods,
             *argument_values,
         ]
         for node in starts:
@@ -132,7 +101,7 @@ class Writer:
                 continue
             seen.add(node)
             vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
-            if not vector and not self.lowered.dependence(node) & moving:
+            if not vector and not self.lowered.dependence(node) & changing:
                 found[node] = None
                 continue
             if isinstance(node, Apply):
@@ -143,7 +112,7 @@ class Writer:
     def module(self, units: Sequence[tuple[str, Sequence[tuple[str, str]]]], note: str) -> str:
         """The whole text. `units` are the name tables: heading, then (name, unit)."""
         lowered = self.lowered
-        parts = [f'"""{_quoted(note)}"""', _HEADER]
+        parts: list[str] = []
         for heading, rows in units:
             parts.append(
                 f"{heading} = (  # (name, SI unit)\n"
@@ -176,14 +145,25 @@ class Writer:
             )
         )
         full = "time, state, inputs, constants, mode"
-        parts.append(self._function("derivative", full, "The rates of the states.", lowered.rates, (n,)))
+        rates_note = "The rates of the states" + (
+            ", then what the unknowns make vanish." if lowered.space.unknowns else "."
+        )
+        parts.append(self._function("derivative", full, rates_note, lowered.rates, (n,)))
         places = sorted(lowered.jacobian)
-        note = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
+        about = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
         entries = [lowered.jacobian[place] for place in places]
-        parts.append(self._function("jacobian_entries", full, note, entries, (len(entries),)))
+        parts.append(self._function("jacobian_entries", full, about, entries, (len(entries),)))
         parts.append(_jacobian(places, n))
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
+        claims, forced = lowered.claims, lowered.forced
+        note = "By how much the starts that the author gave to computed quantities are missed."
+        parts.append(self._function("claims", full, note, claims, (len(claims),)))
+        note = "What time alone moves and a storage in derivative form differentiates: it must not jump."
+        parts.append(self._function("forced", full, note, forced, (len(forced),)))
+        note = "What the rates read of time alone."
+        signals = lowered.signals
+        parts.append(self._function("signals", "time, inputs, constants, mode", note, signals, (len(signals),)))
         powers = self._power_nodes()
         parts.append(
             self._function(
@@ -203,6 +183,21 @@ class Writer:
                 (len(lowered.instants),),
             )
         )
+        parts.append(
+            self._function(
+                "periods",
+                constant_arguments,
+                "No step may be longer than any of these, or it would miss what changes with time.",
+                lowered.periods,
+                (len(lowered.periods),),
+            )
+        )
+        limits = [limit.condition for limit in lowered.limits]
+        parts.append(self._function("holds", full, "The truth of the limits of the model.", limits, (len(limits),)))
+        shown = [value.expression for limit in lowered.limits for value in limit.values]
+        parts.append(
+            self._function("limit_values", full, "What the limits of the model are about.", shown, (len(shown),))
+        )
         crossings = lowered.crossings
         shape = (len(lowered.switches),)
         parts.append(
@@ -219,7 +214,12 @@ class Writer:
                 "switches", "time, constants", "The truth of the conditions on time.", lowered.switches, shape
             )
         )
-        return "\n".join(parts)
+        arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.arrays.items())
+        return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
+
+    def array(self, values: tuple[float, ...]) -> str:
+        """The name of a list of numbers, written once for the module."""
+        return self.arrays.setdefault(values, f"_list_{len(self.arrays) + 1}")
 
     def _constants(self) -> str:
         body = _Body(self, {}, {*self.taken})
@@ -289,6 +289,7 @@ class _Body:
         self.identifiers.taken = taken
         self.lines: list[str] = []
         self.used: set[str] = set()
+        self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
 
     def write(self, roots: Sequence[Expression], names: dict[Expression, str]) -> list[str]:
         """Lines for all that the roots need; returns the text of each root. `names` are names that are already given."""
@@ -321,7 +322,16 @@ class _Body:
             return name
         assert isinstance(node, Apply)
         operands = node.operands
+        self.writer.operators.add(node.operator)
         match node.operator:
+            case "linear" | "cubic" | "monotone" | "inverse":
+                points = ", ".join(map(self._list, lists(node)))
+                return f"{_CURVES[node.operator]}({self._order_of(node)}, {self._text(operands[1], 0)}, {points})"
+            case "noise":
+                place, seed = (self._text(o, 0) for o in operands[1:])
+                return f"_noise({self._order_of(node)}, {place}, {seed})"
+            case "natural_slope" | "monotone_slope":
+                return self._slope(node)
             case "add":
                 return _bracketed(self._sum(operands), strength > 1)
             case "multiply":
@@ -348,6 +358,31 @@ class _Body:
                 return f"{self._text(operands[0], 4)}[{int(index.value)}]"
         function = _FUNCTIONS.get(node.operator, f"np.{node.operator}")
         return f"{function}({', '.join(self._text(o, 0) for o in operands)})"
+
+    @staticmethod
+    def _order_of(node: Apply) -> int:
+        order = node.operands[0]
+        assert isinstance(order, Number)
+        return int(order.value)
+
+    def _list(self, items: Sequence[Expression]) -> str:
+        """A list of a table: an array of the module if it is of numbers alone."""
+        numbers = tuple(x.value for x in items if isinstance(x, Number))
+        if len(numbers) == len(items):
+            return self.writer.array(numbers)
+        return f"({', '.join(self._text(x, 0) for x in items)})"
+
+    def _slope(self, node: Apply) -> str:
+        """A slope of a curve: all those of one curve are computed at once, on a line of their own."""
+        number, points = node.operands[0], node.operands[1:]
+        assert isinstance(number, Number)
+        key = (node.operator, points)
+        if key not in self.slopes:
+            n = len(points) // 2
+            places, values = (f"({', '.join(self._text(x, 0) for x in part)})" for part in (points[:n], points[n:]))
+            self.slopes[key] = self.identifiers.of("slopes")
+            self.lines.append(f"{self.slopes[key]} = _{node.operator}({places}, {values})")
+        return f"{self.slopes[key]}[{int(number.value)}]"
 
     def _sum(self, terms: Iterable[Expression]) -> str:
         text = ""

@@ -1,0 +1,159 @@
+"""Elements by their textbook letters, each with its law as in the language."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, TypedDict, Unpack
+
+from ..door import BUNDLES, braces
+from ..errors import UsageError
+from .given import (
+    Ports,
+    Value,
+    domain_of,
+    expression_of,
+    is_number,
+    law_of,
+    literal_of,
+    mapping_of,
+    name_of,
+    path_of,
+    ports_of,
+    value_of,
+)  # fmt: skip
+from .parts import Part
+
+CAUSALITIES = ("integral", "derivative", "effort", "flow")
+STORAGES = ("C", "I", "IC")
+
+
+class Given(TypedDict, total=False):
+    """What an element may say besides its law."""
+
+    ports: Ports  # of a field: `ports=("x", "phi")`, or with domains `ports={"q": "electric", "x": "translation"}`
+    energy: str  # of a storage, instead of its law
+    start: Mapping[str, Value]  # `start={"x": "1 mm"}`
+    nominal: Mapping[str, Value]
+    prefer: str  # integral, derivative, effort or flow
+    require: str
+    description: str
+
+
+class Elements:
+    """The letters. What becomes of a statement is the affair of the graph."""
+
+    plain: bool
+
+    def _add(self, name: str, statement: str, ports: tuple[str, ...] | None) -> Part:
+        raise NotImplementedError
+
+    def zero(self, name: str, domain: str = "", *, description: str = "") -> Part:
+        """A 0-junction: one effort for all bonds."""
+        return self._junction("0", name, domain, description)
+
+    def one(self, name: str, domain: str = "", *, description: str = "") -> Part:
+        """A 1-junction: one flow for all bonds."""
+        return self._junction("1", name, domain, description)
+
+    def Se(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A source of effort: `Se("push", "F = 1 N")`."""
+        return self._element("Se", name, law, given)
+
+    def Sf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A source of flow: `Sf("road", "v = 0.2 [m/s]")`."""
+        return self._element("Sf", name, law, given)
+
+    def MSe(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A source of effort that reads what changes elsewhere: `MSe("drive", "F = force")`."""
+        return self._element("MSe", name, law, given)
+
+    def MSf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A source of flow that reads what changes elsewhere."""
+        return self._element("MSf", name, law, given)
+
+    def C(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
+        """A storage of displacement, by its law or its energy: `C("spring", "F = k*x", start={"x": "1 mm"})`."""
+        return self._element("C", name, law, given)
+
+    def I(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:  # noqa: E743
+        """A storage of momentum, by its law or its energy: `I("mass", "p = m*v")`."""
+        return self._element("I", name, law, given)
+
+    def IC(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
+        """A field whose ports store displacement (`a.q`) or momentum (`b.p`)."""
+        return self._element("IC", name, law, given)
+
+    def R(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """What dissipates: `R("damper", "F = r*v")`."""
+        return self._element("R", name, law, given)
+
+    def MR(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """What dissipates, with a law that reads what changes elsewhere."""
+        return self._element("MR", name, law, given)
+
+    def RS(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """What turns power into heat; its last port gives what the others lose."""
+        return self._element("RS", name, law, given)
+
+    def TF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A transformer: `TF("gear", "omega1 = 20*omega2")`. The bond into it reaches side 1, the bond out of it leaves side 2."""
+        return self._element("TF", name, law, given)
+
+    def MTF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A transformer whose ratio reads what changes elsewhere."""
+        return self._element("MTF", name, law, given)
+
+    def GY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A gyrator: `GY("motor", "u1 = K*omega2")`."""
+        return self._element("GY", name, law, given)
+
+    def MGY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+        """A gyrator whose ratio reads what changes elsewhere."""
+        return self._element("MGY", name, law, given)
+
+    def splitter(self, name: str, ports: Ports) -> Part:
+        """A multibond on one side, its bonds one by one on the other: `hand`, `hand["x"]`."""
+        listed, names = ports_of(ports)
+        return self._add(name, f"splitter {name_of(name)}{listed}", names)
+
+    def port(self, name: str, domain: str, *, description: str = "") -> Part:
+        """A port of the model itself, so that it can stand in a larger one: `port("ends", "planar")`."""
+        text = f"port {name_of(name)}: {domain_of(domain, BUNDLES)}{literal_of(description)}"
+        return self._add(name, text, tuple(BUNDLES.get(domain, ())))
+
+    def _junction(self, kind: str, name: str, domain: str, description: str) -> Part:
+        text = f"{kind} {name_of(name)}{f' : {domain_of(domain)}' if domain else ''}{literal_of(description)}"
+        return self._add(name, text, ())
+
+    def _element(self, kind: str, name: str, law: str, given: Given) -> Part:
+        own = name_of(name)
+        for word in given:
+            if word not in Given.__annotations__:
+                raise UsageError(f"`{own}`: an element has no `{word}`; it has {', '.join(Given.__annotations__)}")
+        if "energy" in given:
+            if kind not in STORAGES or law:
+                raise UsageError(f"`{own}`: an energy stands in a storage ({', '.join(STORAGES)}), in place of its law")
+            text = f"energy = {expression_of(given['energy'], f'the energy of `{own}`')}"
+        elif law == "":
+            raise UsageError(f"`{own}` needs its law{', or its energy' if kind in STORAGES else ''}")
+        else:
+            text = law_of(law, f"the law of `{own}`")
+        listed, names = ports_of(given.get("ports", ()))
+        attributes = braces(self._attributes(own, given))
+        statement = f"{kind} {own}{listed} : {text}{attributes}{literal_of(given.get('description', ''))}"
+        return self._add(name, statement, names)
+
+    def _attributes(self, name: str, given: Given) -> Iterator[str]:
+        for word, values in (("start", given.get("start", {})), ("nominal", given.get("nominal", {}))):
+            for key, value in mapping_of(values, f"`{word}` of `{name}`").items():
+                yield f"{word} {path_of(key)} = {self._with_unit(value, f'`{word} {key}` of `{name}`')}"
+        for word, side in (("prefer", given.get("prefer")), ("require", given.get("require"))):
+            if side is not None:
+                if side not in CAUSALITIES:
+                    raise UsageError(f"`{word}` of `{name}` is one of {', '.join(CAUSALITIES)}, not {side!r}")
+                yield f"{word} = {side}"
+
+    def _with_unit(self, value: Any, what: str) -> str:
+        if is_number(value) and value != 0 and not self.plain:
+            raise UsageError(f"{what}: a number needs its unit here, as text: '1 mm', not {value!r}")
+        return value_of(value, what)

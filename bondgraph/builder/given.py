@@ -1,0 +1,172 @@
+"""What is given to a call, checked where it is given: names, texts of the language, numbers, ports.
+
+Every function returns text for one place in a statement, and raises `UsageError` or `CompilationFailed` for what could be
+anything else there. Texts are parsed, never evaluated.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
+from typing import Any
+
+from ..door import (
+    DOMAINS,
+    ELEMENT_KINDS,
+    RESERVED,
+    Literal,
+    Path,
+    Source,
+    number_text,
+    parse_expression,
+    parse_law,
+    read_unit,
+)  # fmt: skip
+from ..errors import UsageError
+from .parts import Part, Quantity
+
+Value = Any  # a number, an expression of the language as text, a handle, or a sequence of these
+Ports = Mapping[str, str] | Sequence[str]  # the names of ports, with or without their domains
+
+_NAME = re.compile(r"([A-Za-z_][A-Za-z_0-9]*)(?:\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\])?")
+
+
+def name_of(name: Any) -> str:
+    """A name of the language, with an index if it has one."""
+    match = _NAME.fullmatch(name) if isinstance(name, str) else None
+    if match is None:
+        raise UsageError(
+            f"{name!r} is no name: letters a-z, digits and _, not a digit first, and perhaps an index, `mass[2]`"
+        )
+    word, index = match.groups()
+    if word in RESERVED:
+        raise UsageError(f"`{word}` is a word of the language and cannot be a name")
+    return word if index is None else f"{word}[{', '.join(str(int(i)) for i in index.split(','))}]"
+
+
+def model_name_of(name: Any) -> str:
+    """A name for a model."""
+    if name_of(name) in ELEMENT_KINDS or "[" in name:
+        raise UsageError(f"`{name}` cannot be the name of a model")
+    return str(name)
+
+
+def description_of(text: Any) -> str:
+    """A text that fits into one literal, which has no way to write a quotation mark or a line break."""
+    if not isinstance(text, str) or '"' in text or not text.isprintable():
+        raise UsageError(f"a description has no quotation marks, line breaks or control characters: {text!r}")
+    return text
+
+
+def literal_of(description: Any) -> str:
+    """A description as it follows a declaration."""
+    return f' "{description_of(description)}"' if description != "" else ""
+
+
+def domain_of(domain: Any, also: Iterable[str] = ()) -> str:
+    """A domain of the language."""
+    known = [*DOMAINS, *also]
+    if domain not in known:
+        raise UsageError(f"there is no domain {domain!r}; domains are {', '.join(known)}")
+    return str(domain)
+
+
+def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
+    """Ports in parentheses, and their names."""
+    if not isinstance(ports, Mapping | list | tuple):
+        raise UsageError(f"ports are a list of names or a mapping from names to domains, not {ports!r}")
+    given = dict(ports) if isinstance(ports, Mapping) else dict.fromkeys(ports, "")
+    if len(given) < len(ports) or any("[" in name_of(p) for p in given):
+        raise UsageError(f"the ports of an element have different names, without indices: {', '.join(map(str, ports))}")
+    listed = ", ".join(f"{p}: {domain_of(d)}" if d else p for p, d in given.items())
+    return (f"({listed})" if listed else ""), tuple(given)
+
+
+def _one_line(text: Any, what: str) -> str:
+    """The text on one line, without what could hide in it."""
+    if not isinstance(text, str):
+        raise UsageError(f"{what} is a text of the language, not {text!r}")
+    line = " ".join(text.split())
+    if "#" in line or '"' in line or not line.isprintable():
+        raise UsageError(f"{what} has no comments, quotation marks or control characters: {text!r}")
+    return line
+
+
+def expression_of(text: Any, what: str) -> str:
+    """One expression of the language."""
+    line = _one_line(text, what)
+    parse_expression(Source(what, line))
+    return line
+
+
+def law_of(text: Any, what: str) -> str:
+    """One law of the language."""
+    line = _one_line(text, what)
+    parse_law(Source(what, line))
+    return line
+
+
+def path_of(text: Any) -> str:
+    """A dotted name; handles have theirs."""
+    line = _one_line(str(text) if isinstance(text, Part | Quantity) else text, "a path")
+    found = parse_expression(Source("path", line))
+    if not isinstance(found, Path):
+        raise UsageError(f"{text!r} is no dotted name")
+    return found.words
+
+
+def unit_of(unit: Any, what: str) -> str:
+    """One unit of the language."""
+    line = _one_line(unit, what)
+    read_unit(Source(what, line))
+    return line
+
+
+def mapping_of(given: Any, what: str) -> Mapping[Any, Any]:
+    """A mapping, from names to what they get."""
+    if not isinstance(given, Mapping):
+        raise UsageError(f"{what} is a mapping, {{name: value}}, not {given!r}")
+    return given
+
+
+def value_of(value: Value, what: str, unit: str = "", declared: bool = False) -> str:
+    """A value as an expression; numbers are in the unit, which stands before them if it is `declared`."""
+    if isinstance(value, str | Quantity | Part):
+        return expression_of(str(value), what)
+    if hasattr(value, "tolist"):  # numpy's numbers and arrays
+        value = value.tolist()
+    if is_number(value):
+        return _number(value, what, unit, declared)
+    if isinstance(value, list | tuple):
+        if len(value) < 2:
+            raise UsageError(f"{what}: a list has two items or more")
+        return f"({', '.join(value_of(v, what, unit, declared) for v in value)})"
+    raise UsageError(f"{what} is a number, a text of the language, or a list of these, not {value!r}")
+
+
+def is_one_number(text: str) -> bool:
+    """Whether an expression is a number with its unit, and needs no brackets anywhere."""
+    return isinstance(parse_expression(Source("value", text)), Literal)
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is a real number, of Python or numpy."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _number(value: Any, what: str, unit: str, declared: bool) -> str:
+    """A number so that the same double is read again."""
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise UsageError(f"{what} is no finite number: {value!r:.40}")
+    text = number_text(number)
+    lone = "^" not in text  # else the number is too large or small for a literal
+    if not unit or number == 0 or (lone and declared):
+        return text
+    after = unit if unit.isidentifier() else f"[{unit}]"
+    return f"{text} {after}" if lone else f"{text}*1 {after}"

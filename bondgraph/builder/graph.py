@@ -1,0 +1,314 @@
+"""A model under construction.
+
+g = Graph("Oscillator")
+m, k = g.parameter("m", 1, "kg"), g.parameter("k", 100, "N/m")
+push = g.Se("push", "F = 1 N*step(time - 0.1 s)")
+body = g.one("body", "translation")
+mass = g.I("mass", f"p = {m}*v")
+spring = g.C("spring", f"F = {k}*x", start={"x": "1 mm"})
+push >> body >> (mass, spring)
+g.output("position", f"{spring}.x")
+g.model().simulate(to="5 s")
+print(g.text())
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from ..door import Diagnostic, Source, bond_lines, braces, check_source
+from ..errors import UsageError
+from ..model import LIBRARY, Model
+from .elements import Elements
+from .given import (
+    Value,
+    description_of,
+    is_one_number,
+    literal_of,
+    mapping_of,
+    model_name_of,
+    name_of,
+    path_of,
+    unit_of,
+    value_of,
+)
+from .mechanism import Mechanism
+from .parts import Part, Quantity
+
+
+class Graph(Elements):
+    """One model, statement by statement. `plain`: bare numbers without units. `folder`: where the files that it imports lie.
+
+    Raises `UsageError` or `CompilationFailed` where something is given that cannot stand in its place.
+    """
+
+    def __init__(
+        self, name: str, description: str = "", *, plain: bool = False, folder: str | Path | None = None
+    ) -> None:
+        self.name = model_name_of(name)
+        self.description = description_of(description)
+        self.plain = plain
+        self.folder = None if folder is None else Path(folder)
+        self._names: dict[str, set[str]] = {}  # without index -> the indices that are taken
+        self._quantities: list[str] = []
+        self._outputs: list[str] = []
+        self._parts: list[str] = []
+        self._mechanisms: list[Mechanism] = []
+        self._bonds: list[tuple[str, str, str]] = []
+        self._experiments: dict[str, list[str]] = {}
+        self._imports: dict[tuple[str, str], None] = {}  # (model, place as the text says it)
+        self._files: list[Path] = []
+        self._inner: dict[str, Graph | Source] = {}  # models that stand in the text before this one, by name
+
+    def __repr__(self) -> str:
+        return f"<bondgraph builder {self.name}: {len(self._parts) + len(self._mechanisms)} parts, {len(self._bonds)} bonds>"
+
+    # ------------------------------------------------------------ quantities
+    def parameter(self, name: str, value: Value = None, unit: str = "", description: str = "") -> Quantity:
+        """Known before a run and set from outside. A number is in `unit`, a text has its own: `parameter("k", "2 [kN/m]")`."""
+        return self._quantity("parameter", name, value, unit, description)
+
+    def constant(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+        """As a parameter, but not to be set."""
+        return self._quantity("constant", name, value, unit, description)
+
+    def input(self, name: str, value: Value = 0.0, unit: str = "", description: str = "") -> Quantity:
+        """A signal from outside; `value` is what holds without it."""
+        return self._quantity("input", name, value, unit, description)
+
+    def signal(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+        """A name for an expression: `signal("force", "c*volt^2")`, `signal("h", "integral(ball.v, 1 m)")`."""
+        return self._quantity("signal", name, value, unit, description)
+
+    def output(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+        """A signal that runs report: `output("position", "spring.x")`."""
+        return self._quantity("output", name, value, unit, description)
+
+    def _quantity(self, role: str, name: str, value: Value, unit: str, description: str) -> Quantity:
+        own = name_of(name)
+        if unit and self.plain:
+            raise UsageError(f"`{own}`: a plain graph has no units")
+        text = f"{role} {own}"
+        if unit:
+            text += f": {unit_of(unit, f'the unit of `{own}`')}"
+        if value is not None:
+            text += f" = {value_of(value, f'the value of `{own}`', unit, declared=True)}"
+        text += literal_of(description)
+        quantity = Quantity(self, self._enter(own))
+        (self._outputs if role == "output" else self._quantities).append(text)
+        return quantity
+
+    # ------------------------------------------------------------ parts
+    def _add(self, name: str, statement: str, ports: tuple[str, ...] | None) -> Part:
+        part = Part(self, self._enter(name), ports)
+        self._parts.append(statement)
+        return part
+
+    def multibody(self, name: str, *, gravity: Sequence[Value] | None = None) -> Mechanism:
+        """A planar mechanism: `stage = g.multibody("stage")`, then `stage.body(…)`, `stage.slide(…)`."""
+        lines = [] if gravity is None else [f"gravity = {value_of(gravity, 'gravity', 'm/s^2')}"]
+        mechanism = Mechanism(self, self._enter(name), lines)
+        self._mechanisms.append(mechanism)
+        return mechanism
+
+    # ------------------------------------------------------------ models within models
+    def instance(self, name: str, model: Model | Graph | Quantity | str, /, **values: Value) -> Part:
+        """An instance of another model, with its parameters and inputs; `instance["port"]` is one of its ports.
+
+        `model` is a `Graph`, a model from `bondgraph.load` (`load("mems.bg", "CombDrive")`; a file is imported, a text is
+        copied), a model of the shipped library by its path, "electric.Diode", or a slot of this graph.
+        """
+        own = self._free(name)
+        given = {
+            name_of(n): None if isinstance(v, Graph | Model) else value_of(v, f"`{n}` of `{own}`")
+            for n, v in values.items()
+        }
+        kind = self._use(model)
+        inner = [f"{n} = {self._use(values[n]) if v is None else v}" for n, v in given.items()]  # models stand in slots
+        return self._add(own, f"{kind} {own}{braces(inner)}", None)
+
+    def slot(self, name: str, default: Model | Graph | str) -> Quantity:
+        """A kind that an instance of this graph may replace by another model with the same ports."""
+        own = self._free(name)
+        self._quantities.append(f"parameter {own}: model = {self._use(default)}")
+        return Quantity(self, self._enter(own))
+
+    def _use(self, model: Model | Graph | Quantity | str) -> str:
+        """The name of a model that this one uses; the text gets what it needs for it."""
+        if isinstance(model, Quantity):
+            return model.name
+        if isinstance(model, str):
+            place, dot, kind = model.rpartition(".")
+            if not dot:
+                raise UsageError(f"{model!r} is no model of the library: write its path, `electric.Diode`")
+            self._imports[name_of(kind), name_of(place)] = None
+            return kind
+        if isinstance(model, Graph):
+            if model is self or self in model._within():
+                raise UsageError(f"`{self.name}` cannot contain itself")
+            return self._copy(model.name, model)
+        if not isinstance(model, Model):
+            raise UsageError(f"an instance is one of a model, not of {model!r}")
+        kind = _model_of(model)
+        return self._copy(kind, model.source) if model.source.path is None else self._import(kind, model.source.path)
+
+    def _copy(self, kind: str, model: Graph | Source) -> str:
+        """A model that stands in the same text."""
+        if kind == self.name or self._inner.get(kind, model) != model:
+            raise UsageError(f"`{self.name}` already uses another model `{kind}`")
+        self._inner[kind] = model
+        return kind
+
+    def _import(self, kind: str, file: Path) -> str:
+        """A model from a file, named as seen from the folder of this one."""
+        path = file.resolve()
+        self.folder = self.folder if self.folder is not None else path.parent
+        place = Path(os.path.relpath(path, self.folder.resolve())).as_posix()
+        self._imports[kind, literal_of(place).strip()] = None
+        self._files.append(path)
+        return kind
+
+    def _within(self) -> list[Graph]:
+        """The graphs inside this one, at any depth."""
+        direct = [g for g in self._inner.values() if isinstance(g, Graph)]
+        return direct + [deeper for g in direct for deeper in g._within()]
+
+    # ------------------------------------------------------------ bonds
+    def bond(self, *places: Any) -> None:
+        """Half arrows from each place to the next; several places side by side stand in a sequence."""
+        self._arrows("->", places)
+
+    def multibond(self, *places: Any) -> None:
+        """The same with multibonds: all ports of a splitter, joint, body or port at once, by name."""
+        self._arrows("=>", places)
+
+    def _arrows(self, arrow: str, places: tuple[Any, ...]) -> None:
+        if len(places) < 2:
+            raise UsageError("a bond has two ends")
+        groups = [self._group(p) for p in places]
+        for tails, heads in pairwise(groups):
+            if len(tails) > 1 and len(heads) > 1:
+                raise UsageError("a bond from several places to several places: which goes to which is not guessed")
+        for tails, heads in pairwise(groups):
+            self._bonds += [(tail, arrow, head) for tail in tails for head in heads]
+
+    def _group(self, places: Any) -> list[str]:
+        several = isinstance(places, Sequence) and not isinstance(places, str)
+        return [self._place(p) for p in places] if several else [self._place(places)]
+
+    def _place(self, place: Any) -> str:
+        if isinstance(place, str):
+            return path_of(place)
+        if not isinstance(place, Part | Mechanism):
+            raise UsageError(f"a bond reaches parts, not {place!r}")
+        if place.graph is not self:
+            raise UsageError(f"`{place}` belongs to the graph `{place.graph.name}`, not to `{self.name}`")
+        return str(place)
+
+    # ------------------------------------------------------------ experiments
+    def experiment(
+        self, name: str, to: Value, *, settings: Mapping[Any, Value] | None = None,
+        report: Mapping[Any, str] | Sequence[Any] | Quantity = (), points: int | None = None, rtol: float | None = None,
+    ) -> None:  # fmt: skip
+        """A run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` says what in which unit."""
+        own = name_of(name)
+        if own in self._experiments:
+            raise UsageError(f"`{self.name}` already has an experiment `{own}`")
+        lines = [
+            f"set {path_of(n)} = {value_of(v, f'`{n}` in `{own}`')}"
+            for n, v in mapping_of(settings or {}, "`settings`").items()
+        ]
+        given = {"points": points, "rtol": rtol}
+        inner = [f"{word} = {value_of(v, f'`{word}` of `{own}`')}" for word, v in given.items() if v is not None]
+        end = value_of(to, f"the end of `{own}`", "" if self.plain else "s")
+        lines.append(f"simulate 0 .. {end if is_one_number(end) else f'({end})'}{braces(inner)}")
+        listed = [report] if isinstance(report, str | Quantity) else report
+        wanted = listed if isinstance(listed, Mapping) else dict.fromkeys(listed, "")
+        for what, unit in wanted.items():
+            reading = value_of(what, f"what `{own}` reports")
+            lines.append(f"report {reading}" + (f" in {unit_of(unit, f'the unit of {reading}')}" if unit else ""))
+        self._experiments[own] = lines
+
+    # ------------------------------------------------------------ what comes of it
+    def text(self) -> str:
+        """The model as .bg text, with what it contains."""
+        imports: dict[tuple[str, str], None] = {}
+        models: dict[Graph | Source, str] = {}
+        self._collect(imports, models)
+        head = "".join(f"import {kind} from {place}\n" for kind, place in imports)
+        return "\n".join([head, *models.values()] if head else models.values())
+
+    def _collect(self, imports: dict[tuple[str, str], None], models: dict[Graph | Source, str]) -> None:
+        """Gather the texts of this model and of those in it, inner ones first."""
+        for inner in self._inner.values():
+            if isinstance(inner, Graph):
+                inner._collect(imports, models)
+            else:
+                models[inner] = inner.text.rstrip() + "\n"
+        imports.update(self._imports)
+        models[self] = self._model_text()
+
+    def _model_text(self) -> str:
+        mechanisms = [line for m in self._mechanisms for line in m.text()]
+        blocks = [
+            [literal_of(self.description).strip()] if self.description else [],
+            self._quantities, [*self._parts, *mechanisms], list(bond_lines(self._bonds)), self._outputs,
+            *([f"experiment {n} {{", *(f"  {line}" for line in lines), "}"] for n, lines in self._experiments.items()),
+        ]  # fmt: skip
+        body = "\n\n".join("\n".join(f"  {line}" for line in lines) for lines in blocks if lines)
+        return f"{'plain ' * self.plain}model {self.name} {{\n{body}\n}}\n"
+
+    def _source(self) -> Source:
+        graphs = [self, *self._within()]
+        folders = {g.folder.resolve() for g in graphs if g.folder is not None}
+        if len(folders) > 1:
+            listed = ", ".join(sorted(map(str, folders)))
+            raise UsageError(f"graphs in each other need one folder for what they import, not {listed}")
+        name = f"{self.name}.bg"
+        if not folders:
+            return Source(name, self.text())
+        path = folders.pop() / name
+        while any(path in g._files for g in graphs):  # a file of this name is imported: the text stands beside it
+            path = path.with_name(f"_{path.name}")
+        return Source(name, self.text(), path)
+
+    def model(self) -> Model:
+        """The model, as if it had been read from text. Mistakes of meaning are told when something is asked of it."""
+        return Model(self._source(), self.name)
+
+    def check(self) -> tuple[Diagnostic, ...]:
+        """Everything that is wrong with it; empty if nothing is."""
+        return tuple(check_source(self._source(), self.name, LIBRARY))
+
+    # ------------------------------------------------------------ names
+    def _free(self, name: str) -> str:
+        """A name that nothing has yet."""
+        full = name_of(name)
+        word, _, index = full.partition("[")
+        taken = self._names.get(word, set())
+        if index in taken or (taken and ("" in taken or not index)):
+            raise UsageError(f"`{self.name}` already has `{full if index in taken else word}`")
+        return full
+
+    def _enter(self, name: str) -> str:
+        """Take a name."""
+        full = self._free(name)
+        word, _, index = full.partition("[")
+        self._names.setdefault(word, set()).add(index)
+        return full
+
+
+def _model_of(model: Model) -> str:
+    """The name of a loaded model; a file of several must say which."""
+    names = list(model.compilation().tree.models)
+    if model.model is not None and model.model not in names:
+        raise UsageError(f"{model.source.name} defines no model `{model.model}`; it defines: {', '.join(names)}")
+    if model.model is None and len(names) != 1:
+        raise UsageError(
+            f"{model.source.name} defines {', '.join(names)}: name one, `load(path, {names[0] if names else ''!r})`"
+        )
+    return model.model or names[0]

@@ -1,0 +1,63 @@
+"""Handles: what the calls of a graph give back, to be bonded, read and put into texts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from .graph import Graph
+
+Head = TypeVar("Head")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quantity:
+    """A parameter, constant, input, signal, output or slot; in an f-string it is its name, an item of a list is `gap[2]`."""
+
+    graph: Graph
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __getitem__(self, item: int) -> Quantity:
+        """An item of a list, from 1."""
+        if not isinstance(item, int) or item < 1:
+            raise UsageError(f"the items of `{self.name}` are counted from 1")
+        return Quantity(self.graph, f"{self.name}[{item}]")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """What bonds reach: an element, a junction, a port, an instance; `part["x"]` is one of its ports.
+
+    `a >> b` is the half arrow from a to b, `a >> (b, c)` are two; the right side comes back, so that chains can be written. In an
+    f-string a part is its path: `f"{spring}.x"`.
+    """
+
+    graph: Graph
+    path: str
+    ports: tuple[str, ...] | None = None  # None: only the compiler knows them
+
+    def __str__(self) -> str:
+        return self.path
+
+    def __getitem__(self, port: str) -> Part:
+        from .given import name_of
+
+        if self.ports is not None and port not in self.ports:
+            known = ", ".join(self.ports) or "one, without a name"
+            raise UsageError(f"`{self.path}` has no port `{port}`; its ports: {known}")
+        return Part(self.graph, f"{self.path}.{name_of(port)}")
+
+    def __rshift__(self, head: Head) -> Head:
+        self.graph.bond(self, head)
+        return head
+
+    def __rrshift__(self, tails: Sequence[Part]) -> Part:
+        self.graph.bond(tails, self)
+        return self

@@ -1,0 +1,86 @@
+"""Factorisations of mu/h M - J for the solver: rows scaled, dense by LAPACK, sparse by SuperLU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .radau import Factorised
+
+Shifted = Callable[[complex, Any], Factorised]
+
+
+DENSE = 100  # states up to which the linear algebra is dense
+
+
+def is_large(states: int, entries: int) -> bool:
+    """Whether a Jacobian is better treated as sparse."""
+    return states > DENSE and entries < 0.2 * states**2
+
+
+@dataclass(frozen=True, slots=True)
+class _Dense:
+    factors: Any
+    pivots: Any
+    scale: Any
+    back: Any
+
+    def solve(self, right: Any) -> Any:
+        solution, _ = self.back(self.factors, self.pivots, right * self.scale)
+        return solution
+
+
+@dataclass(frozen=True, slots=True)
+class _Sparse:
+    factors: Any
+    scale: Any
+
+    def solve(self, right: Any) -> Any:
+        return self.factors.solve(right * self.scale)
+
+
+def dense(rows: Any, columns: Any, differential: Any) -> Shifted:
+    """For the entries of a Jacobian at (rows, columns): a factorised dense matrix. Raises LinAlgError if it is singular."""
+    from scipy.linalg import lapack
+
+    count = len(differential)
+    diagonal = np.diag(differential.astype(float))
+
+    def shifted(shift: complex, entries: Any) -> Factorised:
+        matrix = diagonal * shift
+        matrix[rows, columns] -= entries
+        largest = np.abs(matrix).max(axis=1, initial=0.0)
+        scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
+        complex_valued = isinstance(shift, complex)
+        factor, back = (lapack.zgetrf, lapack.zgetrs) if complex_valued else (lapack.dgetrf, lapack.dgetrs)
+        factors, pivots, info = factor(matrix * scale[:, None], overwrite_a=True)
+        if info != 0 or not np.isfinite(factors).all():
+            raise np.linalg.LinAlgError("singular")
+        return _Dense(factors, pivots, scale, back)
+
+    return shifted
+
+
+def sparse(rows: Any, columns: Any, differential: Any) -> Shifted:
+    """The same for large systems with few entries. Raises RuntimeError if the matrix is singular."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    count = len(differential)
+    numbers = np.flatnonzero(differential)
+    all_rows, all_columns = np.concatenate([rows, numbers]), np.concatenate([columns, numbers])
+
+    def shifted(shift: complex, entries: Any) -> Factorised:
+        values = np.concatenate([-entries, np.full(len(numbers), shift)])
+        matrix = csc_array((values, (all_rows, all_columns)), shape=(count, count))
+        matrix.sum_duplicates()
+        largest = np.zeros(count)
+        np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
+        scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
+        matrix.data = matrix.data * scale[matrix.indices]
+        return _Sparse(splu(matrix), scale)
+
+    return shifted

@@ -1,0 +1,120 @@
+"""Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off.
+
+Steps of the solver take the unknowns along; here they are found at a start, after a jump, and at reported instants. Where
+Newton's method fails from the last solution, the residual there is led to zero bit by bit (Newton homotopy: Allgower and
+Georg, Introduction to Numerical Continuation Methods, chapter 1).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..door import Program
+from ..errors import RunFailed
+
+ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
+HALVINGS = 30
+GUESSES = (1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3)  # of the magnitudes
+LEAST = 1e-4  # share of the way of a homotopy below which it gives up
+
+
+class LoopSolver:
+    """Finds the unknowns of a program for given states. `magnitude`: of states and unknowns."""
+
+    def __init__(self, program: Program, constants: Any, inputs: Any, magnitude: Any) -> None:
+        self.program, self.constants, self.inputs = program, constants, inputs
+        self.count = len(program.states.names)
+        self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
+        rows, columns = program.pattern
+        self._chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
+        self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
+
+    def solve(self, time: float, state: Any, mode: Any) -> Any:
+        """The state with the unknowns that belong to it. Raises `RunFailed`."""
+        if not len(self.magnitude):
+            return state
+        last = state[self.count :]
+        found = self._newton(time, state, mode, last, 0.0)
+        if found is None:  # a law may have no value, or no slope, where all unknowns are zero
+            others = (last, 0 * last, *(share * self.magnitude for share in GUESSES))
+            tries = (self._homotopy(time, state, mode, guess) for guess in others)
+            found = next((z for z in tries if z is not None), None)
+        if found is None:
+            names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
+            raise RunFailed(
+                f"at t = {time:.9g} s the algebraic loop of {names} has no solution that could be found; "
+                "check the laws in it (`bondgraph causality` shows them), or put a small storage into it"
+            )
+        return np.concatenate([state[: self.count], found])
+
+    def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
+        """The same for several instants; shape (times, n)."""
+        if not len(self.magnitude):
+            return states
+        return np.stack([self.solve(t, x, mode) for t, x in zip(times, states, strict=True)])
+
+    def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
+        """What the unknowns should make vanish."""
+        full = np.concatenate([state[: self.count], unknowns])
+        return self.program.derivative(time, full, self.inputs, self.constants, mode)[self.count :]
+
+    def matrix(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
+        """Its derivatives by the unknowns."""
+        full = np.concatenate([state[: self.count], unknowns])
+        entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
+        result = np.zeros((len(unknowns), len(unknowns)))
+        result[self._place] = entries[self._chosen]
+        return result
+
+    def _newton(self, time: float, state: Any, mode: Any, guess: Any, rest: Any) -> Any:
+        """Newton's method, damped by halving, until the correction is round-off; None if it fails."""
+        z = np.array(guess, dtype=float)
+        value = self.residual(time, state, mode, z) - rest
+        if not np.isfinite(value).all():
+            return None
+        before = np.inf
+        for _ in range(ITERATIONS):
+            matrix = self.matrix(time, state, mode, z) * self.magnitude
+            scale = np.abs(matrix).max(axis=1)
+            if not np.isfinite(scale).all() or not (scale > 0).all():
+                return None
+            try:
+                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * self.magnitude
+            except np.linalg.LinAlgError:
+                return None
+            size = float(np.abs(step / np.maximum(np.abs(z), 1e-3 * self.magnitude)).max())
+            if not np.isfinite(size):
+                return None
+            factor, norm = 1.0, float(np.linalg.norm(value / scale))
+            for _ in range(HALVINGS):
+                trial = z + factor * step
+                found = self.residual(time, state, mode, trial) - rest
+                if np.isfinite(found).all() and float(np.linalg.norm(found / scale)) <= (1 - 1e-4 * factor) * norm:
+                    break
+                if size < 1e-9 and np.isfinite(found).all():
+                    break  # at round-off the residual falls no further
+                factor *= 0.5
+            else:
+                return z if size < 1e-9 else None
+            z, value = trial, found
+            if size <= 4e-16 or (size < 1e-9 and size >= 0.25 * before):
+                return z
+            before = size
+        return None
+
+    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any) -> Any:
+        """From the guess, whose residual is led to zero; None if that fails."""
+        rest = self.residual(time, state, mode, guess)
+        if not np.isfinite(rest).all():
+            return None
+        z, share, step = guess, 0.0, 1.0
+        while share < 1 and step > LEAST:
+            target = min(1.0, share + step)
+            found = self._newton(time, state, mode, z, (1 - target) * rest)
+            if found is None:
+                step *= 0.5
+            else:
+                z, share, step = found, target, 2 * step
+        return z if share >= 1 else None

@@ -1,0 +1,325 @@
+"""Radau IIA of order 5 for M y' = f(t, y) with M = diag(1 … 1, 0 … 0): differential equations, and those with unknowns of loops.
+
+Hairer and Wanner, Solving Ordinary Differential Equations II, sections IV.8 (the method, its simplified Newton iteration, its
+error estimate) and VI.1 (problems with M). Three things differ from the program that comes with that book:
+
+- Within a step the quintic through values and slopes of the last three step ends is evaluated, which has the order of the
+  method; the slope at a step's end is that of the collocation polynomial, so that stiffness does not magnify its error.
+- The caller gives states divided by their magnitudes, and a factorisation that scales rows.
+- A step that is rejected again and again although it gets shorter is told from one that is too long: what is left is round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+_S6 = 6**0.5
+C = np.array([(4 - _S6) / 10, (4 + _S6) / 10, 1.0])
+E = np.array([-13 - 7 * _S6, -13 + 7 * _S6, -1]) / 3  # of the error estimate
+MU_REAL = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)  # eigenvalues of the inverse of the method's matrix
+MU_COMPLEX = 3 + 0.5 * (3 ** (1 / 3) - 3 ** (2 / 3)) - 0.5j * (3 ** (5 / 6) + 3 ** (7 / 6))
+T = np.array(
+    [
+        [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
+        [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
+        [1, 1, 0],
+    ]
+)
+TI = np.array(
+    [
+        [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
+        [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
+        [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
+    ]
+)
+TI_REAL, TI_COMPLEX = TI[0], TI[1] + 1j * TI[2]
+# The collocation polynomial is y0 + Z.T P [s, s^2, s^3]; D is its slope at the end.
+P = np.array(
+    [
+        [13 / 3 + 7 * _S6 / 3, -23 / 3 - 22 * _S6 / 3, 10 / 3 + 5 * _S6],
+        [13 / 3 - 7 * _S6 / 3, -23 / 3 + 22 * _S6 / 3, 10 / 3 - 5 * _S6],
+        [1 / 3, -8 / 3, 10 / 3],
+    ]
+)
+D = P @ np.array([1.0, 2.0, 3.0])
+NEWTON_ITERATIONS = 6
+SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
+STUBBORN = 8  # rejected tries after which shorter steps must have helped
+
+
+class Factorised(Protocol):
+    """A factorised matrix."""
+
+    def solve(self, right: Any) -> Any: ...
+
+
+Factorise = Callable[[Any], Factorised]
+
+
+class StepFailed(Exception):
+    """No step is short enough; `what` failed last: newton, error, or round-off where shorter steps were no better."""
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+
+
+@dataclass(slots=True)
+class Problem:
+    """M y' = f(t, y), with its Jacobian and a factorisation that fits it. `differential` marks the rows where M is 1."""
+
+    function: Callable[[float, Any], Any]
+    jacobian: Callable[[float, Any], Any]
+    shifted: Callable[[complex, Any], Factorised]  # (mu/h, J) -> mu/h M - J, factorised
+    differential: Any
+    relative: float
+    absolute: Any  # per state; infinite for what has no part in the error control
+    follows: Callable[[float, float], bool]  # whether a step from here to there would see what time alone moves
+    longest: float = np.inf  # no step is longer
+
+
+@dataclass(slots=True)
+class _End:
+    """What is known at the end of a step."""
+
+    time: float
+    state: Any
+    slope: Any
+
+
+class Radau:
+    """Steps from `time` to `stop`; after each `step()` the last one can be sampled."""
+
+    def __init__(self, problem: Problem, time: float, state: Any, stop: float) -> None:
+        self.problem, self.time, self.state, self.stop = problem, time, state, stop
+        self.evaluations = {"derivative": 0, "jacobian": 0, "factorisation": 0}
+        self.rejected = 0
+        self.error: Any = np.zeros(len(state))  # of the last step, in units of its tolerance
+        self._rate = self._function(time, state)
+        self._size = self._first_size()
+        self._newton_tolerance = max(
+            10 * np.finfo(float).eps / problem.relative, min(0.03, problem.relative**0.5)
+        )  # fmt: skip
+        self._jacobian: Any = None
+        self._current = False  # whether the Jacobian is that of this state
+        self._real: Factorised | None = None
+        self._complex: Factorised | None = None
+        self._stages: Any = None  # of the last step, relative to its start
+        self._factorised_size = 0.0
+        self._ends = [_End(time, state, None)]
+        self._last_size, self._last_error = 0.0, 0.0
+
+    # ------------------------------------------------------------ what a run asks
+    @property
+    def finished(self) -> bool:
+        """Whether the end is reached."""
+        return self.time >= self.stop
+
+    @property
+    def last_step(self) -> tuple[float, float]:
+        """Its start and its end."""
+        return self._ends[-2].time, self._ends[-1].time
+
+    def step(self) -> None:
+        """One accepted step. Raises `StepFailed`."""
+        problem, time, state = self.problem, self.time, self.state
+        least = 10 * np.abs(np.nextafter(time, np.inf) - time)
+        size, reason = min(self._size, self.stop - time, problem.longest), "error"
+        norms: list[float] = []  # of the rejected tries
+        if time + 1.01 * size >= self.stop:
+            size = self.stop - time
+        while size > least and not problem.follows(time, time + size):
+            size *= 0.5
+        if self._jacobian is None:
+            self._renew(time, state)
+        while True:
+            if size < least and time + size < self.stop:
+                raise StepFailed(reason)
+            end = self.stop if time + size >= self.stop else time + size
+            size = end - time
+            scale = problem.absolute + np.abs(state) * problem.relative
+            found = self._newton(time, state, size, self._guess(size), scale)
+            if found is None:
+                reason = "newton"
+                if not self._current:
+                    self._renew(time, state)
+                else:
+                    size *= 0.5
+                continue
+            stages, iterations, rate = found
+            new = state + stages[-1]
+            error = self._estimate(time, state, size, stages, new, bool(norms))
+            norm = _norm(error)
+            safety = 0.9 * (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
+            if not norm <= 1:
+                reason = "error"
+                factor = 0.1 if not np.isfinite(norm) else self._factor(size, norm)
+                size *= max(SMALLEST, safety * factor)
+                self.rejected += 1
+                norms.append(norm)
+                self.error = error
+                if len(norms) >= STUBBORN and norm > 0.5 * norms[-STUBBORN]:
+                    raise StepFailed("round-off")
+                continue
+            break
+        self._accept(end, new, stages, size, norm, safety, bool(norms), iterations, rate)
+        self.error = error
+
+    def sample(self, times: Any) -> Any:
+        """States at instants within the last step; shape (times, n).
+
+        The quintic, unless it differs from the collocation polynomial (order 3) by more than that can err: then something
+        bent within the steps that it spans.
+        """
+        times = np.asarray(times)
+        before, after = self._ends[-2:]
+        s = (times - before.time) / (after.time - before.time)
+        cubic = before.state + (np.stack([s, s**2, s**3]).T @ P.T) @ self._stages
+        if len(self._ends) < 3:
+            return cubic
+        quintic = _hermite(self._ends, times)
+        problem = self.problem
+        limit = 10 * (problem.absolute + problem.relative * np.abs(after.state))
+        return np.where((np.abs(quintic - cubic) <= limit) & np.isfinite(limit), quintic, cubic)
+
+    # ------------------------------------------------------------ the step
+    def _function(self, time: float, state: Any) -> Any:
+        self.evaluations["derivative"] += 1
+        return self.problem.function(time, state)
+
+    def _renew(self, time: float, state: Any) -> None:
+        self.evaluations["jacobian"] += 1
+        self._jacobian = self.problem.jacobian(time, state)
+        self._current, self._real = True, None
+
+    def _first_size(self) -> float:
+        """Hairer, Nørsett and Wanner, Solving ODEs I, section II.4, from slopes of the differential part."""
+        problem, span = self.problem, self.stop - self.time
+        scale = problem.absolute + np.abs(self.state) * problem.relative
+
+        def size(x: Any) -> float:
+            return _norm(np.where(problem.differential & np.isfinite(scale), x / scale, 0.0))
+
+        d0, d1 = size(self.state), size(self._rate)
+        h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+        h0 = min(h0, span)
+        moved = self.state + h0 * np.where(problem.differential, self._rate, 0.0)
+        d2 = size(self._function(self.time + h0, moved) - self._rate) / h0
+        largest = max(d1, d2)
+        h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else (0.01 / largest) ** 0.25
+        if not np.isfinite(h1):
+            h1 = h0
+        return float(min(100 * h0, h1, span))
+
+    def _guess(self, size: float) -> Any:
+        """Stages from the last step's polynomial, carried on."""
+        if self._stages is None or self._last_size == 0:
+            return np.zeros((3, len(self.state)))
+        s = 1 + C * size / self._last_size
+        powers = np.stack([s, s**2, s**3])
+        return (powers.T @ P.T) @ self._stages - self._stages[-1]
+
+    def _newton(self, time: float, state: Any, size: float, stages: Any, scale: Any) -> tuple[Any, int, float] | None:
+        """The simplified Newton iteration for the stages: `(stages, iterations, rate)`, or None if it does not converge."""
+        m = self.problem.differential
+        if self._real is None or abs(size - self._factorised_size) > 1e-9 * size:
+            self.evaluations["factorisation"] += 2
+            self._factorised_size = size
+            try:
+                self._real = self.problem.shifted(MU_REAL / size, self._jacobian)
+                self._complex = self.problem.shifted(MU_COMPLEX / size, self._jacobian)
+            except (ValueError, RuntimeError, np.linalg.LinAlgError):
+                self._real = None
+                return None
+        assert self._complex is not None
+        w = TI @ stages
+        f = np.empty_like(stages)
+        m_real, m_complex = MU_REAL / size * m, MU_COMPLEX / size * m
+        last, rate = None, 0.0
+        for iteration in range(NEWTON_ITERATIONS):
+            for i in range(3):
+                f[i] = self._function(time + size * C[i], state + stages[i])
+            if not np.isfinite(f).all():
+                return None
+            change = np.empty_like(w)
+            change[0] = self._real.solve(TI_REAL @ f - m_real * w[0])
+            both = self._complex.solve(TI_COMPLEX @ f - m_complex * (w[1] + 1j * w[2]))
+            change[1], change[2] = both.real, both.imag
+            norm = _norm(change / scale)
+            if not np.isfinite(norm):
+                return None
+            if last:
+                rate = norm / last
+                left = NEWTON_ITERATIONS - iteration
+                if rate >= 1 or rate**left / (1 - rate) * norm > self._newton_tolerance:
+                    return None
+            w += change
+            stages = T @ w
+            if norm == 0 or (last and rate / (1 - rate) * norm < self._newton_tolerance):
+                return stages, iteration + 1, rate
+            last = norm
+        return None
+
+    def _estimate(self, time: float, state: Any, size: float, stages: Any, new: Any, rejected: bool) -> Any:
+        """The error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
+        assert self._real is not None
+        problem = self.problem
+        scale = problem.absolute + np.maximum(np.abs(state), np.abs(new)) * problem.relative
+        rest = np.where(problem.differential, E @ stages / size, 0.0)
+        error = self._real.solve(self._rate + rest)
+        if _norm(error / scale) > 1 and (rejected or self._stages is None or self._last_size == 0):
+            error = self._real.solve(self._function(time, state + error) + rest)
+        return error / scale
+
+    def _factor(self, size: float, norm: float) -> float:
+        """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8)."""
+        if norm == 0:
+            return LARGEST
+        factor: float = norm**-0.25
+        if self._last_error > 0 and self._last_size > 0:
+            factor = min(factor, size / self._last_size * (self._last_error / norm) ** 0.25 * factor)
+        return factor
+
+    def _accept(
+        self, end: float, new: Any, stages: Any, size: float, norm: float, safety: float, rejected: bool, iterations: int, rate: float,
+    ) -> None:  # fmt: skip
+        self._ends = [*self._ends[-2:], _End(end, new, D @ stages / size)]
+        factor = min(LARGEST, safety * self._factor(size, norm))
+        self._last_size, self._last_error = size, max(norm, 1e-2)
+        self.time, self.state, self._stages = end, new, stages
+        self._rate = self._function(end, new)
+        stale = iterations > 2 and rate > 1e-3
+        if rejected:
+            factor = min(factor, 1.0)
+        if stale:
+            self._renew(end, new)
+        else:
+            self._current = False
+        if not stale and 1.0 <= factor < 1.2:
+            factor = 1.0  # the factorisation serves once more
+        self._size = size * factor
+
+
+def _norm(x: Any) -> float:
+    return float(np.linalg.norm(x) / max(1, x.size) ** 0.5)
+
+
+def _hermite(ends: list[_End], times: Any) -> Any:
+    """The polynomial through values and slopes at three instants (the first of a run has none), by divided differences
+    (Stoer and Bulirsch, Introduction to Numerical Analysis, section 2.1.5)."""
+    known = [e for e in ends for _ in range(1 if e.slope is None else 2)]
+    nodes = np.array([e.time for e in known])
+    column = np.stack([e.state for e in known])
+    coefficients = [column[0]]
+    for order in range(1, len(nodes)):
+        gaps = nodes[order:] - nodes[:-order]
+        steep = [known[i].slope if gap == 0 else (column[i + 1] - column[i]) / gap for i, gap in enumerate(gaps)]
+        column = np.stack(steep)
+        coefficients.append(column[0])
+    value = np.tile(coefficients[-1], (len(times), 1))
+    for node, coefficient in zip(nodes[-2::-1], coefficients[-2::-1], strict=True):
+        value = value * (times - node)[:, None] + coefficient
+    return value

@@ -1,0 +1,82 @@
+"""One routine for consistent starts: the unknowns of loops, and the states that the author's starts bind.
+
+What the author said of a state holds. What was said of something computed (a storage in derivative form, an effort) is a claim:
+the states of which nothing was said move by the least amount, in units of their magnitudes, that fulfils all claims (Gauss-Newton
+with the pseudo-inverse; Pantelides, SIAM J. Sci. Stat. Comput. 9, 1988, for the problem). Claims that cannot all hold are an error.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..door import Program, StateSpace
+from ..errors import RunFailed
+from .loops import LoopSolver
+from .segments import Segment
+
+ITERATIONS = 50
+CLOSE = 1e-9  # of the size of what is claimed
+
+
+def consistent_start(
+    program: Program, space: StateSpace, constants: Any, inputs: Any, state: Any, first: Segment
+) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
+    """The state at the start, shape (n,), and the names of the states that moved from their default to get there.
+
+    Raises `RunFailed` if the claims contradict each other or the starts of states, or a loop has no solution.
+    """
+    magnitude = np.where(state != 0, np.abs(state), 1.0)
+    loops = LoopSolver(program, constants, inputs, magnitude)
+    time, mode, count = first.start, first.mode, len(program.states.names)
+    if not space.claims:
+        return loops.solve(time, state, mode), ()
+
+    def missed(x: Any) -> tuple[Any, Any]:
+        full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
+        return np.asarray(program.claims(time, full, inputs, constants, mode)), full
+
+    x = np.array(state[:count])
+    movable = np.array([not s.given for s in space.states], dtype=bool)
+    for _ in range(ITERATIONS):
+        value, full = missed(x)
+        slopes = _slopes(lambda y: missed(y)[0], x, movable)
+        if not slopes.size:
+            break
+        size = np.abs(slopes).max(axis=1, initial=0.0)
+        scale = np.where(size > 0, size, 1.0)
+        step, *_ = np.linalg.lstsq(slopes / scale[:, None], -value / scale, rcond=1e-12)
+        x[movable] += step
+        if np.abs(step).max(initial=0.0) <= 1e-13 * np.maximum(np.abs(x[movable]), 1e-300).max(initial=1e-300):
+            break
+    value, full = missed(x)
+    _check(program, space, constants, value, full, (time, inputs, mode))
+    moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
+    return full, tuple(moved)
+
+
+def _slopes(function: Any, x: Any, movable: Any) -> Any:
+    """Central differences; used at the start only, where a Newton iteration over them goes to round-off."""
+    columns = []
+    for i in np.flatnonzero(movable):
+        step = 1e-6 * max(abs(x[i]), 1e-3)
+        shift = np.zeros(len(x))
+        shift[i] = step
+        columns.append((function(x + shift) - function(x - shift)) / (2 * step))
+    return np.stack(columns, axis=1) if columns else np.zeros((len(function(x)), 0))
+
+
+def _check(program: Program, space: StateSpace, constants: Any, value: Any, full: Any, at: Any) -> None:
+    time, inputs, mode = at
+    others = program.claims(time, np.zeros(len(full)), inputs, constants, mode)
+    size = np.maximum(np.abs(value - np.asarray(others)), np.abs(np.asarray(others)))
+    bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]
+    if not bad:
+        return
+    names = ", ".join(f"`{n}`" for n in dict.fromkeys(c.element for c in bad))
+    said = [space.variables[s.variable].name for s in space.states if s.given]
+    against = f" together with those of {', '.join(f'`{n}`' for n in said[:6])}" if said else ""
+    raise RunFailed(
+        f"the start of {names} (line {bad[0].span.line}) cannot hold{against}: the model ties them to each other; leave one of them out"
+    )

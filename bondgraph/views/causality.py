@@ -1,0 +1,327 @@
+"""Causality explained: every stroke and why, storages in derivative form and what forces them, algebraic loops, and what to do."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+from ..door import Because, Compilation, CompilationFailed, blocks, dependences, render
+from .tables import visible
+
+if TYPE_CHECKING:
+    from ..door import CausalGraph, Dependence, Diagnostic, EquationSystem, Span
+
+SCHEMA = "bondgraph-causality/1"
+FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
+LONGEST_SEARCH = 400  # variables of a loop from which its shortest cycle is looked for
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeRow:
+    """One bond: the stroke stands at the end that is given the effort."""
+
+    bond: str  # in the textbooks' notation: `push ->| body`, `body |-> spring`
+    effort_from: str
+    flow_from: str
+    why: str
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class DerivativeRow:
+    """A storage in derivative form, the chain of bonds to what forces it, and what the author can do."""
+
+    storage: str
+    place: str
+    forced_by: str | None
+    forced_at: str | None
+    why: str
+    chain: tuple[tuple[str, str], ...]  # bonds with their places, from the storage on
+    advice: str
+
+
+@dataclass(frozen=True, slots=True)
+class LoopRow:
+    """An algebraic loop: its shortest cycle in the order in which one thing gives the next, and what the author can do."""
+
+    members: tuple[str, ...]
+    cycle: tuple[tuple[str, str, str], ...]  # variable, whose equation gives it, where
+    variables: int
+    advice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What `bondgraph causality` tells. `diagnostics` are what stands in the way of equations with these strokes."""
+
+    model: str
+    left_out: int
+    strokes: tuple[StrokeRow, ...]
+    derivative: tuple[DerivativeRow, ...]
+    loops: tuple[LoopRow, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """`bondgraph-causality/1`."""
+        told = [
+            {"file": d.span.source.name, "line": d.span.line, "column": d.span.column, "code": d.code, "message": d.sentence, "help": d.help}
+            for d in self.diagnostics
+        ]  # fmt: skip
+        return {
+            "schema": SCHEMA, "model": self.model, "left_out": self.left_out,
+            "strokes": [asdict(r) for r in self.strokes],
+            "derivative": [asdict(r) | {"chain": [{"bond": b, "place": p} for b, p in r.chain]} for r in self.derivative],
+            "loops": [
+                asdict(r) | {"cycle": [{"variable": v, "owner": o, "place": p} for v, o, p in r.cycle]} for r in self.loops
+            ],
+            "diagnostics": told,
+        }  # fmt: skip
+
+    def text(self) -> str:
+        """For people: a table of the strokes, then storages and loops one by one."""
+        return "\n".join(visible(line) for line in self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        yield (
+            f"causality of {self.model}: {_count(len(self.strokes), 'bond')}, "
+            f"{_count(len(self.derivative), 'storage')} in derivative form, {_count(len(self.loops), 'algebraic loop')}"
+        )
+        if self.left_out:
+            yield f"left out because they give nothing in this run: {_count(self.left_out, 'node')}"
+        if self.strokes:
+            yield ""
+            rows = [
+                ("bond", "effort from", "flow from", "why", "line"),
+                *((r.bond, r.effort_from, r.flow_from, r.why, r.place) for r in self.strokes),
+            ]
+            yield from _columns(rows)
+        for row in self.derivative:
+            yield from ("", f"`{row.storage}` ({row.place}) is in derivative form: {row.why}")
+            yield from (f"    {line}" for line in _columns(row.chain))
+            yield f"  what you can do: {row.advice}"
+        for loop in self.loops:
+            more = f" ({loop.variables} variables in all)" if loop.variables > len(loop.cycle) else ""
+            yield from ("", f"algebraic loop of {', '.join(f'`{m}`' for m in loop.members)}{more}")
+            cycle = [
+                (f"{before[0]} gives {here[0]}", f"by `{here[1]}`", here[2]) for before, here in _around(loop.cycle)
+            ]
+            yield from (f"    {line}" for line in _columns(cycle))
+            yield f"  what you can do: {loop.advice}"
+
+
+def explain(compilation: Compilation) -> Explanation:
+    """The explanation of a scene. Raises `CompilationFailed` if there are no strokes."""
+    causal = compilation.causal
+    system, found = None, tuple["Diagnostic", ...]()
+    try:
+        system = compilation.equations
+        _ = compilation.state_space
+    except CompilationFailed as failed:
+        found = failed.diagnostics
+    graph = causal.graph
+    return Explanation(
+        graph.name, len(compilation.whole_graph.nodes) - len(graph.nodes),
+        tuple(_stroke(causal, bond) for bond in range(len(graph.bonds))),
+        tuple(_derivative(causal, item) for item in dependences(causal)),
+        () if system is None else tuple(_loops(causal, system)), tuple(found),
+    )  # fmt: skip
+
+
+def told(diagnostics: Sequence[Diagnostic]) -> str:
+    """Diagnostics as the other commands show them."""
+    return "\n\n".join(map(render, diagnostics))
+
+
+# ---------------------------------------------------------------- strokes
+
+
+def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
+    ends, reason = causal.graph.bonds[bond], causal.reasons[bond]
+    names = [_end(causal, ends.tail), _end(causal, ends.head)]
+    effort = causal.effort_from[bond]
+    owner = f"`{causal.graph.nodes[reason.node].name}`"
+    if reason.bond is not None:
+        why = f"follows at {owner} from {_arrow(causal, reason.bond)}"
+    else:
+        why = f"{owner}: {reason.because.value}"
+    return StrokeRow(_arrow(causal, bond), names[effort], names[1 - effort], why, _place(ends.span))
+
+
+def _arrow(causal: CausalGraph, bond: int) -> str:
+    ends = causal.graph.bonds[bond]
+    arrow = "->|" if causal.effort_from[bond] == 0 else "|->"
+    return f"{_end(causal, ends.tail)} {arrow} {_end(causal, ends.head)}"
+
+
+def _end(causal: CausalGraph, end: Any) -> str:
+    node = causal.graph.nodes[end.node]
+    ports = getattr(node, "ports", ())
+    return f"{node.name}.{ports[end.port].name}" if ports and ports[end.port].name else str(node.name)
+
+
+def _place(span: Span) -> str:
+    return f"{PurePath(span.source.name).name}:{span.line}"
+
+
+# ---------------------------------------------------------------- storages in derivative form
+
+
+def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
+    graph = causal.graph
+    node = graph.nodes[item.port.node]
+    forcing = None if item.forced_by is None else graph.nodes[item.forced_by]
+    name = _end(causal, item.port)
+    why, advice = _dependence(name, node, None if forcing is None else forcing, item.because)
+    return DerivativeRow(
+        name, _place(node.span), None if forcing is None else forcing.name,
+        None if forcing is None else _place(forcing.span), why,
+        tuple((_arrow(causal, b), _place(graph.bonds[b].span)) for b in item.bonds), advice,
+    )  # fmt: skip
+
+
+def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[str, str]:
+    """What forces a storage, and what the author can do about it."""
+    stored = node.kind.value
+    variable = "effort" if stored == "C" else "flow"
+    parting = "R or I on a 1-junction" if stored == "C" else "R or C on a 0-junction"
+    if forcing is None:
+        if because in (Because.REQUIRED, Because.WISHED):
+            return (
+                "its author asks for it",
+                f"leave out its `{'require' if because is Because.REQUIRED else 'prefer'}`.",
+            )
+        return (
+            "the ring of junctions around it leaves no other strokes",
+            f"put a small {parting} between `{name}` and the ring.",
+        )
+    other = f"`{forcing.name}` ({_place(forcing.span)})"
+    if because is Because.SOURCE:
+        return (
+            f"{other} decides its {variable} at once",
+            f"nothing, if it is meant so: the {FLOWS[stored]} is the derivative of what `{forcing.name}` gives. As every real source "
+            f"has one, put a small {parting} between them.",
+        )
+    if because is Because.MECHANISM:
+        return (
+            f"the mechanism {other} decides its {variable}",
+            f"give a body of `{forcing.name}` what `{name}` stores, or put a stiff spring (a C on a 0-junction) between them.",
+        )
+    if because is Because.INTEGRAL:
+        both = parting if forcing.kind.value == stored else "R"
+        way = "write `prefer = derivative` on" if forcing.prefer is None else "change the `prefer` of"
+        return (
+            f"it follows from {other}, which is in integral form: together they have one state",
+            f"nothing, if they belong together: both are computed. To make `{name}` the state, {way} `{forcing.name}`; "
+            f"to let them move apart, put a small {both} between them.",
+        )
+    if because is Because.FREE_END:
+        return f"{other} has only this bond", f"hang something on `{forcing.name}`, or remove it."
+    word = "require" if because is Because.REQUIRED else "prefer"
+    return f"{other} has a `{word}` that stands against it", f"leave out the `{word}` of `{forcing.name}`."
+
+
+# ---------------------------------------------------------------- loops
+
+
+def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
+    """Blocks of assignments that need each other, each with its shortest cycle."""
+    inputs: list[list[int]] = [[] for _ in system.variables]
+    assigned = {a.target: a for a in system.assignments}
+    for target, assignment in assigned.items():
+        inputs[target] = [a for a in assignment.arguments if not isinstance(a, float) and a != target]
+        if target in assignment.arguments and not assignment.implicit:
+            inputs[target].append(target)
+    numbers = {node.name: number for number, node in enumerate(causal.graph.nodes)}
+    for block in blocks(range(len(inputs)), inputs):
+        first = assigned.get(block[0])
+        if len(block) == 1 and block[0] not in inputs[block[0]]:
+            if first is not None and first.implicit:
+                name = system.variables[first.target].name
+                yield LoopRow(
+                    (first.owner,), ((name, first.owner, _place(first.span)),), 1, _implicit(first.owner, name)
+                )
+            continue
+        cycle = _shortest_cycle(sorted(block), inputs)
+        rows = tuple((system.variables[v].name, assigned[v].owner, _place(assigned[v].span)) for v in cycle)
+        members = tuple(dict.fromkeys(owner for _, owner, _ in rows))
+        yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, numbers, members)))
+
+
+def _implicit(owner: str, variable: str) -> str:
+    return (
+        f"nothing, if it is meant so: the law of `{owner}` cannot be solved for `{variable}`, which is found by iteration. To avoid it, "
+        f"let `{owner}` decide the other variable (`prefer`), or write its law the other way."
+    )
+
+
+def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequence[str]) -> list[Any]:
+    """The junctions of a loop; what its bonds merely share has no equation, so also those that join two of its elements."""
+    graph = causal.graph
+    inside = [numbers[m] for m in members if m in numbers]
+    found = [n for n in inside if graph.nodes[n].kind.value in ("0", "1")]
+    if not found:
+        ends = [e.node for n in inside for b in graph.incident[n] for e in (graph.bonds[b].tail, graph.bonds[b].head)]
+        joins = Counter(n for n in ends if graph.nodes[n].kind.value in ("0", "1"))
+        found = sorted(n for n, count in joins.items() if count > 1)
+    return [graph.nodes[n] for n in found]
+
+
+def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> list[int]:
+    """The variables of a shortest cycle, each computed from the one before it (and the first from the last)."""
+    inside, best = set(block), list[int]()
+    for start in block[:LONGEST_SEARCH]:
+        best = _cycle_through(start, inside, inputs, len(best) or len(block) + 1) or best
+    return best
+
+
+def _cycle_through(start: int, inside: set[int], inputs: Sequence[Sequence[int]], below: int) -> list[int]:
+    """A shortest cycle through a variable; empty if it has not fewer than so many."""
+    readers: dict[int, tuple[int, int]] = {start: (start, 1)}  # variable -> the one that reads it, how far it is
+    queue = [start]
+    for here in queue:
+        length = readers[here][1]
+        if length >= below:
+            return []
+        if start in inputs[here]:
+            path = [here]
+            while path[-1] != start:
+                path.append(readers[path[-1]][0])
+            return path
+        for other in inputs[here]:
+            if other in inside and other not in readers:
+                readers[other] = here, length + 1
+                queue.append(other)
+    return []
+
+
+def _loop_advice(junctions: Sequence[Any]) -> str:
+    solved = "nothing, if it belongs there: it is solved with the rest."
+    if not junctions:
+        return f"{solved} To break it, let one of its signals read what a storage or `integral` holds."
+    ways = [
+        f"a small C on the 0-junction `{j.name}`" if j.kind.value == "0" else f"a small I on the 1-junction `{j.name}`"
+        for j in junctions[:3]
+    ]
+    return f"{solved} To break it, put {' or '.join(ways)}: what is stored there is known."
+
+
+# ---------------------------------------------------------------- words
+
+
+def _around(cycle: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    return zip((cycle[-1], *cycle[:-1]), cycle, strict=True)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    if not rows:
+        return
+    widths = [min(72, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

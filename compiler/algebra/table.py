@@ -1,0 +1,92 @@
+"""Curves through points as expressions. Operands: how often differentiated, what it is taken at, places, values, slopes.
+
+Places, values and slopes may be numbers or expressions of parameters; none of them changes during a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from . import interpolate
+from .expression import ONE, ZERO, Apply, Expression, Number, call, divide, select
+
+KINDS = ("linear", "cubic", "monotone")
+_SLOPES = {"cubic": "natural_slope", "monotone": "monotone_slope"}
+_LISTS = {"linear": 2, "cubic": 3, "monotone": 3, "inverse": 3}  # lists of one length behind the first two operands
+_SMOOTH = {"linear": 1, "cubic": 3, "monotone": 3, "noise": 5}  # derivatives of a higher order are zero
+
+
+def table(kind: str, x: Expression, places: Sequence[Expression], values: Sequence[Expression]) -> Expression:
+    """The value at x of a curve through points: `linear`, `cubic` (natural spline) or `monotone`."""
+    if kind == "linear":
+        return call(kind, ZERO, x, *places, *values)
+    return call(kind, ZERO, x, *places, *values, *_slopes(kind, places, values))
+
+
+def _slopes(kind: str, places: Sequence[Expression], values: Sequence[Expression]) -> list[Expression]:
+    """The slopes of a curve in its points: all at once if they are numbers."""
+    xs, ys = _numbers(places), _numbers(values)
+    if xs is not None and ys is not None:
+        slopes = interpolate.natural_slopes if kind == "cubic" else interpolate.monotone_slopes
+        return [Number(m) for m in slopes(xs, ys)]
+    return [call(_SLOPES[kind], Number(float(i)), *places, *values) for i in range(len(places))]
+
+
+def is_table(x: Expression) -> bool:
+    """Whether it is a curve through points."""
+    return isinstance(x, Apply) and x.operator in _LISTS
+
+
+def lists(node: Apply) -> tuple[tuple[Expression, ...], ...]:
+    """The lists of a table: places, values and, but for straight lines, slopes."""
+    count = _LISTS[node.operator]
+    points = node.operands[2:]
+    n = len(points) // count
+    return tuple(points[i * n : (i + 1) * n] for i in range(count))
+
+
+def domain(node: Apply) -> tuple[Expression, ...]:
+    """The list that the argument of a table is looked up in."""
+    return lists(node)[1 if node.operator == "inverse" else 0]
+
+
+def curve_slope(node: Apply) -> Expression:
+    """The derivative of a curve with respect to what it is taken at."""
+    order, x, *rest = node.operands
+    if node.operator == "inverse":
+        slope = Apply("monotone", (ONE, node, *rest))
+        return select(call("equal", slope, ZERO), ZERO, divide(ONE, slope))  # infinite there, like that of a root
+    assert isinstance(order, Number)
+    if order.value >= _SMOOTH[node.operator]:
+        return ZERO
+    return call(node.operator, Number(order.value + 1), x, *rest)
+
+
+def turned_round(node: Apply, y: Expression) -> Expression | None:
+    """Where the curve has the value y; None if its numbers show that there is not exactly one place.
+
+    Numbers that are parameters are looked at where their values are known, before the program is made.
+    """
+    if node.operands[0] != ZERO or node.operator == "inverse":
+        return None
+    places, values, *slopes = (_numbers(part) for part in lists(node))
+    if values is not None and not interpolate.one_way(values):
+        return None
+    if node.operator == "linear":
+        here, there = lists(node)
+        return call("linear", ZERO, y, *there, *here)
+    if node.operator == "cubic" and (
+        places is None or values is None or slopes[0] is None or interpolate.turns(places, values, slopes[0])
+    ):
+        return None
+    return call("inverse", ZERO, y, *node.operands[2:])
+
+
+def _numbers(part: Sequence[Expression]) -> tuple[float, ...] | None:
+    found = tuple(x.value for x in part if isinstance(x, Number))
+    return found if len(found) == len(part) else None
+
+
+def noise(place: Expression, seed: Expression) -> Expression:
+    """A random number at each whole `place`, joined smoothly."""
+    return call("noise", ZERO, place, seed)

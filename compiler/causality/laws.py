@@ -1,0 +1,86 @@
+"""What choices of causality ask of a law: whether it can be turned, how it is written, what is known of it before the run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+from ..algebra.affine import affine_parts
+from ..algebra.expression import ZERO, Expression, Symbol, depends_on, evaluate
+from ..graph.network import BondGraph, Element, Law, Own, Quantity
+
+
+def is_linear(node: Element) -> bool:
+    """Whether a one-port's law is linear, so that it holds in both directions."""
+    return len(node.ports) == 1 and _is_linear(node.law)
+
+
+@lru_cache(maxsize=4096)
+def _is_linear(law: Law) -> bool:
+    if len(law.equations) != 1:
+        return False
+    ((left, right),) = law.equations
+    rest, involved = left - right, 0
+    for variable in "efqp":
+        symbol = Symbol(Own(0, variable))
+        if depends_on(rest, symbol):
+            parts = affine_parts(rest, symbol)
+            if parts is None or parts[0] == ZERO:
+                return False
+            involved, rest = involved + 1, parts[1]
+    return involved == 2
+
+
+@lru_cache(maxsize=4096)
+def slopes(law: Law, first: Own, second: Own) -> tuple[Expression, Expression] | None:
+    """The factors of two variables in the one equation of a law, left minus right; None if it is not linear in them."""
+    if len(law.equations) != 1:
+        return None
+    ((left, right),) = law.equations
+    one, other = (affine_parts(left - right, Symbol(own)) for own in (first, second))
+    return None if one is None or other is None else (one[0], other[0])
+
+
+def written_effort(node: Element, port: int) -> bool:
+    """Whether the law is written for the effort of a port, as in F = r*v."""
+    for left, right in node.law.equations:
+        for side, other in ((left, right), (right, left)):
+            if (
+                isinstance(side, Symbol)
+                and isinstance(side.key, Own)
+                and side.key.port == port
+                and not depends_on(other, side)
+            ):
+                return side.key.variable == "e"
+    return True
+
+
+def wants_effort(node: Element, port: int, word: str) -> bool:
+    """Whether `prefer` or `require` of that word means that the element decides the effort of a port."""
+    if word in ("effort", "flow"):
+        return word == "effort"
+    return (word == "integral") is (node.stored[port] == "q")
+
+
+def has_start(graph: BondGraph, node: Element) -> bool:
+    """Whether the author gave a start that is not zero."""
+    bounds = [bound for _, bound in node.starts.values()]
+    return any(value_before(graph, b.formula.expression, b.arguments) != 0.0 for b in bounds)
+
+
+def value_before(graph: BondGraph, expression: Expression, arguments: Sequence[object]) -> float | None:
+    """The value of an expression over numbered arguments, if all of them are known before the run."""
+
+    def lookup(key: object) -> float:
+        argument: object = arguments[key] if isinstance(key, int) else None
+        if isinstance(argument, Quantity):
+            named = graph.quantities.get(argument.name)
+            argument = None if named is None else named.value
+        if not isinstance(argument, float | int):
+            raise ValueError
+        return argument
+
+    try:
+        return evaluate(expression, lookup)
+    except (ArithmeticError, ValueError):
+        return None

@@ -1,0 +1,137 @@
+"""What must hold for a run to mean something: the range of each table, and what the author requires.
+
+Only points that the run accepts count. A solver also tries points beyond, where tables go on as straight lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+from ..algebra.expression import ONE, ZERO, Apply, Expression, Number, Symbol, call, evaluate, select, substitute
+from ..algebra.formula import Formula
+from ..algebra.interpolate import MARGIN, one_way
+from ..algebra.table import domain, is_table
+from ..equations.system import Argument, Assignment, Validity, Variable
+from ..errors import CompilationFailed
+from .errors import EvenPower, TableTurnsBack
+from .program import LimitNote
+
+
+class Leaf(NamedTuple):
+    """A symbol of a program: role and position in its array (time has none)."""
+
+    role: str  # parameter, input, state, time or mode
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class LimitValue:
+    """A quantity that a limit is about."""
+
+    name: str
+    unit: str
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """A condition (1 or 0), what it is about, and how it is told when it does not hold."""
+
+    condition: Expression
+    values: tuple[LimitValue, ...]
+    note: LimitNote
+
+
+Put = Callable[[Symbol], Expression]
+
+
+def ranges(
+    step: Assignment, put: Put, variables: Sequence[Variable], parameters: Callable[[Leaf], float]
+) -> Iterator[Limit]:
+    """The ranges of the tables of an assignment, where they are asked. Raises `CompilationFailed` for a false inverse."""
+    for node, asked in _checked(step.formula):
+        if node.operator == "root":
+            _check_power(substitute(node, put), step, parameters)
+            continue
+        x, knots = node.operands[1], domain(node)
+        _check_direction([substitute(k, put) for k in knots], step, parameters)
+        number = step.arguments[x.key] if isinstance(x, Symbol) else None
+        known = variables[number] if isinstance(number, int) else None
+        name, unit = (known.name, known.unit) if known is not None else ("its argument", "")
+        ends = (substitute(knots[0], put), substitute(knots[-1], put))
+        low, high = call("min", *ends), call("max", *ends)
+        margin = Number(MARGIN) * (high - low)
+        at = substitute(x, put)
+        holds = call("and", call("less_equal", low - margin, at), call("less_equal", at, high + margin))
+        if asked is not None:
+            holds = call("or", call("not", substitute(asked, put)), holds)
+        values = (LimitValue(name, unit, at), LimitValue("low", unit, low), LimitValue("high", unit, high))
+        note = LimitNote("table", step.owner, node.operator, "", step.span, None, _shown(values))
+        yield Limit(select(holds, ONE, ZERO), values, note)
+
+
+def requirement(limit: Validity, entry: Callable[[Argument], Expression]) -> Limit:
+    """What the author requires, with its values."""
+    values = tuple(LimitValue(name, unit, entry(value)) for name, value, unit in limit.values)
+    note = LimitNote("require", limit.owner, limit.words, limit.text, limit.span, limit.stands, _shown(values))
+    return Limit(entry(limit.condition), values, note)
+
+
+def _shown(values: Sequence[LimitValue]) -> tuple[tuple[str, str], ...]:
+    return tuple((v.name, v.unit) for v in values)
+
+
+@lru_cache(maxsize=65536)
+def _checked(formula: Formula) -> tuple[tuple[Apply, Expression | None], ...]:
+    """The tables and roots in a formula, each with the condition under which it is asked (None: always)."""
+    found: dict[Apply, Expression | None] = {}
+    seen: set[tuple[Expression, Expression | None]] = set()
+    stack: list[tuple[Expression, Expression | None]] = [(formula.expression, None)]
+    while stack:
+        node, asked = stack.pop()
+        if not isinstance(node, Apply) or (node, asked) in seen:
+            continue
+        seen.add((node, asked))
+        if is_table(node) or node.operator == "root":
+            before = found.get(node, asked)
+            found[node] = None if asked is None or before is None else call("or", before, asked)
+        if node.operator == "select":
+            condition, value, otherwise = node.operands
+            stack += [
+                (condition, asked),
+                (value, _both(asked, condition)),
+                (otherwise, _both(asked, call("not", condition))),
+            ]
+        else:
+            stack += [(o, asked) for o in node.operands if isinstance(o, Apply)]
+    return tuple(found.items())
+
+
+def _both(asked: Expression | None, condition: Expression) -> Expression:
+    return condition if asked is None else call("and", asked, condition)
+
+
+def _values(expressions: Sequence[Expression], parameters: Callable[[Leaf], float]) -> list[float] | None:
+    """The values of expressions of parameters; None where something is no parameter."""
+    try:
+        return [evaluate(x, parameters) for x in expressions]
+    except (ArithmeticError, ValueError):
+        return None
+
+
+def _check_direction(knots: Sequence[Expression], step: Assignment, parameters: Callable[[Leaf], float]) -> None:
+    """Where a table stands the wrong way round, its values must rise or fall throughout."""
+    values = _values(knots, parameters)
+    if values is not None and not one_way(values):
+        raise CompilationFailed([TableTurnsBack(step.span, step.owner)])
+
+
+def _check_power(node: Expression, step: Assignment, parameters: Callable[[Leaf], float]) -> None:
+    """An even power is never turned round: it has two inverses."""
+    if isinstance(node, Apply) and node.operator == "root":
+        exponent = _values(node.operands[1:], parameters)
+        if exponent is not None and exponent[0] % 2 == 0:
+            raise CompilationFailed([EvenPower(step.span, step.owner, f"{exponent[0]:g}")])

@@ -1,0 +1,305 @@
+"""What the rooms write equations with: variables, assignments, references of the text, and what is known to be the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..algebra.affine import affine_parts
+from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, substitute, symbols
+from ..algebra.formula import Bound, Formula, bind
+from ..errors import Diagnostic
+from ..graph.network import TIME, BondGraph, End, Integral, Junction, Quantity, Reading, Reference, Requirement
+from ..graph.prune import adjustable
+from ..source import Span
+from .errors import Undetermined
+from .naming import bond_names, port_name, unit_of
+from .system import (
+    Argument,
+    Assignment,
+    Claim,
+    Derivative,
+    EquationSystem,
+    PowerPort,
+    State,
+    Storage,
+    Validity,
+    Variable,
+)
+
+
+class EquationBuilder:
+    """Collects variables and assignments; `derive` adds the nodes' and `multibody` a mechanism's through the same methods."""
+
+    def __init__(self, graph: BondGraph, zeros: frozenset[str], free: frozenset[str]) -> None:
+        self.graph, self.zeros, self.free = graph, zeros, free
+        self.variables: list[Variable] = []
+        self.assignments: list[Assignment] = []
+        self.assigned: dict[int, Assignment] = {}
+        self.derivatives: list[Derivative] = []
+        self.states: list[State] = []
+        self.claims: list[Claim] = []
+        self.ports: list[PowerPort] = []
+        self.storages: list[Storage] = []
+        self.stored: dict[str, int] = {}
+        self.diagnostics: list[Diagnostic] = []
+        self.alias: dict[int, int] = {}
+        self.quantities: dict[str, int] = {}
+        self.readings: dict[Reading, int] = {}
+        self.bond_of = {end: n for n, b in enumerate(self.graph.bonds) for end in (b.tail, b.head)}
+        self.efforts: list[int] = []
+        self.flows: list[int] = []
+        self._integrals: dict[int, int | None] = {}
+        self._node_numbers = {node.name: number for number, node in enumerate(self.graph.nodes)}
+        for number in range(len(graph.bonds)):
+            names = bond_names(graph, number)
+            self.efforts.append(self.variable(names[0], "computed", names[2]))
+            self.flows.append(self.variable(names[1], "computed", names[3]))
+        self._bond_variables = {*self.efforts, *self.flows}
+
+    def system(self) -> EquationSystem:
+        """Everything that was collected, with one number for what has several names."""
+        outputs = {
+            name: self._output(named.name, named.definition, named.unit, named.span)
+            for name, named in self.graph.outputs.items()
+        }
+        limits = [self._limit(requirement) for requirement in self.graph.requirements]
+        return EquationSystem(
+            self.graph.name, tuple(self.variables), tuple(self._resolved()), tuple(self.derivatives), tuple(self.states),
+            {n: self.root(v) for n, v in outputs.items()}, {n: self.root(v) for n, v in self.quantities.items()},
+            tuple(self.ports), tuple(self.storages), self.stored, tuple(self.claims),
+            tuple(replace(t, condition=self.root(t.condition), values=tuple((n, self._through(v), u) for n, v, u in t.values)) for t in limits),
+        )  # fmt: skip
+
+    def _limit(self, required: Requirement) -> Validity:
+        """A condition as a variable that is 1 where it holds."""
+        condition = self.variable(f"{required.words} of {required.name}".removesuffix(" of "), "computed", "1")
+        self.apply(condition, required.condition, required.span, required.name)
+        values = tuple((words, self.reference(reference), unit) for words, reference, unit in required.readings)
+        return Validity(required.name, required.words, required.text, condition, values, required.span, required.stands)
+
+    # ------------------------------------------------------------ what rooms write with
+    def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int:
+        """A new variable; returns its number."""
+        self.variables.append(Variable(name, role, unit, value))
+        return len(self.variables) - 1
+
+    def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None:
+        """`target := expression` (over variable numbers); a plain copy becomes another name of the same variable."""
+        if isinstance(expression, Symbol) and self.same_unit(target, expression.key):
+            self.join(target, expression.key, span, owner)
+            return
+        bound = bind(expression)
+        self.add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner))
+
+    def apply(self, target: int, bound: Bound, span: Span, owner: str) -> None:
+        """`target := formula(references)`, for what the text bound."""
+        arguments = tuple(self.reference(a) for a in bound.arguments)
+        expression = bound.formula.expression
+        if isinstance(expression, Symbol) and isinstance(arguments[0], int) and self.same_unit(target, arguments[0]):
+            self.join(target, arguments[0], span, owner)
+            return
+        self.add(Assignment(target, bound.formula, arguments, span, owner))
+
+    def join(self, target: int, source: int, span: Span, owner: str) -> None:
+        """Two names for one variable; if they already were, nothing decides it."""
+        if self.root(target) == self.root(source):
+            self.diagnostics.append(Undetermined(span, owner, self.variables[target].name))
+            return
+        self.alias[target] = source
+
+    def same_unit(self, target: int, source: int) -> bool:
+        """Whether one name can serve both: u = 1 ohm*i has equal numbers in different units."""
+        units = {self.variables[target].unit, self.variables[source].unit}
+        return len(units - {""}) < 2
+
+    def add(self, assignment: Assignment) -> None:
+        """An assignment as it is."""
+        self.assignments.append(assignment)
+        self.assigned[assignment.target] = assignment
+
+    def state(self, variable: int, rate: int, start: Expression, name: str, span: Span) -> None:
+        """A state with its rate, and its start as an expression of parameters."""
+        self.states.append(State(variable, rate, self.static(start, f"{name} at the start", span), None, span, True))
+
+    def folded(self, bound: Bound) -> Expression:
+        """What the text bound, over variable numbers, with known zeros put in."""
+
+        def put(symbol: Symbol) -> Expression:
+            argument = self.reference(bound.arguments[symbol.key])
+            return Number(argument) if isinstance(argument, float) else Symbol(argument)
+
+        return substitute(bound.formula.expression, put)
+
+    def root(self, variable: int) -> int:
+        """The variable that an alias stands for."""
+        while variable in self.alias:
+            variable = self.alias[variable]
+        return variable
+
+    # ------------------------------------------------------------ references
+    def reference(self, reference: Reference) -> Argument:
+        """The variable (or number) that a reference of the text stands for."""
+        if isinstance(reference, float):
+            return reference
+        if isinstance(reference, Quantity):
+            return self.quantity(reference.name)
+        return self.reading(reference)
+
+    def quantity(self, name: str) -> Argument:
+        """The variable of a named quantity, with its definition on first use."""
+        if name in self.quantities:
+            return self.quantities[name]
+        if name in self.zeros:
+            return 0.0
+        if name == TIME.name and name not in self.graph.quantities:
+            self.quantities[name] = self.variable("time", "time", "s")
+            return self.quantities[name]
+        if name in self.graph.integrals:
+            return self._integral(self.graph.integrals[name])
+        named = self.graph.quantities[name]
+        if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
+            value = named.value if named.value is not None else _number(named.definition)
+            self.quantities[name] = self.variable(name, named.role, named.unit, value)
+            return self.quantities[name]
+        self.quantities[name] = number = self.variable(name, "computed", named.unit)
+        assert named.definition is not None
+        self.apply(number, named.definition, named.span, name)
+        return number
+
+    def _integral(self, integral: Integral) -> int:
+        """A signal with memory is a state. It may depend on itself: it is known before its rate is read."""
+        unit = self.graph.quantities[integral.name].unit
+        self.quantities[integral.name] = variable = self.variable(integral.name, "state", unit)
+        rate = self.variable(f"rate of {integral.name}", "computed")
+        self.apply(rate, integral.rate, integral.span, integral.name)
+        self.state(variable, rate, self.folded(integral.start), integral.name, integral.span)
+        return variable
+
+    def reading(self, reading: Reading) -> int:
+        """The variable that a reading of a node's port stands for."""
+        found = self.readings.get(reading)
+        if found is not None:
+            return found
+        number = self._node_numbers.get(reading.node, -1)
+        if number < 0:  # a transducer of many ports: each is a junction, and its first bond is the one outside
+            number = self._node_numbers[f"{reading.node}.{reading.port}"]
+        node = self.graph.nodes[number]
+        if isinstance(node, Junction):
+            bond = self.graph.incident[number][0]
+            variable = (self.efforts if reading.variable == "e" else self.flows)[bond]
+        else:
+            port = next(i for i, p in enumerate(node.ports) if p.name == reading.port)
+            bond = self.bond_of[End(number, port)]
+            if reading.variable in "ef":
+                variable = (self.efforts if reading.variable == "e" else self.flows)[bond]
+            else:  # a storage: made here, filled when its turn comes
+                unit = unit_of(node.ports[port].domain, reading.variable)
+                variable = self.variable(port_name(node, port, reading.variable), "computed", unit)
+        self.readings[reading] = variable
+        return variable
+
+    def _output(self, name: str, definition: Bound | None, unit: str, span: Span) -> int:
+        if name in self.quantities:
+            return self.quantities[name]
+        argument = self.quantity(name) if name in self.graph.quantities else None
+        if isinstance(argument, int):
+            return argument
+        variable = self.variable(name, "computed", unit)
+        if definition is None:
+            definition = Bound(Formula(0, ZERO), ())  # a quantity that is known to be zero
+        self.apply(variable, definition, span, name)
+        return variable
+
+    # ------------------------------------------------------------ nodes
+    def static(self, expression: Expression, name: str, span: Span) -> Argument:
+        """A number or variable that holds an expression of parameters."""
+        if isinstance(expression, Number):
+            return expression.value
+        if isinstance(expression, Symbol):
+            assert isinstance(expression.key, int)
+            return expression.key
+        variable = self.variable(name, "computed")
+        self.assign(variable, expression, span, name)
+        return variable
+
+    def integral(self, flow: int) -> int | None:
+        """A variable whose rate is the given flow, known from coordinates of a mechanism; None if there is none."""
+        flow = self.root(flow)
+        if flow in self._integrals:
+            return self._integrals[flow]
+        self._integrals[flow] = None
+        assignment = self.assigned.get(flow)
+        if assignment is not None and not assignment.implicit:
+            self._integrals[flow] = self._linear_integral(flow, assignment)
+        return self._integrals[flow]
+
+    def knows_integral(self, flow: int, displacement: int) -> None:
+        """A mechanism tells that a displacement (zero in the reference) has this flow as its rate."""
+        self._integrals[flow] = displacement
+
+    def _linear_integral(self, flow: int, assignment: Assignment) -> int | None:
+        """The same sum over integrals, if the flow is a sum of known flows with constant factors."""
+        if not self._integrals:
+            return None
+        rest = assignment.expression
+        parts = []
+        moving = [s for s in symbols(rest) if not self._is_static(s.key)]
+        for symbol in moving:
+            found = affine_parts(rest, symbol)
+            inner = self.integral(symbol.key)
+            if found is None or inner is None or any(depends_on(found[0], other) for other in moving):
+                return None
+            parts.append(multiply(found[0], Symbol(inner)))
+            rest = found[1]
+        if rest != ZERO:
+            return None
+        variable = self.variable(f"{self.variables[flow].name} integrated", "computed")
+        self.assign(variable, add(*parts), assignment.span, assignment.owner)
+        return variable
+
+    def _is_static(self, variable: int) -> bool:
+        variable = self.root(variable)
+        if self.variables[variable].role == "parameter":
+            return True
+        assignment = self.assigned.get(variable)
+        if assignment is None or assignment.implicit or variable in self._bond_variables:
+            return False
+        return all(isinstance(a, float) or self._is_static(a) for a in assignment.arguments)
+
+    def held(self, expression: Expression, name: str, unit: str, span: Span) -> int:
+        """The variable that holds an expression: a new one, unless it is one already."""
+        if isinstance(expression, Symbol):
+            assert isinstance(expression.key, int)
+            return expression.key
+        variable = self.variable(name, "computed", unit)
+        self.assign(variable, expression, span, name)
+        return variable
+
+    def _resolved(self) -> list[Assignment]:
+        """The assignments with aliases replaced by what they stand for; everything else too."""
+        root, through = self.root, self._through
+        self.states = [
+            replace(
+                s, variable=root(s.variable), rate=root(s.rate), start=through(s.start),
+                nominal=None if s.nominal is None else through(s.nominal),
+            )
+            for s in self.states
+        ]  # fmt: skip
+        self.claims = [replace(c, variable=root(c.variable), start=through(c.start)) for c in self.claims]
+        self.derivatives = [replace(d, target=root(d.target), of=root(d.of)) for d in self.derivatives]
+        self.ports = [replace(p, effort=root(p.effort), flow=root(p.flow)) for p in self.ports]
+        self.storages = [
+            replace(s, stored=tuple(map(root, s.stored)), arguments=tuple(map(through, s.arguments)))
+            for s in self.storages
+        ]
+        self.stored = {n: root(v) for n, v in self.stored.items()}
+        return [replace(a, arguments=tuple(map(through, a.arguments))) for a in self.assignments]
+
+    def _through(self, argument: Argument) -> Argument:
+        return argument if isinstance(argument, float) else self.root(argument)
+
+
+def _number(definition: Bound | None) -> float | None:
+    if definition is not None and isinstance(definition.formula.expression, Number):
+        return definition.formula.expression.value
+    return None

@@ -1,0 +1,176 @@
+"""Columns of measured values: `column("curve.csv", "force")`. The files lie in the project folder; a header names and units them.
+
+# a comment
+position [mm], force [N]
+0, 0.1
+1.5, 0.25
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from ..errors import CompilationFailed
+from ..graph.units import ONE, Dimension
+from ..source import Source, Span
+from ..syntax import parse_expression, tree
+from .errors import WrongColumn
+from .scales import scale_of
+from .scope import FileScope, Wrong, suggestion
+from .within import within_project
+
+MAXIMUM_SIZE = 4_000_000  # bytes of a file of columns
+MAXIMUM_ROWS = 10_000  # of a file of columns
+
+_CELL = re.compile(r'[ \t]*("(?:[^"]|"")*"|[^,\n]*?)[ \t]*(?:,|$)')
+_HEADER = re.compile(r"(.*?)[ \t]*(?:\[(.*)\])?")
+_SHAPE = "A file of columns has a header such as `x [mm], force [N]`, then numbers with commas between."
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column in SI; `cells` are its places in the file."""
+
+    values: tuple[float, ...]
+    dimension: Dimension
+    cells: tuple[Span, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A file of columns, as texts: headers and rows of cells."""
+
+    source: Source
+    names: tuple[str, ...]
+    headers: tuple[Span, ...]
+    rows: tuple[tuple[Span, ...], ...]
+
+
+def read_column(node: tree.Call, file: FileScope) -> Column:
+    """The column that a call of `column` names. Raises `Wrong`."""
+    texts = [a.value for a in node.arguments if isinstance(a, tree.Text)]
+    if len(texts) != 2 or len(node.arguments) != 2:
+        hint = 'The texts name a file beside this one, and a column: `column("curve.csv", "force")`.'
+        raise Wrong(WrongColumn(node.span, "`column` needs two texts", hint))
+    path = _locate(node.arguments[0].span, texts[0], file)
+    if path not in file.sheets:
+        file.sheets[path] = _read(node.arguments[0].span, texts[0], path)
+    sheet = file.sheets[path]
+    names = [_HEADER.fullmatch(name).group(1) for name in sheet.names]  # type: ignore[union-attr]
+    if names.count(texts[1]) != 1:
+        hint = suggestion(texts[1], names, f"It has: {', '.join(f'`{n}`' for n in names)}.")
+        what = "There is no" if texts[1] not in names else "There is more than one"
+        raise Wrong(WrongColumn(node.arguments[1].span, f"{what} column `{texts[1]}` in {texts[0]}", hint))
+    return _column(node, sheet, names.index(texts[1]))
+
+
+def _locate(span: Span, name: str, file: FileScope) -> Path:
+    if file.source.path is None:
+        hint = "Save the model as a file to read columns from files beside it."
+        raise Wrong(WrongColumn(span, f"`{name}` cannot be found: this text is no file", hint))
+    target = (file.source.path.parent / name).resolve()  # links are resolved before the check
+    root = (
+        file.root if file.root is not None else file.source.path.parent
+    )  # a part of the library, in a text that is no file
+    if not within_project(target, root, file.library):
+        hint = "Only files below the project folder are read, as with `import`."
+        raise Wrong(WrongColumn(span, f"`{name}` lies outside the project folder", hint))
+    if target.suffix.lower() != ".csv" or not target.is_file():
+        near = [p.name for p in file.source.path.parent.glob("*.csv")]
+        hint = suggestion(name, near, "The path is relative to the file that names it, and ends in `.csv`.")
+        raise Wrong(WrongColumn(span, f"There is no file of columns `{name}`", hint))
+    return target
+
+
+def _read(span: Span, name: str, path: Path) -> Sheet:
+    """The cells of a file."""
+    try:
+        size = path.stat().st_size
+        if size > MAXIMUM_SIZE:
+            hint = f"At most {MAXIMUM_SIZE} bytes are read: keep the columns and rows that matter."
+            raise Wrong(WrongColumn(span, f"`{name}` has {size} bytes", hint))
+        source = Source(name, path.read_text(encoding="utf-8-sig"), path)
+    except OSError as error:
+        raise Wrong(WrongColumn(span, f"`{name}` cannot be read", str(error.strerror or error))) from None
+    except UnicodeDecodeError:
+        raise Wrong(WrongColumn(span, f"`{name}` is not a text in UTF-8", _SHAPE)) from None
+    rows = []
+    position = 0
+    for line in source.text.split("\n"):
+        if line.strip() and not line.lstrip().startswith("#"):
+            rows.append(_cells(source, position, line.rstrip("\r")))
+        position += len(line) + 1
+    if len(rows) < 2:
+        raise Wrong(WrongColumn(span, f"`{name}` has no rows of numbers", _SHAPE))
+    if len(rows) - 1 > MAXIMUM_ROWS:
+        hint = f"At most {MAXIMUM_ROWS} are read: keep every second one, or those where the curve bends."
+        raise Wrong(WrongColumn(span, f"`{name}` has {len(rows) - 1} rows", hint))
+    return Sheet(source, tuple(_word(cell) for cell in rows[0]), rows[0], tuple(rows[1:]))
+
+
+def _cells(source: Source, position: int, line: str) -> tuple[Span, ...]:
+    spans = []
+    at = 0
+    while at <= len(line):
+        match = _CELL.match(line, at)
+        if match is None:  # text behind a closing quote: taken as it is
+            spans.append(Span(source, position + at, position + len(line)))
+            break
+        spans.append(Span(source, position + match.start(1), position + match.end(1)))
+        if match.end() == at or (match.end() == len(line) and not match.group(0).endswith(",")):
+            break
+        at = match.end()
+    return tuple(spans)
+
+
+def _word(cell: Span) -> str:
+    text = cell.text
+    return text[1:-1].replace('""', '"') if text.startswith('"') and text.endswith('"') and len(text) > 1 else text
+
+
+def _column(node: tree.Call, sheet: Sheet, number: int) -> Column:
+    """The numbers of one column, in the unit of its header. Raises `Wrong`."""
+    header = _HEADER.fullmatch(sheet.names[number])
+    assert header is not None
+    unit = header.group(2)
+    parsed = None if unit is None else _unit(node, unit, sheet.headers[number], sheet.source.name)
+    scale = None if parsed is None else scale_of(parsed)
+    values, cells = [], []
+    for row in sheet.rows:
+        cell = row[number] if number < len(row) else Span(sheet.source, row[-1].end, row[-1].end)
+        text = _word(cell)
+        value = _number(text)
+        if value is None:
+            what = (
+                f"`{text}` in {sheet.source.name}, line {cell.line}, is no number"
+                if text
+                else (f"A number is missing in {sheet.source.name}, line {cell.line}")
+            )
+            hint = "Numbers have a point, not a comma, and no unit: units stand in the header."
+            raise Wrong(WrongColumn(node.span, what, hint, ((cell, "this cell"),)))
+        values.append(float(value) if scale is None else scale.to_si(value))
+        cells.append(cell)
+    return Column(tuple(values), ONE if scale is None else scale.dimension, tuple(cells))
+
+
+def _unit(node: tree.Call, unit: str, header: Span, name: str) -> tree.Unit | None:
+    """The unit of a header, read as after a number."""
+    try:
+        literal = parse_expression(Source(name, f"1 [{unit}]"))
+        if isinstance(literal, tree.Literal) and literal.unit is not None:
+            scale_of(literal.unit)
+            return None if literal.unit.factors == () and literal.unit.number == 1 else literal.unit
+    except (CompilationFailed, Wrong):
+        pass
+    hint = "In brackets stands one unit, as in `2 [N*m]`; a bare number has none."
+    raise Wrong(WrongColumn(node.span, f"`{unit}` in {name} is not a unit", hint, ((header, "this header"),)))
+
+
+def _number(text: str) -> Fraction | None:
+    if len(text) > 400 or not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", text):
+        return None
+    return Fraction(text) if math.isfinite(float(text)) else None

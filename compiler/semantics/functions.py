@@ -1,0 +1,166 @@
+"""The functions of the language: how many arguments each takes, of which units, and what it becomes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from ..algebra.expression import ONE as NUMBER_ONE
+from ..algebra.expression import ZERO, Expression, call, divide, multiply, select
+from ..graph.units import ONE, Dimension
+from ..syntax import tree
+from .errors import DimensionMismatch
+from .scope import Wrong, describe
+from .template import Typed, Value
+
+if TYPE_CHECKING:
+    from .typed import ExpressionCompiler
+
+# name -> (number of arguments, usage, builder)
+Builder = Callable[["ExpressionCompiler", tree.Call, list[Typed]], Value]
+
+
+def _pure(operator: str) -> Builder:
+    """A function of a bare number."""
+
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        for argument, place in zip(arguments, node.arguments, strict=True):
+            if argument.dimension not in (None, ONE):
+                hint = "Divide by a reference of the same unit first."
+                raise Wrong(
+                    DimensionMismatch(
+                        place.span,
+                        f"`{node.function}` takes a bare number, but `{place.span.text}` is {describe(argument.dimension)}",
+                        hint,
+                    )
+                )
+        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
+
+    return build
+
+
+def _keeping(operator: str) -> Builder:
+    """A function whose arguments share one unit, which the result has too."""
+
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        dimension = _same(compiler, node, arguments)
+        return Typed(call(operator, *(a.expression for a in arguments)), dimension)
+
+    return build
+
+
+def _same(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Dimension | None:
+    parts = [(a, n.span) for a, n in zip(arguments, node.arguments, strict=True)]
+    return compiler.common(parts, f"The arguments of `{node.function}` need one unit")
+
+
+def _sqrt(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    d = arguments[0].dimension
+    return Typed(call("sqrt", arguments[0].expression), None if d is None else d ** Fraction(1, 2))
+
+
+def _bare_result(operator: str) -> Builder:
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(compiler, node, arguments)
+        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
+
+    return build
+
+
+def _step(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    return Typed(select(call("less_equal", ZERO, arguments[0].expression), NUMBER_ONE, ZERO), ONE)
+
+
+def _pulse(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    _same(compiler, node, arguments)
+    t, a, b = (x.expression for x in arguments)
+    return Typed(select(call("and", call("less_equal", a, t), call("less", t, b)), NUMBER_ONE, ZERO), ONE)
+
+
+def _rise(shape: Callable[[Expression], Expression]) -> Builder:
+    """0 before a, 1 after b, and `shape` of (t-a)/(b-a) between."""
+
+    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(compiler, node, arguments)
+        t, a, b = (x.expression for x in arguments)
+        u = call("min", call("max", divide(t - a, b - a), ZERO), NUMBER_ONE)
+        return Typed(shape(u), ONE)
+
+    return build
+
+
+def _smooth3(u: Expression) -> Expression:
+    return multiply(u, u, 3 - 2 * u)
+
+
+def _smooth5(u: Expression) -> Expression:
+    return multiply(u, u, u, 10 + u * (6 * u - 15))
+
+
+def _chirp(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    t, f0, f1, t1 = arguments
+    places = [a.span for a in node.arguments]
+    time = compiler.common([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
+    frequency = compiler.common([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
+    if time is not None and frequency is not None and time * frequency != ONE:
+        hint = "Write `chirp(time, 1 Hz, 20 Hz, 10 s)`."
+        raise Wrong(DimensionMismatch(node.span, "Time and frequency in `chirp` do not fit each other", hint))
+    x, low, high, end = (a.expression for a in arguments)
+    turns = x * (low + (high - low) * x / (2 * end))
+    return Typed(call("sin", 2 * math.pi * turns), ONE)
+
+
+def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Value:
+    r, angle = arguments
+    if angle.dimension not in (None, ONE):
+        raise Wrong(
+            DimensionMismatch(
+                node.arguments[1].span,
+                f"An angle is a bare number, but `{node.arguments[1].span.text}` is {describe(angle.dimension)}",
+                "Write it in deg or rad.",
+            )
+        )
+    return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
+
+
+FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
+    **{
+        name: (1, f"{name}(x)", _pure(name))
+        for name in [
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "asinh",
+            "acosh",
+            "atanh",
+            "exp",
+            "log10",
+            "floor",
+            "ceil",
+        ]
+    },
+    "log": (1, "log(x)", _pure("log")),
+    "ln": (1, "ln(x)", _pure("log")),
+    "sqrt": (1, "sqrt(x)", _sqrt),
+    "abs": (1, "abs(x)", _keeping("abs")),
+    "min": (2, "min(a, b)", _keeping("min")),
+    "max": (2, "max(a, b)", _keeping("max")),
+    "sign": (1, "sign(x)", _bare_result("sign")),
+    "atan2": (2, "atan2(y, x)", _bare_result("atan2")),
+    "step": (1, "step(time - 1 s)", _step),
+    "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
+    "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
+    "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
+    "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
+    "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
+    "polar": (2, "polar(radius, angle)", _polar),
+    "rotate": (2, "rotate((x, y), angle)", _polar),
+}

@@ -1,0 +1,119 @@
+"""What may be read behind a point: the variables of elements, their ports, and the parts of mechanisms."""
+
+from __future__ import annotations
+
+from ..graph.domains import GENERIC, Domain
+from ..graph.network import Reading
+from ..syntax import tree
+from .errors import UnknownName, WrongType
+from .scope import ElementEntry, Entry, InstanceEntry, PartEntry, Scalar, Wrong, suggestion
+
+
+def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
+    """`spring.x`: a variable of an element, or what its port of that name stores."""
+    kind = entry.kind.removeprefix("M") if len(entry.kind) > 1 else entry.kind
+    if "1" in entry.ports:
+        letter, side = name[:-1], name[-1:]
+        domain = entry.ports.get(side)
+        variable = domain.variable(letter) if domain else None
+        if domain is None or variable not in ("e", "f"):
+            raise Wrong(
+                UnknownName(
+                    path.span,
+                    name,
+                    f"`{entry.name}`",
+                    "A transducer has efforts and flows with the number of the side: `e1`, `f2`.",
+                )
+            )
+        return Scalar(
+            Reading(entry.name, side, variable), domain.dimension(variable), "reading", f"{entry.name}.{name}"
+        )
+    if "" not in entry.ports:
+        if name not in entry.ports:
+            hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
+            raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
+        variable = {"C": "q", "I": "p"}.get(kind, "e")
+        return Scalar(
+            Reading(entry.name, name, variable),
+            entry.ports[name].dimension(variable),
+            "reading" if kind in ("C", "I") else "port",
+            f"{entry.name}.{name}",
+        )
+    domain = entry.ports[""]
+    variable = domain.variable(name)
+    allowed = {"C": "efq", "I": "efp", "0": "e", "1": "f"}.get(kind, "ef")
+    if variable is None or variable not in allowed:
+        hint = "It has " + ", ".join(domain.letter(v) for v in allowed) + "."
+        if entry.kind in "01" and variable is not None:
+            hint += " The bonds of a junction share only that; integrate with a C, or read an element on it."
+        raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
+    return Scalar(Reading(entry.name, "", variable), domain.dimension(variable), "reading", f"{entry.name}.{name}")
+
+
+def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar:
+    """`arm.pin.phi`: a coordinate of a body, joint or frame; of a joint with one freedom also its rate and effort."""
+    if name in part.ports:
+        return Scalar(
+            Reading(part.mechanism, f"{part.name}.{name}", "q"),
+            part.ports[name].dimension("q"),
+            "reading",
+            f"{part.mechanism}.{part.name}.{name}",
+        )
+    if len(part.ports) == 1:
+        ((port, domain),) = part.ports.items()
+        variable = domain.variable(name)
+        if variable in ("e", "f", "q"):
+            return Scalar(
+                Reading(part.mechanism, f"{part.name}.{port}", variable),
+                domain.dimension(variable),
+                "reading",
+                f"{part.mechanism}.{part.name}.{name}",
+            )
+    hint = suggestion(
+        name,
+        list(part.ports),
+        f"It has {', '.join(part.ports) or 'no freedom'}; rates are read as `x.v`, `phi.omega`.",
+    )
+    raise Wrong(UnknownName(path.span, name, f"`{part.mechanism}.{part.name}`", hint))
+
+
+def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.Path) -> Scalar:
+    """`plates.q.u`: a variable of one port of a node."""
+    variable = domain.variable(letter)
+    if variable is None:
+        raise Wrong(
+            UnknownName(
+                path.span,
+                letter,
+                f"`{node}.{port}`",
+                "It has " + ", ".join(domain.letter(v) for v in GENERIC[:3]) + ".",
+            )
+        )
+    return Scalar(Reading(node, port, variable), domain.dimension(variable), "reading", f"{node}.{port}.{letter}")
+
+
+def not_a_number(entry: Entry, path: tree.Path) -> Wrong:
+    """What is read as a number is none: say what could be read instead."""
+    name = path.words
+    match entry:
+        case ElementEntry():
+            domain = next(iter(entry.ports.values()))
+            letters = ", ".join(
+                f"`{name}.{domain.letter(v)}`"
+                for v in ("ef" if entry.kind not in "01" else ("e" if entry.kind == "0" else "f"))
+            )
+            return Wrong(
+                WrongType(path.span, "A number", f"the element `{name}`", f"Read one of its variables: {letters}.")
+            )
+        case InstanceEntry():
+            return Wrong(
+                WrongType(
+                    path.span,
+                    "A number",
+                    f"the instance `{name}`",
+                    "Read something in it: an output, or the variable of an element.",
+                )
+            )
+    return Wrong(
+        WrongType(path.span, "A number", f"`{name}`, which is none", "Read one of its variables: `.x`, `.phi`, `.x.v`.")
+    )

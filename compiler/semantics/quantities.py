@@ -1,0 +1,314 @@
+"""Quantities: parameters, constants, inputs, signals, outputs, and signals with memory; each resolved when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from ..algebra.expression import ZERO, Number, select
+from ..algebra.formula import Bound, Formula
+from ..graph.network import Integral, Named, Quantity
+from ..graph.units import ONE, SECOND, Dimension
+from ..scene import Override
+from ..source import Span
+from ..syntax import tree
+from .domain_table import paths_of
+from .errors import Cycle, DimensionMismatch, MissingValue, NotStatic, TooMany, WrongType
+from .known import Known
+from .resolve import Resolver
+from .scales import scale_of
+from .scope import (
+    STATIC_ROLES,
+    AlreadyTold,
+    Array,
+    InstanceEntry,
+    Items,
+    Pending,
+    Scalar,
+    Scope,
+    Wrong,
+    describe,
+    unit_hint,
+)
+from .template import Template, Typed
+from .typed import ExpressionCompiler
+
+MAXIMUM_ROW = 40  # quantities that wait for one another at once
+
+
+class QuantityResolver(Resolver):
+    """Resolves quantities, once each; a cycle is found where it closes."""
+
+    def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
+        super().__init__(overrides, part, known)
+        self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._nested: dict[tuple[int, int], Scalar] = {}
+        self._keep_scopes: list[Scope] = []  # their identity is a key above
+        self._inferring = False
+        self._waiting = 0  # quantities that are being resolved, one because of the other
+        self._entered: set[int] = set()  # those whose turn comes
+
+    # ------------------------------------------------------------ quantities
+    def quantity(self, pending: Pending) -> Scalar | Items:
+        """Resolve a quantity: its dimension, its definition, and its value if it does not change."""
+        if pending.state == "done":
+            assert pending.result is not None
+            return pending.result
+        if pending.state == "broken":
+            raise AlreadyTold
+        if pending.state == "busy" and self._inferring:
+            return Scalar(Quantity(pending.name), None, pending.role, pending.name)
+        if pending.state == "busy":
+            pending.state = "broken"
+            what = (
+                "A signal depends on itself without a storage between"
+                if pending.role in ("signal", "output", "input")
+                else "These depend on each other"
+            )
+            busy = [p.name for p in self.pending if p.state == "busy"]
+            self.tell(
+                Cycle(
+                    pending.item.span,
+                    what,
+                    " -> ".join([pending.name, *[name for name in busy if name != pending.name], pending.name]),
+                )
+            )
+            raise AlreadyTold
+        if not self._inferring:
+            self._resolve_what_it_reads(pending)
+        if pending.state != "waiting":
+            return self.quantity(pending)
+        if self._waiting >= MAXIMUM_ROW:
+            raise Wrong(TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW))
+        pending.state = "busy"
+        self._waiting += 1
+        try:
+            pending.result = self._resolve_quantity(pending)
+        except (Wrong, AlreadyTold) as problem:
+            pending.state = "broken"
+            if isinstance(problem, Wrong):
+                self.tell(problem.diagnostic)
+            raise AlreadyTold from None
+        finally:
+            self._waiting -= 1
+        pending.state = "done"
+        return pending.result
+
+    def _resolve_what_it_reads(self, pending: Pending) -> None:
+        """Resolve what a quantity reads, and what that reads, beginning where nothing is left to read.
+
+        Long rows of quantities would nest as deeply otherwise; what is missed here is found when it is asked for.
+        """
+        rows = [(pending, self._reads(pending))]
+        entered = {id(pending)} - self._entered
+        self._entered |= entered
+        while rows:
+            current, reads = rows[-1]
+            following = next((p for p in reads if p.state == "waiting" and id(p) not in self._entered), None)
+            if following is not None:
+                entered.add(id(following))
+                self._entered.add(id(following))
+                rows.append((following, self._reads(following)))
+                continue
+            rows.pop()
+            if rows and current.state == "waiting":
+                self.guard(self.quantity, current)
+        self._entered -= entered
+
+    def _reads(self, pending: Pending) -> Iterator[Pending]:
+        """The quantities that its value names; not those of an integral, which are read when all names are known."""
+        value = pending.value
+        if value is None or (isinstance(value, tree.Call) and value.function == "integral"):
+            return
+        for path in paths_of(value):
+            entry = pending.scope.find(path.head)
+            for step in path.steps:
+                if isinstance(entry, InstanceEntry) and isinstance(step, tree.Member):
+                    entry = entry.scope.entries.get(step.name)
+                elif isinstance(entry, Array) and isinstance(step, tree.Index):
+                    try:
+                        entry = entry.items.get(self.index_of(step, pending.scope) or ())
+                    except (Wrong, AlreadyTold):
+                        entry = None  # told when it is read
+            if isinstance(entry, Pending):
+                yield entry
+
+    def _resolve_quantity(self, pending: Pending) -> Scalar | Items:
+        item = pending.item
+        override = self.overrides.get(pending.name)
+        value, scope, is_default = pending.value, pending.scope, pending.is_default
+        number: float | None = None
+        if override is not None and pending.role in ("parameter", "input"):
+            self.used_overrides.add(pending.name)
+            if isinstance(override.value, float):
+                number = override.value
+            else:
+                value, scope, is_default = override.value, self.root, False
+        unit = scale_of(item.unit) if item.unit is not None else None
+        if unit is not None and pending.owner.plain:
+            raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
+        declared = None if unit is None else unit.dimension
+        if (
+            declared is None and (not is_default or number is not None) and item.value is not None
+        ):  # the default tells the dimension
+            found = self._dimension(self.template(item.value, pending.owner, unit).value)
+            declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
+        if number is not None:
+            return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
+        if value is None:
+            if not self.part:
+                role = {"parameter": "Parameter", "input": "Input", "constant": "Constant"}.get(pending.role, "Signal")
+                self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
+                raise AlreadyTold
+            self.quantities[pending.name] = Named(
+                pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
+            )
+            return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
+        if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
+            return self._integral(value, scope, pending.name, pending.role, declared, item.description or "")
+        template = self.template(value, scope, unit if is_default else None)
+        if pending.role in ("parameter", "constant"):
+            self._require_static(template, scope, pending)
+        parts = template.value if isinstance(template.value, tuple) else (template.value,)
+        for part in parts:
+            if declared is not None and part.dimension is not None and part.dimension != declared:
+                raise Wrong(
+                    DimensionMismatch(
+                        value.span,
+                        f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}",
+                        unit_hint(part.dimension, declared, value),
+                    )
+                )
+        if isinstance(template.value, tuple) and not is_default and item.value is not None:
+            default = self.template(item.value, pending.owner, unit).value
+            if not isinstance(default, tuple):
+                hint = "Its default is a single number; give it one, or an item of the list."
+                raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", "a list", hint))
+        dimension = declared if declared is not None else self._dimension(template.value) or ONE
+        bounds = [self.bind(template, f, scope) for f in template.formulas]
+        if not isinstance(template.value, tuple):
+            if template.value.truth:
+                bounds = [
+                    Bound(Formula(b.formula.arity, select(b.formula.expression, Number(1.0), ZERO)), b.arguments)
+                    for b in bounds
+                ]
+            entered = self._enter_quantity(pending, "", bounds[0], dimension, value.span)
+            return replace(entered, truth=template.value.truth)
+        if pending.role == "input":
+            raise Wrong(WrongType(value.span, "A single number", "a list", "An input is one signal."))
+        items = tuple(
+            self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
+            for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
+        )
+        return Items(pending.name, items)
+
+    # ------------------------------------------------------------ signals with memory
+    def nested_integral(self, call: tree.Call, scope: Scope) -> Scalar:
+        """An integral inside a larger expression: a signal without a name of the author's."""
+        key = (id(call), id(scope))
+        if key not in self._nested:
+            self._keep_scopes.append(scope)
+            name = scope.full(f"integral at line {call.span.line}{scope.suffix}")
+            names = {f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys()
+            self._nested[key] = self._integral(call, scope, min(names), "signal", None, "")
+        return self._nested[key]
+
+    def _integral(
+        self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
+    ) -> Scalar:
+        """Enter an integral: known at once, so that it can depend on itself; its rate is read when all names are known."""
+        rate, start = call.arguments
+        template = self.template(start, scope)
+        dimension = declared or self._dimension(template.value)
+        if dimension is None and not scope.plain:
+            dimension = self._inferred(rate, scope)
+        named = Named(name, role, str(dimension or ONE), None, None, call.span, description)
+        self.quantities[name] = named
+        self._memories.append((name, call, scope, dimension))
+        return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
+
+    def _inferred(self, rate: tree.Expression, scope: Scope) -> Dimension | None:
+        """The dimension of an integral from its rate, in which the integral itself fits anything."""
+        before, self._inferring = self._inferring, True
+        try:
+            found = self._dimension(ExpressionCompiler(scope, self.resolve).compile(rate).value)
+        finally:
+            self._inferring = before
+        return None if found is None else found * SECOND
+
+    def integrals(self) -> dict[str, Integral]:
+        """The signals with memory, their rates read now."""
+        result: dict[str, Integral] = {}
+        position = 0
+        while position < len(self._memories):  # a rate may contain another integral
+            name, call, scope, dimension = self._memories[position]
+            position += 1
+            found = self.guard(self._read_integral, name, call, scope, dimension)
+            if found is not None:
+                result[name] = found
+        return result
+
+    def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
+        bounds = []
+        per_second = None if dimension is None else dimension / SECOND
+        for part, wanted in zip(call.arguments, (per_second, dimension), strict=True):
+            template = self.template(part, scope)
+            value = template.value
+            if not isinstance(value, Typed):
+                raise Wrong(WrongType(part.span, "A single number", "a list"))
+            if not scope.plain and value.dimension is not None and wanted is not None and value.dimension != wanted:
+                what = f"`{part.span.text}` is {describe(value.dimension)}, but an integral in [{dimension}] needs {describe(wanted)}"
+                raise Wrong(DimensionMismatch(part.span, what, unit_hint(value.dimension, wanted)))
+            bounds.append(self.bind(template, template.formulas[0], scope))
+        for slot in self.template(call.arguments[1], scope).slots:
+            if self.scalar_at(slot, scope).role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
+        return Integral(name, bounds[0], bounds[1], call.span)
+
+    @staticmethod
+    def _dimension(value: Any) -> Dimension | None:
+        parts = value if isinstance(value, tuple) else (value,)
+        return next((p.dimension for p in parts if p.dimension is not None), None)
+
+    def _require_static(self, template: Template, scope: Scope, pending: Pending) -> None:
+        for slot in template.slots:
+            scalar = self.scalar_at(slot, scope)
+            if scalar.role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, f"The {pending.role} `{pending.name}`", slot.words))
+
+    def _enter_quantity(
+        self, pending: Pending, suffix: str, bound: Bound, dimension: Dimension | None, span: Span
+    ) -> Scalar:
+        name = pending.name + suffix
+        role = pending.role
+        if suffix and name in self.overrides and role == "parameter":
+            self.used_overrides.add(name)
+            override = self.overrides[name].value
+            if isinstance(override, float):
+                bound = Bound(_constant(override), ())
+            else:
+                template = self.template(override, self.root)
+                found = self._dimension(template.value)
+                if isinstance(template.value, tuple):
+                    raise Wrong(WrongType(override.span, f"A single number for `{name}`", "a list"))
+                if found is not None and found != dimension:
+                    raise Wrong(
+                        DimensionMismatch(
+                            override.span,
+                            f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}",
+                            unit_hint(found, dimension, override),
+                        )
+                    )
+                bound = self.bind(template, template.formulas[0], self.root)
+        value = self.value_of(bound, span) if role in ("parameter", "constant") else None
+        if role == "constant" and value is not None and all(isinstance(a, float) for a in bound.arguments):
+            return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
+        self.quantities[name] = Named(
+            name, role, str(dimension or ONE), bound, value, pending.item.span, pending.item.description or ""
+        )
+        return Scalar(Quantity(name), dimension, role, name)
+
+
+def _constant(value: float) -> Formula:
+    return Formula(0, Number(value))

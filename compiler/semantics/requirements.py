@@ -1,0 +1,37 @@
+"""`require CONDITION "text"`: what must hold for an instance to mean something."""
+
+from __future__ import annotations
+
+from ..algebra.expression import ONE as TRUE
+from ..algebra.expression import ZERO, select
+from ..algebra.formula import Formula
+from ..graph.network import Requirement
+from ..graph.units import ONE
+from ..syntax import tree
+from .elaborate import Elaborator
+from .errors import WrongType
+from .scope import STATIC_ROLES, Scope, Wrong
+from .template import Typed
+
+MAXIMUM_READINGS = 6  # values that a warning shows
+
+
+def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
+    """The conditions of all instances; what is wrong in them is collected."""
+    found = [elaborator.guard(_read, elaborator, scope, statement) for scope, statement in elaborator.requirements]
+    return tuple(item for item in found if item is not None)
+
+
+def _read(elaborator: Elaborator, scope: Scope, statement: tree.Requirement) -> Requirement:
+    template = elaborator.template(statement.condition, scope)
+    typed = template.value
+    if not isinstance(typed, Typed) or not typed.truth:
+        hint = 'Compare it with something: `require x < 1 mm "small"`.'
+        raise Wrong(WrongType(statement.condition.span, "A condition", "a number", hint))
+    condition = elaborator.bind(template, Formula(len(template.slots), select(typed.expression, TRUE, ZERO)), scope)
+    read = [(slot.words, elaborator.scalar_at(slot, scope)) for slot in template.slots]
+    moving = [(words, scalar) for words, scalar in read if scalar.role not in STATIC_ROLES] or read
+    readings = tuple((words, s.reference, str(s.dimension or ONE)) for words, s in moving[:MAXIMUM_READINGS])
+    words = " ".join(statement.condition.span.text.split())
+    name, stands = scope.path.removesuffix("."), scope.base().stands
+    return Requirement(name, condition, words, statement.text, readings, statement.span, stands)

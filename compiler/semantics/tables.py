@@ -1,0 +1,160 @@
+"""Tables and noise in expressions: `linear(x, xs, ys)`, `column("curve.csv", "force")`, `noise(time, period, seed)`.
+
+The points of a table and the seed of a noise are known before the run. Where they are numbers of the text they are checked at once,
+where they are parameters for each instance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from ..algebra.expression import Apply, Expression, Number, divide, evaluate
+from ..algebra.interpolate import OutsideTable
+from ..algebra.table import KINDS, noise, table
+from ..graph.units import ONE
+from ..source import Span
+from ..syntax import tree
+from .columns import read_column
+from .errors import WrongArguments, WrongTable, WrongType
+from .scope import Wrong
+from .template import Check, Typed, Value
+
+if TYPE_CHECKING:
+    from .typed import ExpressionCompiler
+
+MAXIMUM_POINTS = 200  # of a table whose points are parameters
+
+USAGE = {
+    **{kind: f"{kind}(x, (x1, x2, x3), (y1, y2, y3))" for kind in KINDS},
+    "column": 'column("curve.csv", "force")',
+    "noise": "noise(time, 10 ms, 1)",
+}
+_COUNTS = {**dict.fromkeys(KINDS, 3), "column": 2, "noise": 3}
+
+
+def compile_table(compiler: ExpressionCompiler, node: tree.Call) -> Value:
+    """A call of one of the functions in `USAGE`. Raises `Wrong`."""
+    if len(node.arguments) != _COUNTS[node.function]:
+        count = f"{_COUNTS[node.function]} arguments"
+        raise Wrong(WrongArguments(node.span, node.function, count, len(node.arguments), USAGE[node.function]))
+    if node.function == "column":
+        column = read_column(node, compiler.scope.definition.file)
+        return tuple(Typed(Number(v), column.dimension) for v in column.values)
+    return _noise(compiler, node) if node.function == "noise" else _curve(compiler, node)
+
+
+def _noise(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
+    place, period, seed = map(compiler.scalar, node.arguments)
+    compiler.common(
+        [(place, node.arguments[0].span), (period, node.arguments[1].span)], "Time and period need one unit"
+    )
+    compiler.bare_number(seed, node.arguments[2], "A seed")
+    check = Check("noise", node.span, (period.expression,), (seed.expression,))
+    _settle(compiler, check)
+    return Typed(noise(divide(place.expression, period.expression), seed.expression), ONE)
+
+
+def _curve(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
+    x = compiler.scalar(node.arguments[0])
+    places, values = (_points(compiler, node, argument) for argument in node.arguments[1:])
+    at = [(x, node.arguments[0].span), *_placed(places, node.arguments[1])]
+    compiler.common(at, f"What `{node.function}` is asked at and its places need one unit")
+    dimension = compiler.common(_placed(values, node.arguments[2]), f"The values of `{node.function}` need one unit")
+    if len(places) != len(values):
+        what = f"`{node.function}` has {len(places)} places but {len(values)} values"
+        raise Wrong(WrongTable(node.span, what, "Every place has one value: the two lists are of one length."))
+    if len(places) < 2:
+        raise Wrong(
+            WrongTable(node.span, f"`{node.function}` has {len(places)} point", "A curve needs two points or more.")
+        )
+    xs, ys = tuple(t.expression for t in places), tuple(t.expression for t in values)
+    check = Check(node.function, node.arguments[1].span, xs, ys, _cells(compiler, node.arguments[1]))
+    if not _settle(compiler, check) and len(xs) > MAXIMUM_POINTS:
+        hint = f"More than {MAXIMUM_POINTS} points are numbers of the text: `constant` lists, or columns of a file."
+        raise Wrong(WrongTable(node.span, f"`{node.function}` has {len(xs)} points that are parameters", hint))
+    result = table(node.function, x.expression, xs, ys)
+    if isinstance(x.expression, Number) and isinstance(result, Apply):
+        _ask(result, node)
+    return Typed(result, dimension)
+
+
+def _ask(result: Apply, node: tree.Call) -> None:
+    """A table that is asked at a number must have a value there."""
+    try:
+        evaluate(result, _unknown)
+    except OutsideTable as outside:
+        raise Wrong(
+            WrongTable(node.arguments[0].span, str(outside), "Give it more points, or ask it elsewhere.")
+        ) from None
+    except LookupError:
+        pass  # its points are parameters
+
+
+def _unknown(key: object) -> float:
+    raise LookupError(key)
+
+
+def _points(compiler: ExpressionCompiler, node: tree.Call, argument: tree.Expression) -> tuple[Typed, ...]:
+    """A list of single numbers."""
+    value = compiler.value(argument)
+    if not isinstance(value, tuple):
+        hint = f"Write {USAGE[node.function]}, the name of a list, or a column of a file."
+        raise Wrong(WrongType(argument.span, "A list", "a single number", hint))
+    if any(t.truth for t in value):
+        raise Wrong(WrongType(argument.span, "A list of numbers", "a list of conditions"))
+    return value
+
+
+def _placed(points: Sequence[Typed], argument: tree.Expression) -> list[tuple[Typed, Span]]:
+    """Points with their places in the text."""
+    if isinstance(argument, tree.Vector):
+        return [(t, item.span) for t, item in zip(points, argument.items, strict=True)]
+    return [(t, argument.span) for t in points]
+
+
+def _cells(compiler: ExpressionCompiler, argument: tree.Expression) -> tuple[Span, ...]:
+    """Where the numbers of a list stand, if that is not the argument itself."""
+    if isinstance(argument, tree.Call) and argument.function == "column":
+        return read_column(argument, compiler.scope.definition.file).cells
+    return tuple(item.span for item in argument.items) if isinstance(argument, tree.Vector) else ()
+
+
+def _settle(compiler: ExpressionCompiler, check: Check) -> bool:
+    """Check what is known already; what is not is left to each instance. Whether all of it is known."""
+    if all(isinstance(x, Number) for x in (*check.places, *check.values)):
+        check_static(check, lambda x: x.value if isinstance(x, Number) else None)
+        return True
+    compiler.checks.append(check)
+    return False
+
+
+def check_static(check: Check, value: Callable[[Expression], float | None]) -> None:
+    """Raise `Wrong` unless the places rise (of a noise: the period is positive, the seed whole), as far as they are known.
+
+    `value` gives a number, None where there is none yet, and raises for what changes during a run.
+    """
+    places, values = ([value(x) for x in part] for part in (check.places, check.values))
+    known = [x for x in places if x is not None]
+    if check.function == "noise":
+        _check_noise(check, known, [x for x in values if x is not None])
+    elif len(known) == len(places):
+        _check_rising(check, known)
+
+
+def _check_noise(check: Check, periods: Sequence[float], seeds: Sequence[float]) -> None:
+    if any(period <= 0 for period in periods):
+        raise Wrong(WrongTable(check.span, f"The period of `noise` is {periods[0]:g}", "A period is positive."))
+    if any(seed != round(seed) or abs(seed) > 2**53 for seed in seeds):
+        hint = "A seed is a whole number: 1, 2, 3. Each gives other numbers, the same on every machine."
+        raise Wrong(WrongTable(check.span, f"The seed of `noise` is {seeds[0]:g}", hint))
+
+
+def _check_rising(check: Check, places: Sequence[float]) -> None:
+    hint = "Sort the points by their places (SI values are shown); each place stands once."
+    for i, (a, b) in enumerate(pairwise(places)):
+        if not a < b:
+            what = f"The places of `{check.function}` must rise, but number {i + 2} ({b:g}) is not larger than number {i + 1} ({a:g})"
+            others = ((check.cells[i + 1], f"number {i + 2}"),) if check.cells else ()
+            raise Wrong(WrongTable(check.span, what, hint, others))

@@ -1,0 +1,143 @@
+"""One place of the text, compiled: formulas over slots, with units; what the slots read is found instance by instance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from ..algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
+from ..algebra.formula import Bound, Formula
+from ..graph.network import Own, Reference
+from ..graph.units import ONE, Dimension
+from ..source import Span
+from ..syntax import tree
+from .scope import Scope
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A formula's expression with its dimension; `truth` marks a condition."""
+
+    expression: Expression
+    dimension: Dimension | None
+    truth: bool = False
+
+
+Value = Typed | tuple[Typed, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """What a slot reads: a path of the text, and which item of it if it is a list."""
+
+    path: tree.Path | tree.Call  # a call is `integral(…)`, a signal of its own
+    item: int | None
+
+    @property
+    def words(self) -> str:
+        """What it reads, as written."""
+        return self.path.words if isinstance(self.path, tree.Path) else "integral(…)"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Points of a table (of a noise: period and seed) that are known only in an instance; over slots."""
+
+    function: str
+    span: Span
+    places: tuple[Expression, ...]
+    values: tuple[Expression, ...]
+    cells: tuple[Span, ...] = ()  # where the places are written, one by one
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """One place in the text, compiled: value(s) over slots, and what each slot reads."""
+
+    value: Value
+    slots: tuple[Slot, ...]
+    formulas: tuple[Formula, ...]
+    checks: tuple[Check, ...] = ()
+    lists: tuple[tuple[tree.Path, int], ...] = ()  # lists that it reads, with the lengths that they had
+
+    @property
+    def scalar(self) -> Typed:
+        assert isinstance(self.value, Typed)
+        return self.value
+
+
+# What a path reads, seen by the compiler of expressions: its dimension, or those of its items.
+@dataclass(frozen=True, slots=True)
+class Readable:
+    """What a path stands for where an expression reads it."""
+
+    dimensions: tuple[Dimension | None, ...]
+    is_list: bool
+    values: tuple[float | None, ...] = ()  # of constants
+    truth: bool = False
+    fixed: bool = False  # numbers of the text: the same in every instance
+
+
+Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnVariable:
+    """A law's own variable."""
+
+    own: Own
+    dimension: Dimension
+
+
+def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
+    """The formula with what its slots read in this instance. Only the slots that occur are kept."""
+    if not template.slots:
+        return Bound(formula, ())
+    kept, used = _kept(formula)
+    return Bound(kept, tuple([lookup(template.slots[i]) for i in used]))
+
+
+@lru_cache(4096)
+def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
+    """The formula over the slots that occur in it, and which those are."""
+    used = tuple(sorted({s.key for s in _slots(formula.expression)}))
+    if used == tuple(range(formula.arity)):
+        return formula, used
+    renumbered = {old: new for new, old in enumerate(used)}
+    return Formula(len(used), substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))), used
+
+
+def _slots(x: Expression) -> list[Symbol]:
+    return [s for s in symbols(x) if isinstance(s.key, int)]
+
+
+# ---------------------------------------------------------------- numbers and lists
+
+
+def has_value(x: Expression) -> bool:
+    """Not an operation on numbers that could not be folded, nor a number beyond doubles."""
+    if isinstance(x, Number):
+        return math.isfinite(x.value)
+    return not (isinstance(x, Apply) and all(isinstance(o, Number) for o in x.operands))
+
+
+def each(f: Callable[[Typed], Typed], value: Value) -> Value:
+    """A function of one number, for a number or for each item of a list."""
+    return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
+
+
+def negated(value: Typed) -> Typed:
+    """-value."""
+    return Typed(negate(value.expression), value.dimension)
+
+
+def times(a: Typed, b: Typed, direction: int) -> Typed:
+    """a*b, or a/b if the direction is -1."""
+    if direction > 0:
+        if a.dimension is None or b.dimension is None:
+            return Typed(multiply(a.expression, b.expression), None)
+        return Typed(multiply(a.expression, b.expression), a.dimension * b.dimension)
+    bottom = b.dimension or ONE
+    return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)

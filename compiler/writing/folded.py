@@ -1,0 +1,31 @@
+"""What the compiler adds to a graph by itself, and a text therefore leaves out."""
+
+from __future__ import annotations
+
+from ..algebra.expression import Symbol, add, divide, multiply
+from ..graph.network import BondGraph, Element, End, Junction, Kind, MechanismNode, Own
+
+
+def shared_ports(graph: BondGraph) -> dict[str, End]:
+    """Junctions that the compiler puts where several bonds meet a part of a mechanism -> that port."""
+    found = {}
+    for bond in graph.bonds:
+        node, other = graph.nodes[bond.tail.node], graph.nodes[bond.head.node]
+        if not (isinstance(node, Junction) and isinstance(other, MechanismNode)):
+            continue
+        if node.name == f"{other.name}.{other.ports[bond.head.port].name}":
+            found[node.name] = bond.head
+    return found
+
+
+def heating_resistors(graph: BondGraph) -> set[str]:
+    """Resistors with a last port that a bond leaves, which gives what the others lose: in text an `RS`, without that equation."""
+    found = set()
+    for bond in graph.bonds:
+        node = graph.nodes[bond.tail.node]
+        if isinstance(node, Element) and node.kind is Kind.RESISTOR and bond.tail.port == len(node.ports) - 1 > 0:
+            last = len(node.ports) - 1
+            power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(last)))
+            if node.law.equations[-1:] == ((Symbol(Own(last, "f")), divide(power, Symbol(Own(last, "e")))),):
+                found.add(node.name)
+    return found

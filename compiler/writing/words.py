@@ -1,0 +1,103 @@
+"""What references of the graph are called in the text, and the dimensions that they have."""
+
+from __future__ import annotations
+
+from ..algebra.expression import Expression, Number, Symbol, substitute
+from ..algebra.formula import Bound
+from ..graph.domains import DOMAINS
+from ..graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Named, Own, Quantity, Reading
+from ..graph.units import ONE, SECOND, Dimension
+from .expressions import Printer, Word
+from .literals import dimension_of
+from .names import TWO_SIDED, Names
+
+STORED = {Kind.CAPACITOR: "q", Kind.INERTIA: "p"}
+
+
+class Words:
+    """The words of one graph."""
+
+    def __init__(self, graph: BondGraph, names: Names, plain: bool) -> None:
+        self.graph, self.names, self.plain = graph, names, plain
+        self.printer = Printer(plain)
+        self.constants: dict[float, str] = {}  # numbers that need a name
+        self._nodes = {n.name: n for n in graph.nodes}
+        outputs = {n for n in graph.outputs if n not in names.outputs}
+        self._readable = {w for n, w in names.quantities.items() if n not in outputs}  # what laws may read
+
+    def bound(self, bound: Bound, wanted: Dimension) -> str:
+        """A bound formula as text, in the SI unit of a dimension."""
+        return self.printer.text(self._named(bound), wanted)
+
+    def condition(self, bound: Bound) -> str:
+        """A bound condition as text."""
+        return self.printer.condition(self._named(bound))
+
+    def _named(self, bound: Bound) -> Expression:
+        """A bound formula over words."""
+
+        def put(symbol: Symbol) -> Expression:
+            argument = bound.arguments[symbol.key]
+            return Number(argument) if isinstance(argument, float) else Symbol(self.reference(argument))
+
+        return substitute(bound.formula.expression, put)
+
+    def dimension(self, named: Named) -> Dimension:
+        """The dimension of a quantity."""
+        return ONE if self.plain else dimension_of(named.unit)
+
+    def letter(self, domain: str, variable: str) -> str:
+        """The letter for `e`, `f`, `q` or `p`."""
+        return variable if self.plain else DOMAINS[domain].letter(variable)
+
+    def is_time(self, reference: Quantity) -> bool:
+        """Whether it is the time, and no quantity of that name."""
+        return reference.name == "time" and "time" not in self.graph.quantities
+
+    def reference(self, reference: Quantity | Reading) -> Word:
+        """What a law or definition reads."""
+        if isinstance(reference, Reading):
+            return self._reading(reference)
+        if self.is_time(reference):
+            return Word("time", ONE if self.plain else SECOND)
+        return Word(self.names.quantities[reference.name], self.dimension(self.graph.quantities[reference.name]))
+
+    def _reading(self, reading: Reading) -> Word:
+        node, variable = self._nodes[reading.node], reading.variable
+        name = self.names.nodes[node.name]
+        if isinstance(node, Junction):
+            return Word(f"{name}.{self.letter(node.domain, variable)}", DOMAINS[node.domain].dimension(variable))
+        if isinstance(node, MechanismNode):
+            part, _, freedom = reading.port.rpartition(".")
+            domain = DOMAINS["rotation" if freedom == "phi" else "translation"]
+            path = f"{name}.{self.names.parts[node.mechanism.name, part]}.{freedom}"
+            return Word(path if variable == "q" else f"{path}.{domain.letter(variable)}", domain.dimension(variable))
+        port = next(p for p in node.ports if p.name == reading.port)
+        letter = self.letter(port.domain, variable)
+        if node.kind in TWO_SIDED:
+            path = f"{name}.{letter}{port.name}"
+        else:
+            path = f"{name}.{port.name}.{letter}" if port.name else f"{name}.{letter}"
+        return Word(path, DOMAINS[port.domain].dimension(variable))
+
+    def own(self, node: Element, own: Own) -> Word:
+        """An element's own variable: by its domain's letter, or by `e f q p` if something else has that name."""
+        port = node.ports[own.port]
+        domain = DOMAINS[port.domain]
+        letter = self.letter(port.domain, own.variable) if domain.guessed else own.variable
+        if node.kind in TWO_SIDED:
+            text = letter + port.name
+        elif not port.name:
+            text = letter if letter not in self._readable else own.variable
+        elif own.variable == STORED.get(node.kind) and port.name not in self._readable:
+            text = port.name
+        else:
+            text = f"{port.name}.{letter}"
+        return Word(text, domain.dimension(own.variable))
+
+    def constant(self, value: float) -> Word:
+        """A number under a name."""
+        if value not in self.constants:
+            self.constants[value] = name = self.names.free("constant_1", set(), self.names.taken)
+            self.names.taken.add(name)
+        return Word(self.constants[value], ONE)

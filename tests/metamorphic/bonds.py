@@ -1,0 +1,266 @@
+"""Bonds one by one, and bonds turned around: the arrow, what is read of it, and the sides of what it goes through."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
+
+from compiler.graph.domains import DOMAINS
+from compiler.semantics.domain_table import DomainTable, domain_table
+from compiler.semantics.load import Loader
+from compiler.semantics.scope import ModelDefinition
+from compiler.source import Source, Span
+from compiler.syntax import parse, tree
+from tests.metamorphic.changing import Statements, as_file, parsed
+from tests.metamorphic.printing import NOWHERE, expression, path, path_text, rewrite, text_of
+from tests.metamorphic.renaming import Definition
+
+SOURCES = ("Se", "Sf", "MSe", "MSf")
+TWO_SIDED = ("TF", "GY", "MTF", "MGY")
+LETTERS = {(d.letters[i] or v): v for d in reversed(DOMAINS.values()) for i, v in ((0, "e"), (1, "f"))}
+LETTERS |= {"e": "e", "f": "f"}
+
+
+def changed_models(statements: Statements, change: Any) -> Statements:
+    """Each model of a text changed, with its names looked up."""
+    file = as_file(statements)
+    return tuple(
+        replace(s, statements=change(file.models[s.name])) if isinstance(s, tree.Model) else s for s in file.statements
+    )
+
+
+# ---------------------------------------------------------------- one by one
+
+
+def exploded(statements: Statements) -> Statements:
+    """Every bond a statement of its own, every junction with a name."""
+    return changed_models(statements, lambda definition: _Exploding(definition).statements())
+
+
+@dataclass(eq=False)
+class _Exploding:
+    definition: Definition
+    count: int = 0
+
+    def statements(self) -> Statements:
+        return self._all(self.definition.model.statements, ())
+
+    def _all(self, statements: Statements, rounds: tuple[str, ...]) -> Statements:
+        result: list[tree.Node] = []
+        for statement in statements:
+            if isinstance(statement, tree.Loop):
+                inside = self._all(statement.statements, (*rounds, statement.name))
+                result.append(replace(statement, statements=inside))
+            elif isinstance(statement, tree.Bonds):
+                lines: list[str] = []
+                groups = [[self._place(p, rounds, lines) for p in group] for group in statement.places]
+                for arrow, first, second in zip(statement.arrows, groups, groups[1:], strict=False):
+                    lines += [f"{tail} {arrow} {head}" for tail in first for head in second]
+                result += inner_statements(lines)
+            else:
+                result.append(statement)
+        return tuple(result)
+
+    def _place(self, place: tree.Path | tree.Nest, rounds: tuple[str, ...], lines: list[str]) -> str:
+        if isinstance(place, tree.Path):
+            return path_text(place)
+        self.count += 1
+        name = f"junction_{self.count}" + (f"[{', '.join(rounds)}]" if rounds else "")
+        lines.append(f"{place.kind} {name}")
+        for member in place.members:
+            inner = self._place(member, rounds, lines)
+            entry = self.definition.names.get(member.head) if isinstance(member, tree.Path) else None
+            from_source = isinstance(entry, tree.Declaration) and entry.kind in SOURCES
+            lines.append(f"{inner} -> {name}" if from_source else f"{name} -> {inner}")
+        return name
+
+
+def inner_statements(lines: list[str]) -> Statements:
+    """Lines of a model as statements."""
+    (model,) = parsed("model M {\n" + "\n".join(lines) + "\n}\n")
+    assert isinstance(model, tree.Model)
+    return model.statements
+
+
+# ---------------------------------------------------------------- turned around
+
+
+def turned(statements: Statements) -> Statements:
+    """Every bond turned that can be: between junctions, at sources, through transformers and gyrators. Needs single bonds.
+
+    Between junctions of one kind only the arrow turns: its effort (or flow) is nobody else's. Between a 0 and a 1, which give
+    both, the turned bond carries the opposite power, so one of the two must change its sign: a transformer of -1 says so.
+    At a source, what the junction shares stays and the other variable changes its sign, in the law and wherever it is read.
+    """
+    outside = Counter(_members(statements))
+    statements = with_domains(statements)
+    return changed_models(statements, lambda definition: _Turning(definition, outside).statements())
+
+
+def with_domains(statements: Statements) -> Statements:
+    """Every junction with its domain, as a bond that is cut no longer tells it to the next."""
+    loaded = Loader(None).load(parse(Source("one.bg", text_of(statements))))
+    tables: dict[str, DomainTable] = {}
+
+    def table_of(definition: ModelDefinition) -> DomainTable:
+        if definition.name not in tables:
+            tables[definition.name] = domain_table(definition, table_of)
+        return tables[definition.name]
+
+    def change(definition: Definition) -> Statements:
+        table = table_of(loaded.models[definition.model.name])
+
+        def told(node: Any) -> Any:
+            if isinstance(node, tree.Declaration) and node.kind in ("0", "1") and node.definition is None:
+                domain = table.of(node.names[0].name, "")
+                if domain is not None and not definition.model.plain:
+                    return replace(node, definition=path(domain.name))
+            return node
+
+        return tuple(rewrite(s, told) for s in definition.model.statements)
+
+    return changed_models(statements, change)
+
+
+def _members(node: Any) -> Iterator[str]:
+    """All names that stand behind a dot."""
+    if isinstance(node, tree.Member):
+        yield node.name
+    elif isinstance(node, tuple):
+        for item in node:
+            yield from _members(item)
+    elif is_dataclass(node) and not isinstance(node, Span):
+        for f in fields(node):
+            yield from _members(getattr(node, f.name))
+
+
+@dataclass(eq=False)
+class _Turning:
+    definition: Definition
+    members: Counter[str]
+    uses: dict[str, list[tree.Bonds]] = field(default_factory=dict)
+    signs: dict[str, dict[str, str]] = field(default_factory=dict)  # element -> its variable -> what it is now
+    laws: dict[str, str] = field(default_factory=dict)  # element -> its new law
+    turned: set[str] = field(default_factory=set)
+    count: int = 0
+
+    def statements(self) -> Statements:
+        model = self.definition.model
+        for bond in self._bonds(model.statements):
+            for place in bond.places[0] + bond.places[1]:
+                self.uses.setdefault(place.head, []).append(bond)  # type: ignore[union-attr]
+        for name, bonds in self.uses.items():
+            entry = self.definition.names.get(name)
+            if isinstance(entry, tree.Declaration) and len(entry.names) == 1 and name not in self.members:
+                if entry.kind in SOURCES and len(bonds) == 1:
+                    self._source(name, entry, bonds[0])
+                elif entry.kind in TWO_SIDED and len(bonds) == 2:
+                    self._two_sided(name, entry, bonds)
+        changed = self._all(model.statements, ())
+        return tuple(s if isinstance(s, tree.Bonds) else self._readings(s) for s in changed)
+
+    def _bonds(self, statements: Statements) -> Iterator[tree.Bonds]:
+        for s in statements:
+            if isinstance(s, tree.Bonds):
+                yield s
+            elif isinstance(s, tree.Loop):
+                yield from self._bonds(s.statements)
+
+    def _junction(self, place: Any) -> str | None:
+        """The kind of the junction at a place, if it is one of this model's own."""
+        entry = self.definition.names.get(place.head)
+        is_one = isinstance(entry, tree.Declaration) and entry.kind in ("0", "1")
+        return entry.kind if is_one and all(isinstance(s, tree.Index) for s in place.steps) else None
+
+    # ------------------------------------------------------------ elements
+    def _source(self, name: str, entry: tree.Declaration, bond: tree.Bonds) -> None:
+        ((tail,), (head,)) = bond.places
+        kind = self._junction(head if tail.head == name else tail)  # type: ignore[union-attr]
+        law = entry.definition
+        if kind is None or not isinstance(law, tree.Law):
+            return
+        flips = "e" if kind == "1" else "f"
+        (equation,) = law.equations
+        if ("e" if entry.kind.endswith("e") else "f") == flips:
+            self.laws[name] = f"{expression(equation.left)} = -({expression(equation.right)})"
+        self.signs[name] = {letter: f"-{letter}" for letter, v in LETTERS.items() if v == flips}
+        self.turned.add(name)
+
+    def _two_sided(self, name: str, entry: tree.Declaration, bonds: list[tree.Bonds]) -> None:
+        into = next(b for b in bonds if b.places[1][0].head == name)  # type: ignore[union-attr]
+        out = next(b for b in bonds if b.places[0][0].head == name)  # type: ignore[union-attr]
+        kinds = {"1": self._junction(into.places[0][0]), "2": self._junction(out.places[1][0])}
+        law = entry.definition
+        if None in kinds.values() or not isinstance(law, tree.Law):
+            return
+        now = {}
+        for side, other in (("1", "2"), ("2", "1")):
+            flips = "e" if kinds[side] == "1" else "f"
+            for letter, variable in LETTERS.items():
+                now[letter + side] = ("-" if variable == flips else "") + letter + other
+        (equation,) = law.equations
+        both = [self._own(side, now) for side in (equation.left, equation.right)]
+        self.laws[name] = f"{expression(both[0])} = {expression(both[1])}"
+        self.signs[name] = now
+        self.turned.add(name)
+
+    def _own(self, node: Any, now: dict[str, str]) -> Any:
+        """The law of a transducer with its sides exchanged."""
+
+        def change(part: Any) -> Any:
+            if isinstance(part, tree.Path) and not part.steps and part.head in now:
+                if self.definition.names.get(part.head) in ("parameter", "constant", "input", "signal", "index"):
+                    return part
+                return signed(replace(part, head=now[part.head].lstrip("-")), now[part.head])
+            return part
+
+        return rewrite(node, change)
+
+    # ------------------------------------------------------------ statements
+    def _all(self, statements: Statements, rounds: tuple[str, ...]) -> Statements:
+        result: list[tree.Node] = []
+        for s in statements:
+            if isinstance(s, tree.Loop):
+                result.append(replace(s, statements=self._all(s.statements, (*rounds, s.name))))
+            elif isinstance(s, tree.Bonds):
+                result += inner_statements(self._bond(s, rounds))
+            elif isinstance(s, tree.Declaration) and s.names[0].name in self.laws:
+                (line,) = inner_statements([f"{s.kind} {s.names[0].name} : {self.laws[s.names[0].name]}"])
+                assert isinstance(line, tree.Declaration)
+                result.append(replace(s, definition=line.definition))
+            else:
+                result.append(s)
+        return tuple(result)
+
+    def _bond(self, bond: tree.Bonds, rounds: tuple[str, ...]) -> list[str]:
+        ((tail,), (head,)) = bond.places
+        assert isinstance(tail, tree.Path) and isinstance(head, tree.Path)
+        first, second = self._junction(tail), self._junction(head)
+        names = path_text(tail), path_text(head)
+        if {tail.head, head.head} & self.turned or (first is not None and first == second):
+            return [f"{names[1]} -> {names[0]}"]
+        if first is None or second is None:
+            return [f"{names[0]} {bond.arrows[0]} {names[1]}"]
+        self.count += 1
+        name = f"turned_{self.count}" + (f"[{', '.join(rounds)}]" if rounds else "")
+        return [f"TF {name} : f1 = -f2", f"{names[1]} -> {name}", f"{name} -> {names[0]}"]
+
+    def _readings(self, node: Any) -> Any:
+        def change(part: Any) -> Any:
+            if isinstance(part, tree.Path) and part.head in self.signs and part.steps:
+                last = part.steps[-1]
+                now = self.signs[part.head].get(last.name) if isinstance(last, tree.Member) else None
+                if now is not None:
+                    return signed(replace(part, steps=(*part.steps[:-1], tree.Member(now.lstrip("-")))), now)
+            return part
+
+        if isinstance(node, tree.Loop):
+            return replace(node, statements=tuple(map(self._readings, node.statements)))
+        return node if isinstance(node, tree.Bonds) else rewrite(node, change)
+
+
+def signed(node: tree.Path, words: str) -> tree.Expression:
+    """A reading, with the sign of its new word."""
+    return tree.Negative(NOWHERE, 2, node) if words.startswith("-") else node

@@ -1,0 +1,163 @@
+"""Changes of a text that change nothing of what it says: statements to statements, and how names are called afterwards."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from random import Random
+from typing import Any
+
+from compiler.errors import CompilationFailed
+from compiler.graph.domains import DOMAINS, GENERIC
+from compiler.semantics.scope import RESERVED
+from compiler.source import Source
+from compiler.syntax import parse, tree
+from tests.metamorphic.printing import path, path_text, rewrite, text_of
+from tests.metamorphic.renaming import File, Key, Place, Renamer, read_files
+
+Statements = tuple[tree.Node, ...]
+
+
+def same(name: str) -> tuple[str, ...]:
+    """A name that stays."""
+    return (name,)
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A changed text, and what outputs and states of the first text are called in it: more than one name if there are copies."""
+
+    text: str
+    model: str
+    experiment: str | None
+    outputs: Callable[[str], tuple[str, ...]] = same
+    states: Callable[[str], tuple[str, ...]] = same
+    copies: int = 1
+
+
+def as_file(statements: Statements) -> File:
+    """Statements with their names looked up."""
+    source = Source("one.bg", text_of(statements))
+    return next(iter(read_files(source).values()))
+
+
+# ---------------------------------------------------------------- renaming
+
+# Words that mean something in Python, C, numpy, sympy, to a solver, or elsewhere in this language, and nothing as a name.
+HARD = [
+    *(w for w in keyword.kwlist if w not in RESERVED), *keyword.softkwlist, "lambda_", "int", "float", "double", "struct", "void",
+    "static", "volatile", "np", "numpy", "math", "sympy", "E", "S", "N", "O", "Q", "I", "oo", "zoo", "nan", "inf", "NaN", "Symbol",
+    "beta", "gamma", "zeta", "self", "cls", "print", "list", "tuple", "exec", "eval", "t", "y", "x0", "x1", "u", "k1", "dt", "jac",
+    "y0", "state", "inputs", "constants", "mode_", "result", "derivative", "output_", "_", "__", "___", "__name__", "__class__",
+    "set", "start", "simulate", "report", "sweep", "modes", "response", "equilibrium", "nominal", "prefer", "require", "rtol",
+    "points", "tolerance", "body", "hinge", "slide", "weld", "free", "frame", "gravity", "C", "R", "Se", "Sf", "TF", "GY", "splitter",
+    "sin", "exp", "abs", "step", "polar", "integral", "min", "max", "mm", "kg", "V", "deg", "Hz", "dB", "electric", "planar",
+    "energy", "electron", "ln", "And", "Or", "Not", "Piecewise", "Function", "re", "im", "errno", "main", "NULL", "EOF", "X" * 60,
+]  # fmt: skip
+LETTERS = frozenset(
+    f"{letter}{side}"
+    for d in DOMAINS.values()
+    for letter in (*d.letters, *GENERIC)
+    if letter
+    for side in ("", "1", "2")
+)
+FREEDOMS = frozenset({"x", "y", "phi", "z", "rx", "ry", "rz", "ground"})
+
+
+class Rename:
+    """Gives every declared name a new word, different from all others."""
+
+    def __init__(self, statements: Statements, seed: int) -> None:
+        random = Random(seed)
+        self.file = as_file(statements)
+        self.pool = [w for w in dict.fromkeys(HARD) if w not in LETTERS | FREEDOMS | RESERVED]
+        random.shuffle(self.pool)
+        self.random = random
+        self.given: dict[Key, str] = {}
+        self.by_word = any(d.slots for d in self.file.models.values())  # what stands in a slot shares its names
+        self.renamer = Renamer(self.choose)
+
+    def choose(self, key: Key) -> str:
+        if self.by_word and key[0] == "model":
+            key = ("name", key[-1])
+        if key not in self.given:
+            kinds = {
+                "C",
+                "R",
+                "I",
+                "Se",
+                "Sf",
+                "TF",
+                "GY",
+                "splitter",
+                "body",
+                "hinge",
+                "slide",
+                "weld",
+                "free",
+                "frame",
+            }
+            functions = {"sin", "exp", "abs", "step", "polar", "integral", "min", "max"}
+            for position, word in enumerate(self.pool):
+                if key[0] == "model" or word not in kinds | functions:
+                    self.given[key] = self.pool.pop(position)
+                    break
+            else:
+                self.given[key] = f"{key[-1]}_{self.random.randrange(10**6)}_{len(self.given)}"
+        return self.given[key]
+
+    def changed(self, model: str, experiment: str | None) -> Changed:
+        definition = self.file.models[model]
+        text = text_of(self.renamer.file(self.file))
+        place = Place(self.renamer, self.file, definition)
+
+        def word(name: str) -> tuple[str, ...]:
+            try:
+                return (path_text(place.path(path(name))),)
+            except CompilationFailed:  # an integral without a name of the author's
+                return (name,)
+
+        step = None if experiment is None else place.name("experiment", experiment)
+        return Changed(text, self.renamer.model_name(definition), step, word, word)
+
+
+# ---------------------------------------------------------------- order
+
+
+def permuted(statements: Statements, seed: int) -> Statements:
+    """All declarations in another order: statements of each scope, names of a statement, bonds of a fan, equations, attributes."""
+    random = Random(seed)
+
+    def shuffled(items: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(random.sample(items, len(items)))
+
+    def change(node: Any) -> Any:
+        match node:
+            case tree.Model() | tree.Loop() | tree.Mechanism():
+                return replace(node, statements=shuffled(node.statements))
+            case tree.Experiment():
+                return replace(node, steps=shuffled(node.steps))
+            case tree.Quantities() | tree.Ports():
+                return replace(node, items=shuffled(node.items))
+            case tree.Declaration():
+                law = node.definition
+                if isinstance(law, tree.Law):
+                    law = replace(law, equations=shuffled(law.equations))
+                return replace(node, names=shuffled(node.names), attributes=shuffled(node.attributes), definition=law)
+            case tree.Declared() | tree.PortItem() if node.components:
+                return node  # the last port of an RS is its heat
+            case tree.Bonds():
+                return replace(node, places=tuple(map(shuffled, node.places)))
+            case tree.Nest():
+                return replace(node, members=shuffled(node.members))
+            case tree.Simulate():
+                return replace(node, attributes=shuffled(node.attributes))
+        return node
+
+    return shuffled(rewrite(statements, change))
+
+
+def parsed(text: str) -> Statements:
+    """The statements of a text."""
+    return parse(Source("one.bg", text)).statements

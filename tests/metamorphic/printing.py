@@ -1,0 +1,258 @@
+"""Syntax trees as text, statement by statement and with every bracket that could matter; and trees made of trees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+from compiler.source import Source, Span
+from compiler.syntax import parse_expression, tree
+
+NOWHERE = Span(Source("made by a test", ""), 0, 0)
+ATOMS = (tree.Literal, tree.Path, tree.Call, tree.Vector)
+
+
+def text_of(statements: tuple[tree.Node, ...]) -> str:
+    """A file."""
+    return "\n".join(statement(s, "") for s in statements) + "\n"
+
+
+def rewrite(node: Any, change: Callable[[Any], Any]) -> Any:
+    """The tree with `change` applied to every node, from the leaves up."""
+    if isinstance(node, tuple):
+        return tuple(rewrite(item, change) for item in node)
+    if isinstance(node, Span) or not is_dataclass(node):
+        return node
+    new = {}
+    for field in fields(node):
+        value = getattr(node, field.name)
+        changed = rewrite(value, change)
+        if changed is not value:
+            new[field.name] = changed
+    return change(replace(node, **new) if new else node)  # type: ignore[type-var]
+
+
+def path(words: str) -> tree.Path:
+    """`a.b[2].c` as a path."""
+    found = parse_expression(Source("path", words))
+    assert isinstance(found, tree.Path), words
+    return found
+
+
+def unit(words: str) -> tree.Unit:
+    """`N/m` as a unit."""
+    found = parse_expression(Source("unit", f"1 [{words}]"))
+    assert isinstance(found, tree.Literal) and found.unit is not None
+    return found.unit
+
+
+# ---------------------------------------------------------------- expressions
+
+
+def number(value: Fraction) -> str:
+    """A decimal number, exactly."""
+    power, bottom = 0, value.denominator
+    while bottom > 1:
+        divisor = 10 if bottom % 10 == 0 else (2 if bottom % 2 == 0 else 5)
+        assert bottom % divisor == 0, f"{value} is no decimal number"
+        bottom //= divisor
+        power += 1
+    digits = value * 10**power
+    return f"{digits.numerator}e-{power}" if power else str(value.numerator)
+
+
+def unit_text(u: tree.Unit) -> str:
+    """`kg*m^2*s^-1`."""
+    parts = []
+    if u.number != 1 or not u.factors:
+        parts.append(str(u.number))
+    for symbol, power, _ in u.factors:
+        shown = str(power) if power.denominator == 1 else f"({power})"
+        parts.append(symbol if power == 1 else f"{symbol}^{shown}")
+    return "*".join(parts)
+
+
+def inner(node: tree.Expression) -> str:
+    """An operand, in brackets unless it is an atom."""
+    return expression(node) if isinstance(node, ATOMS) else f"({expression(node)})"
+
+
+def path_text(node: tree.Path) -> str:
+    text = node.head
+    for step in node.steps:
+        text += f".{step.name}" if isinstance(step, tree.Member) else index_text(step)
+    return text
+
+
+def index_text(index: tree.Index | None) -> str:
+    return "" if index is None else f"[{', '.join(map(expression, index.items))}]"
+
+
+def expression(node: Any) -> str:
+    """An expression."""
+    match node:
+        case tree.Literal():
+            return number(node.number) + ("" if node.unit is None else f" [{unit_text(node.unit)}]")
+        case tree.Path():
+            return path_text(node)
+        case tree.Call():
+            return f"{node.function}({', '.join(map(expression, node.arguments))})"
+        case tree.Vector():
+            return f"({', '.join(map(expression, node.items))})"
+        case tree.Sum():
+            return _chain(node.terms, "+", "-")
+        case tree.Product():
+            return _chain(node.factors, "*", "/")
+        case tree.Negative():
+            return f"-{inner(node.operand)}"
+        case tree.Power():
+            return f"{inner(node.base)}^{inner(node.exponent)}"
+        case tree.Comparison():
+            return f"{inner(node.left)} {node.operator} {inner(node.right)}"
+        case tree.Logical(operator="not"):
+            return f"not {inner(node.operands[0])}"
+        case tree.Logical():
+            return f" {node.operator} ".join(map(inner, node.operands))
+        case tree.Choice():
+            return f"{inner(node.value)} if {inner(node.condition)} else {inner(node.otherwise)}"
+    raise AssertionError(type(node))
+
+
+def _chain(parts: tuple[tuple[int, tree.Expression], ...], plus: str, minus: str) -> str:
+    assert parts[0][0] == 1
+    text = inner(parts[0][1])
+    for sign, part in parts[1:]:
+        text += f" {plus if sign > 0 else minus} {inner(part)}"
+    return text
+
+
+# ---------------------------------------------------------------- statements
+
+
+def statement(node: tree.Node, margin: str) -> str:
+    """One statement, its blocks indented."""
+    return margin + _statement(node, margin)
+
+
+def _block(head: str, statements: tuple[tree.Node, ...], margin: str) -> str:
+    lines = "".join(statement(s, margin + "  ") + "\n" for s in statements)
+    return f"{head} {{\n{lines}{margin}}}"
+
+
+def _statement(node: Any, margin: str) -> str:
+    match node:
+        case tree.Model():
+            return _block(f"{'plain ' * node.plain}model {node.name}", node.statements, margin)
+        case tree.Import():
+            names = ", ".join(name for name, _ in node.names)
+            return f"import {names} from " + (f'"{node.place}"' if node.is_file else node.place)
+        case tree.Description():
+            return f'"{node.text}"'
+        case tree.Quantities():
+            return f"{node.role} " + ", ".join(map(_item, node.items))
+        case tree.Function():
+            return f"function {node.name}({', '.join(node.parameters)}) = {expression(node.body)}"
+        case tree.Ports():
+            return "port " + ", ".join(map(_port, node.items))
+        case tree.Declaration():
+            return _declaration(node)
+        case tree.Bonds():
+            text = ", ".join(map(place, node.places[0]))
+            for arrow, group in zip(node.arrows, node.places[1:], strict=True):
+                text += f" {arrow} " + ", ".join(map(place, group))
+            return text
+        case tree.Setting():
+            return f"{node.name} = {expression(node.value)}"
+        case tree.Loop():
+            return _block(f"for {node.name} in {_range(node.range)}", node.statements, margin)
+        case tree.Mechanism():
+            return _block(
+                f"multibody {node.name}" + (f" : {node.space}" if node.space else ""), node.statements, margin
+            )
+        case tree.Event():
+            resets = "; ".join(f"{expression(r.target)} = {expression(r.value)}" for r in node.resets)
+            return f"when {expression(node.condition)} {{ {resets} }}"
+    return _step(node, margin)
+
+
+def _step(node: Any, margin: str) -> str:
+    """An experiment, and what stands in it."""
+    match node:
+        case tree.Experiment():
+            return _block(f"experiment {node.name}", node.steps, margin)
+        case tree.Set():
+            return f"{node.role} {expression(node.target)} = {expression(node.value)}"
+        case tree.Simulate():
+            return f"simulate {_range(node.range)}{_attributes(node.attributes)}"
+        case tree.Report():
+            readings = (
+                expression(r.value) + ("" if r.unit is None else f" in {unit_text(r.unit)}") for r in node.readings
+            )
+            return "report " + ", ".join(readings)
+        case tree.Study(role="sweep"):
+            shown = "" if node.unit is None else f": {unit_text(node.unit)}"
+            return f"sweep {expression(node.paths[0])}{shown} = {', '.join(map(expression, node.values))}"
+        case tree.Study(role="response"):
+            first, second = map(expression, node.paths)
+            return f"response {first} to {second} over {_range(node.range)}{_attributes(node.attributes)}"
+        case tree.Study():
+            return node.role + _attributes(node.attributes)
+    raise AssertionError(type(node))
+
+
+def _range(node: Any) -> str:
+    return f"{inner(node.first)} .. {inner(node.last)}"
+
+
+def _item(node: tree.Item) -> str:
+    text = node.name + index_text(node.index)
+    text += "" if node.unit is None else f": {unit_text(node.unit)}"
+    text += "" if node.value is None else f" = {expression(node.value)}"
+    return text + ("" if node.description is None else f' "{node.description}"')
+
+
+def _components(components: tuple[tree.Component, ...]) -> str:
+    if not components:
+        return ""
+    return "(" + ", ".join(c.name + (f": {c.domain}" if c.domain else "") for c in components) + ")"
+
+
+def _port(node: tree.PortItem) -> str:
+    text = node.name + index_text(node.index) + _components(node.components)
+    text += f": {node.domain}" if node.domain else ""
+    return text + ("" if node.description is None else f' "{node.description}"')
+
+
+def _attributes(attributes: tuple[tree.Attribute, ...]) -> str:
+    if not attributes:
+        return ""
+    shown = (
+        a.name + (f" {expression(a.target)}" if a.target is not None else "") + f" = {expression(a.value)}"
+        for a in attributes
+    )
+    return " { " + "; ".join(shown) + " }"
+
+
+def _declaration(node: tree.Declaration) -> str:
+    names = ", ".join(d.name + index_text(d.index) + _components(d.components) for d in node.names)
+    text = f"{node.kind} {names}"
+    match node.definition:
+        case None:
+            pass
+        case tree.Law(equations=equations):
+            text += " : " + ", ".join(f"{expression(e.left)} = {expression(e.right)}" for e in equations)
+        case tree.Link(first=first, second=second):
+            text += f" : {expression(first)} to {expression(second)}"
+        case other:
+            text += f" : {expression(other)}"
+    text += _attributes(node.attributes)
+    return text + ("" if node.description is None else f' "{node.description}"')
+
+
+def place(node: tree.Path | tree.Nest) -> str:
+    """What a bond reaches."""
+    if isinstance(node, tree.Path):
+        return path_text(node)
+    return f"{node.kind}({', '.join(map(place, node.members))})"

@@ -1,0 +1,423 @@
+"""Every declared name renamed, with all that refers to it; and a file with all that it imports as one text.
+
+A `Key` is the identity of a declared name: the file or model that declares it, the name, and for what stands in a mechanism or a
+field also what it stands in. Renaming asks a function for the new word of each key, and looks names up as the language says:
+what a law calls by the letters of its own element stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from compiler.semantics.domain_table import ELEMENT_KINDS, is_slot
+from compiler.semantics.load import read_source
+from compiler.source import Source
+from compiler.syntax import parse, tree
+
+LIBRARY = Path("bondgraph/library")
+Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)
+NUMBERS = ("parameter", "constant", "input", "signal")  # roles that a law can read
+
+
+@dataclass(eq=False)
+class File:
+    """What one file declares and imports."""
+
+    path: str
+    statements: tuple[tree.Node, ...]
+    models: dict[str, Definition] = field(default_factory=dict)
+    constants: set[str] = field(default_factory=set)
+    functions: set[str] = field(default_factory=set)
+
+
+@dataclass(eq=False)
+class Definition:
+    """What one model declares: name -> its role, its declaration, or its mechanism."""
+
+    file: File
+    model: tree.Model
+    names: dict[str, Any] = field(default_factory=dict)
+    slots: dict[str, str] = field(default_factory=dict)
+
+    def key(self, *name: str) -> Key:
+        return ("model", self.file.path, self.model.name, *name)
+
+
+def flat(statements: tuple[tree.Node, ...]) -> Iterator[tree.Node]:
+    """Statements and those in loops."""
+    for statement in statements:
+        yield statement
+        if isinstance(statement, tree.Loop):
+            yield from flat(statement.statements)
+
+
+def read_files(source: Source) -> dict[str, File]:
+    """A file and all that it imports, itself last."""
+    files: dict[str, File] = {}
+    _read(source, files)
+    return files
+
+
+def _read(source: Source, files: dict[str, File]) -> File:
+    name = str(source.path.resolve()) if source.path is not None else source.name
+    if name in files:
+        return files[name]
+    file = File(name, parse(source).statements)
+    for statement in file.statements:
+        match statement:
+            case tree.Model():
+                file.models[statement.name] = _define(file, statement)
+            case tree.Quantities():
+                file.constants |= {i.name for i in statement.items}
+            case tree.Function():
+                file.functions.add(statement.name)
+            case tree.Import():
+                place = Path(name).parent / statement.place if statement.is_file else LIBRARY / f"{statement.place}.bg"
+                other = _read(read_source(place), files)
+                file.models |= {n: other.models[n] for n, _ in statement.names}
+    files[name] = file
+    return file
+
+
+def _define(file: File, model: tree.Model) -> Definition:
+    definition = Definition(file, model)
+    names = definition.names
+    for statement in flat(model.statements):
+        match statement:
+            case tree.Quantities():
+                for item in statement.items:
+                    names.setdefault(item.name, statement.role)
+                    if is_slot(item):
+                        assert isinstance(item.value, tree.Path)
+                        names[item.name], definition.slots[item.name] = "slot", item.value.head
+            case tree.Ports():
+                names.update({i.name: i for i in statement.items})
+            case tree.Declaration():
+                names.update({d.name: statement for d in statement.names})
+            case tree.Mechanism():
+                names[statement.name] = statement
+                for inside in flat(statement.statements):
+                    if isinstance(inside, tree.Quantities):
+                        names.update({i.name: inside.role for i in inside.items})
+                    elif isinstance(inside, tree.Loop):
+                        names[inside.name] = "index"
+            case tree.Loop():
+                names[statement.name] = "index"
+            case tree.Experiment():
+                for step in statement.steps:
+                    if isinstance(step, tree.Study) and step.role == "sweep" and not step.paths[0].steps:
+                        names.setdefault(step.paths[0].head, "parameter")
+    return definition
+
+
+def parts_of(mechanism: tree.Mechanism) -> set[str]:
+    """The names of a mechanism's bodies, frames and joints."""
+    declarations = (s for s in flat(mechanism.statements) if isinstance(s, tree.Declaration))
+    return {d.name for s in declarations for d in s.names}
+
+
+class Renamer:
+    """Rewrites the statements of files; `choose` gives the new word of a key."""
+
+    def __init__(self, choose: Callable[[Key], str]) -> None:
+        self.choose = choose
+
+    def file(self, file: File) -> tuple[tree.Node, ...]:
+        return tuple(self.top(file, s) for s in file.statements if not isinstance(s, tree.Import))
+
+    def top(self, file: File, statement: tree.Node) -> tree.Node:
+        match statement:
+            case tree.Model():
+                return self.model(file.models[statement.name])
+            case tree.Quantities():
+                items = (
+                    replace(i, name=self.choose(("file", file.path, i.name)), value=Place(self, file).value(i.value))
+                    for i in statement.items
+                )
+                return replace(statement, items=tuple(items))
+            case tree.Function():
+                own = ("file", file.path, statement.name)
+                place = Place(self, file, local={p: self.choose((*own, p)) for p in statement.parameters})
+                parameters = tuple(place.local.values())
+                return replace(
+                    statement, name=self.choose(own), parameters=parameters, body=place.value(statement.body)
+                )
+        return statement
+
+    def model_name(self, definition: Definition) -> str:
+        return self.choose(("file", definition.file.path, definition.model.name))
+
+    def model(self, definition: Definition) -> tree.Model:
+        place = Place(self, definition.file, definition)
+        statements = tuple(place.statement(s) for s in definition.model.statements)
+        return replace(definition.model, name=self.model_name(definition), statements=statements)
+
+
+class Place:
+    """Where something is read: in a file, a model, a function, a mechanism or the law of an element."""
+
+    def __init__(
+        self,
+        renamer: Renamer,
+        file: File,
+        definition: Definition | None = None,
+        local: dict[str, str] | None = None,
+        mechanism: tree.Mechanism | None = None,
+    ) -> None:
+        self.renamer, self.file, self.definition, self.local = renamer, file, definition, local or {}
+        self.mechanism = mechanism
+
+    def name(self, *name: str) -> str:
+        assert self.definition is not None
+        return self.renamer.choose(self.definition.key(*name))
+
+    # ------------------------------------------------------------ expressions
+    def value(self, node: Any, own: tree.Declaration | None = None) -> Any:
+        """An expression, or anything that contains some; `own` is the element whose law it is."""
+        match node:
+            case tree.Path():
+                return self.path(node, own)
+            case tree.Call():
+                known = node.function in self.file.functions
+                function = self.renamer.choose(("file", self.file.path, node.function)) if known else node.function
+                return replace(node, function=function, arguments=tuple(self.value(a, own) for a in node.arguments))
+            case tuple():
+                return tuple(self.value(n, own) for n in node)
+            case tree.Sum():
+                return replace(node, terms=tuple((s, self.value(t, own)) for s, t in node.terms))
+            case tree.Product():
+                return replace(node, factors=tuple((s, self.value(f, own)) for s, f in node.factors))
+            case tree.Literal() | None:
+                return node
+            case tree.Index() | tree.Vector():
+                return replace(node, items=self.value(node.items, own))
+        names = {
+            tree.Negative: ("operand",), tree.Power: ("base", "exponent"), tree.Comparison: ("left", "right"),
+            tree.Logical: ("operands",), tree.Choice: ("value", "condition", "otherwise"), tree.Range: ("first", "last"),
+            tree.Equation: ("left", "right"), tree.Law: ("equations",), tree.Reading: ("value",),
+        }[type(node)]  # fmt: skip
+        return replace(node, **{n: self.value(getattr(node, n), own) for n in names})
+
+    def path(self, node: tree.Path, own: tree.Declaration | None = None) -> tree.Path:
+        """A path with its head and inner names as they are called now."""
+        steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
+        head = node.head
+        if own is not None:
+            components = {c.name for d in own.names for c in d.components}
+            role = self.definition.names.get(head) if self.definition else None
+            number = isinstance(role, str) and role in (*NUMBERS, "index")
+            if head in components or (not steps and not number and head not in self.file.constants):
+                return replace(node, steps=steps)  # a variable of its own
+        if head in self.local:
+            return replace(node, head=self.local[head], steps=steps)
+        if self.definition is not None and head in self.definition.names:
+            return replace(node, head=self.name(head), steps=self._inside(self.definition, head, steps))
+        if head in self.file.constants:
+            return replace(node, head=self.renamer.choose(("file", self.file.path, head)), steps=steps)
+        return replace(node, steps=steps)
+
+    def _inside(self, definition: Definition, name: str, steps: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The steps behind a name of a definition."""
+        entry = definition.names[name]
+        for position, step in enumerate(steps):
+            if isinstance(step, tree.Index):
+                continue
+            inner = kind_of(definition, entry)
+            if inner is not None and step.name in inner.names:
+                word = self.renamer.choose(inner.key(step.name))
+                rest = self._inside(inner, step.name, steps[position + 1 :])
+                return (*steps[:position], tree.Member(word), *rest)
+            if isinstance(entry, tree.Mechanism) and step.name in parts_of(entry):
+                word = self.renamer.choose(definition.key(name, step.name))
+                return (*steps[:position], tree.Member(word), *steps[position + 1 :])
+            break
+        return steps
+
+    # ------------------------------------------------------------ statements
+    def statement(self, node: Any) -> Any:
+        assert self.definition is not None
+        match node:
+            case tree.Quantities():
+                return replace(node, items=tuple(map(self._item, node.items)))
+            case tree.Ports():
+                return replace(node, items=tuple(replace(i, name=self.name(i.name)) for i in node.items))
+            case tree.Declaration() if self.mechanism is not None:
+                return self._part_declaration(node)
+            case tree.Declaration():
+                return self._declaration(node)
+            case tree.Bonds():
+                return replace(node, places=tuple(tuple(map(self._bonded, g)) for g in node.places))
+            case tree.Setting():
+                return replace(node, value=self.value(node.value))
+            case tree.Loop():
+                return replace(
+                    node,
+                    name=self.name(node.name),
+                    range=self.value(node.range),
+                    statements=tuple(map(self.statement, node.statements)),
+                )
+            case tree.Mechanism():
+                inside = Place(self.renamer, self.file, self.definition, self.local, node)
+                return replace(
+                    node, name=self.name(node.name), statements=tuple(map(inside.statement, node.statements))
+                )
+            case tree.Experiment():
+                word = self.name("experiment", node.name)
+                return replace(node, name=word, steps=tuple(map(self._step, node.steps)))
+            case tree.Event():
+                resets = tuple(replace(r, target=self.path(r.target), value=self.value(r.value)) for r in node.resets)
+                return replace(node, condition=self.value(node.condition), resets=resets)
+        return node
+
+    def _item(self, item: tree.Item) -> tree.Item:
+        value = self._model_path(item.value) if is_slot(item) else self.value(item.value)
+        return replace(item, name=self.name(item.name), index=self.value(item.index), value=value)
+
+    def _model_path(self, value: Any) -> Any:
+        """A model or a slot, named as a value."""
+        assert isinstance(value, tree.Path) and self.definition is not None
+        return replace(value, head=self._kind(value.head))
+
+    def _kind(self, kind: str) -> str:
+        assert self.definition is not None
+        if kind in self.definition.slots:
+            return self.name(kind)
+        known = self.file.models.get(kind)
+        return kind if known is None else self.renamer.model_name(known)
+
+    def _declared(self, node: tree.Declaration, *within: str) -> tuple[tree.Declared, ...]:
+        return tuple(replace(d, name=self.name(*within, d.name), index=self.value(d.index)) for d in node.names)
+
+    def _declaration(self, node: tree.Declaration) -> tree.Declaration:
+        names = self._declared(node)
+        if node.kind in ELEMENT_KINDS:
+            attributes = tuple(self._own_attribute(a) for a in node.attributes)
+            law = self.value(node.definition, node) if isinstance(node.definition, tree.Law) else node.definition
+            return replace(node, names=names, definition=law, attributes=attributes)
+        assert self.definition is not None
+        inner = kind_of(self.definition, node)
+        assert inner is not None, node.kind
+        attributes = tuple(
+            replace(
+                a,
+                name=self.renamer.choose(inner.key(a.name)),
+                value=self._model_path(a.value) if a.name in inner.slots else self.value(a.value),
+            )
+            for a in node.attributes
+        )
+        return replace(node, kind=self._kind(node.kind), names=names, attributes=attributes)
+
+    def _own_attribute(self, attribute: tree.Attribute) -> tree.Attribute:
+        """An attribute of an element, body or joint: its words are the language's, its numbers the author's."""
+        if attribute.name in ("prefer", "require", "axes"):
+            return attribute
+        return replace(attribute, value=self.value(attribute.value))
+
+    def _part_declaration(self, node: tree.Declaration) -> tree.Declaration:
+        assert self.mechanism is not None
+        definition = node.definition
+        if isinstance(definition, tree.Link):
+            definition = replace(definition, first=self._part(definition.first), second=self._part(definition.second))
+        elif isinstance(definition, tree.Path):
+            definition = self._part(definition)
+        attributes = tuple(map(self._own_attribute, node.attributes))
+        return replace(
+            node, names=self._declared(node, self.mechanism.name), definition=definition, attributes=attributes
+        )
+
+    def _part(self, node: Any) -> Any:
+        assert self.mechanism is not None
+        if node.head not in parts_of(self.mechanism):
+            return node
+        steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
+        return replace(node, head=self.name(self.mechanism.name, node.head), steps=steps)
+
+    def _bonded(self, place: tree.Path | tree.Nest) -> tree.Path | tree.Nest:
+        if isinstance(place, tree.Path):
+            return self.path(place)
+        return replace(place, members=tuple(map(self._bonded, place.members)))
+
+    def _step(self, step: Any) -> Any:
+        match step:
+            case tree.Set():
+                return replace(step, target=self.path(step.target), value=self.value(step.value))
+            case tree.Simulate():
+                return replace(step, range=self.value(step.range), attributes=self._settings(step.attributes))
+            case tree.Report():
+                return replace(step, readings=self.value(step.readings))
+            case tree.Study():
+                return replace(
+                    step, paths=self.value(step.paths), values=self.value(step.values), range=self.value(step.range),
+                    attributes=self._settings(step.attributes),
+                )  # fmt: skip
+        return step
+
+    def _settings(self, attributes: tuple[tree.Attribute, ...]) -> tuple[tree.Attribute, ...]:
+        return tuple(
+            replace(a, target=None if a.target is None else self.path(a.target), value=self.value(a.value))
+            for a in attributes
+        )
+
+
+def kind_of(definition: Definition, entry: Any) -> Definition | None:
+    """The model of an instance."""
+    if not isinstance(entry, tree.Declaration):
+        return None
+    return definition.file.models.get(definition.slots.get(entry.kind, entry.kind))
+
+
+# ---------------------------------------------------------------- one file
+
+
+def bundled(source: Source) -> tuple[tree.Node, ...]:
+    """A file and what it imports as the statements of one text; equal names of several files get a number."""
+    files = read_files(source)
+    main = next(reversed(files.values()))
+    taken: dict[str, Key] = {}
+    words: dict[Key, str] = {}
+
+    def choose(key: Key) -> str:
+        if key[0] != "file" or len(key) > 3:
+            return key[-1]
+        if key not in words:
+            word, number = key[2], 1
+            while taken.setdefault(word, key) != key:
+                number += 1
+                word = f"{key[2]}_{number}"
+            words[key] = word
+        return words[key]
+
+    for name in main.models:
+        choose(("file", main.path, name))
+    renamer = Renamer(choose)
+    used = _used(main)
+    statements: list[tree.Node] = []
+    for file in files.values():
+        for statement in file.statements:
+            if isinstance(statement, tree.Import | tree.Description):
+                continue
+            if isinstance(statement, tree.Model) and file.models[statement.name] not in used:
+                continue
+            statements.append(renamer.top(file, statement))
+    return tuple(statements)
+
+
+def _used(main: File) -> set[Definition]:
+    """The models of a file and all that they use."""
+    found: set[Definition] = set()
+    waiting = [d for d in main.models.values() if d.file is main]
+    while waiting:
+        definition = waiting.pop()
+        if definition in found:
+            continue
+        found.add(definition)
+        for statement in flat(definition.model.statements):
+            kinds = [statement.kind] if isinstance(statement, tree.Declaration) else []
+            kinds += definition.slots.values()
+            if isinstance(statement, tree.Declaration):
+                kinds += [a.value.head for a in statement.attributes if isinstance(a.value, tree.Path)]
+            waiting += [definition.file.models[k] for k in kinds if k in definition.file.models]
+    return found

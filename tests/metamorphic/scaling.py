@@ -1,0 +1,102 @@
+"""Other units of length, mass, time, charge, temperature and amount: every number with a dimension multiplied by its power of ten."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from fractions import Fraction
+from random import Random
+from typing import Any
+
+from compiler.graph.units import ONE, Dimension, Scale
+from compiler.semantics.typed import bare, scale_of
+from compiler.source import Span
+from compiler.syntax import tree
+from tests.metamorphic.printing import unit
+
+KELVIN = unit("K")
+BASES = ("mass", "length", "time", "current", "temperature", "amount", "light")
+
+
+class Powers:
+    """Powers of ten of the bases; even, so that roots of units still give powers of ten."""
+
+    def __init__(self, seed: int) -> None:
+        random = Random(seed)
+        powers: Mapping[str, int] = {
+            b: random.randrange(-6, 7, 2) for b in ("mass", "length", "time", "charge", "temperature", "amount")
+        }
+        self.powers = {**powers, "current": powers["charge"] - powers["time"], "light": 0}
+
+    def of(self, dimension: Dimension) -> int:
+        """The power of ten by which a quantity grows."""
+        power = sum(
+            (Fraction(self.powers[b]) * e for b, e in zip(BASES, dimension.exponents, strict=True)), Fraction(0)
+        )
+        assert power.denominator == 1, f"a root of higher degree in [{dimension}]"
+        return power.numerator
+
+    def of_unit(self, words: str) -> float:
+        """The factor of a quantity in this unit of SI."""
+        return 10.0 ** self.of(scale_of(unit(words or "1")).dimension)
+
+    # ------------------------------------------------------------ the text
+    def scaled(self, node: Any) -> Any:
+        """A tree with all numbers multiplied."""
+        if isinstance(node, tuple):
+            return tuple(map(self.scaled, node))
+        match node:
+            case tree.Negative(operand=tree.Literal(unit=tree.Unit() as u) as literal) if scale_of(u).offset:
+                return self._absolute(-literal.number, scale_of(u))
+            case tree.Literal(unit=tree.Unit() as u):
+                return self._literal(node, u)
+            case tree.Item(unit=tree.Unit() as u) if [s for s, _, _ in u.factors] != ["model"]:
+                return self._item(node, u)
+            case tree.Study(unit=tree.Unit() as u):
+                values = tuple(self._in_unit(v, u) for v in node.values)
+                return replace(node, values=values, unit=KELVIN if scale_of(u).offset else u)
+            case tree.Simulate():  # an absolute tolerance in SI means other things in other units
+                kept = tuple(a for a in node.attributes if a.name != "atol")
+                return replace(node, range=self.scaled(node.range), attributes=self.scaled(kept))
+            case tree.Unit() | Span():
+                return node
+        if not is_dataclass(node):
+            return node
+        new = {f.name: self.scaled(getattr(node, f.name)) for f in fields(node)}
+        return replace(node, **new)  # type: ignore[type-var]
+
+    def _literal(self, node: tree.Literal, u: tree.Unit) -> Any:
+        if [symbol for symbol, _, _ in u.factors] == ["dB"]:
+            return node
+        scale = scale_of(u)
+        if scale.offset:
+            return self._absolute(node.number, scale)
+        return replace(node, number=node.number * Fraction(10) ** self.of(scale.dimension))
+
+    def _absolute(self, value: Fraction, scale: Scale) -> tree.Expression:
+        kelvin = (value * scale.number + scale.offset) * Fraction(10) ** self.of(scale.dimension)
+        return tree.Literal(KELVIN.span, 1, kelvin, KELVIN)
+
+    def _item(self, node: tree.Item, u: tree.Unit) -> tree.Item:
+        value = node.value
+        if isinstance(value, tree.Vector):
+            value = replace(value, items=tuple(self._in_unit(i, u) for i in value.items))
+        elif value is not None:
+            value = self._in_unit(value, u)
+        return replace(node, value=value, unit=KELVIN if scale_of(u).offset else u, index=self.scaled(node.index))
+
+    def _in_unit(self, value: tree.Expression, u: tree.Unit) -> tree.Expression:
+        """A value after `name : unit =`, where a bare number stands in that unit."""
+        if not bare(value):
+            return self.scaled(value)  # type: ignore[no-any-return]
+        scale = scale_of(u)
+        if scale.offset:
+            sign = -1 if isinstance(value, tree.Negative) else 1
+            number = value.operand if isinstance(value, tree.Negative) else value
+            assert isinstance(number, tree.Literal)
+            return self._absolute(sign * number.number, scale)
+        if isinstance(value, tree.Negative):
+            return replace(value, operand=self._in_unit(value.operand, u))
+        assert isinstance(value, tree.Literal)
+        power = 0 if scale.dimension == ONE else self.of(scale.dimension)
+        return replace(value, number=value.number * Fraction(10) ** power)

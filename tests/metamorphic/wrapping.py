@@ -1,0 +1,315 @@
+"""Walls put up and taken down: a model as an instance of another, an element behind a port, an instance opened by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from compiler.graph.domains import DOMAINS
+from compiler.graph.network import BondGraph
+from compiler.semantics.domain_table import ELEMENT_KINDS, paths_of
+from compiler.semantics.scope import STATIC_ROLES
+from compiler.syntax import tree
+from tests.metamorphic.bonds import inner_statements
+from tests.metamorphic.changing import Changed, Statements, as_file, parsed
+from tests.metamorphic.printing import path, path_text, rewrite, statement, text_of, unit
+from tests.metamorphic.renaming import Definition, Key, Renamer, kind_of
+
+ONE_PORTS = ("Se", "Sf", "MSe", "MSf", "C", "I", "R", "MR")
+
+
+# ---------------------------------------------------------------- the whole model
+
+
+def enclosed(
+    statements: Statements, model: str, experiment: str | None, outputs: tuple[str, ...], copies: int | None
+) -> Changed:
+    """The model as an instance of a new one, or as an array; inputs go in, outputs come out."""
+    definition = as_file(statements).models[model]
+    instances = ["inner"] if copies is None else [f"inner[{j}]" for j in range(1, copies + 1)]
+    inputs = [i for i in _items(definition, "input") if i.index is None and not _reads(definition, i.value)]
+    passed = {i.name for i in inputs}
+
+    def outer(node: Any, instance: str = instances[0]) -> Any:
+        """An expression of the model, read outside of it."""
+
+        def change(part: Any) -> Any:
+            if isinstance(part, tree.Path) and part.head in definition.names and part.head not in passed:
+                return path(f"{instance}.{path_text(part)}")
+            return part
+
+        return rewrite(node, change)
+
+    bindings = " { " + ", ".join(f"{i} = {i}" for i in sorted(passed)) + " }" if passed else ""
+    lines = [statement(replace(s, items=tuple(inputs)), "  ") for s in _any_quantities(definition) if inputs]
+    if copies is None:
+        lines.append(f"  {model} inner{bindings}")
+    else:
+        lines.append(f"  for round in 1..{copies} {{ {model} inner[round]{bindings} }}")
+    for j, instance in enumerate(instances):
+        lines += [f"  output result_{k}_{j} = {instance}.{name}" for k, name in enumerate(outputs)]
+    for s in definition.model.statements:
+        if isinstance(s, tree.Experiment) and s.name == experiment:
+            lines.append(statement(replace(s, steps=tuple(_steps(s, definition, passed, instances, outer))), "  "))
+    text = text_of(statements) + f"{'plain ' * definition.model.plain}model Outer {{\n" + "\n".join(lines) + "\n}\n"
+    numbers = {name: k for k, name in enumerate(outputs)}
+    return Changed(
+        text, "Outer", experiment,
+        lambda name: tuple(f"result_{numbers[name]}_{j}" for j in range(len(instances))),
+        lambda name: tuple(f"{instance}.{name}" for instance in instances),
+        len(instances),
+    )  # fmt: skip
+
+
+def _items(definition: Definition, role: str) -> Iterator[tree.Item]:
+    for s in definition.model.statements:
+        if isinstance(s, tree.Quantities) and s.role == role:
+            yield from s.items
+
+
+def _any_quantities(definition: Definition) -> list[tree.Quantities]:
+    found = [s for s in definition.model.statements if isinstance(s, tree.Quantities) and s.role == "input"]
+    return found[:1]
+
+
+def _reads(definition: Definition, value: tree.Expression | None) -> bool:
+    return value is not None and any(p.head in definition.names for p in paths_of(value))
+
+
+def _steps(
+    experiment: tree.Experiment, definition: Definition, passed: set[str], instances: list[str], outer: Any
+) -> Iterator[tree.Node]:
+    """What the experiment sets and how long it runs, said of the outer model."""
+    for step in experiment.steps:
+        if isinstance(step, tree.Set):
+            if step.target.head in passed:
+                yield replace(step, value=outer(step.value))
+                continue
+            for instance in instances:
+                target = path(f"{instance}.{path_text(step.target)}")
+                yield replace(step, target=target, value=outer(step.value))
+        elif isinstance(step, tree.Simulate):
+            yield replace(step, range=outer(step.range), attributes=())
+
+
+# ---------------------------------------------------------------- single elements
+
+
+def walled(statements: Statements, model: str, graph: BondGraph) -> tuple[Statements, dict[str, str]]:
+    """One-ports of the model, each in a model of its own behind a port; and how their states are called. Needs single bonds."""
+    file = as_file(statements)
+    definition = file.models[model]
+    walls: dict[str, Statements] = {}
+    for s in definition.model.statements:
+        if isinstance(s, tree.Declaration) and s.kind in ONE_PORTS and not s.names[0].components:
+            for declared in s.names:
+                wall = _wall(replace(s, names=(declared,)), definition, graph)
+                if wall is not None and declared.index is None:
+                    walls[declared.name] = wall
+    result: list[tree.Node] = []
+    for s in file.statements:
+        if isinstance(s, tree.Model) and s.name == model:
+            result += [m for m, *_ in walls.values()]
+            result.append(replace(s, statements=tuple(_use_walls(s.statements, walls))))
+        else:
+            result.append(s)
+    words = {f"{name}.{v}": f"{name}.inside.{v}" for name in walls for v in _letters(graph, name)}
+    return tuple(result), words
+
+
+def _letters(graph: BondGraph, name: str) -> list[str]:
+    node = next(n for n in graph.nodes if n.name == name)
+    domain = DOMAINS[node.ports[0].domain]  # type: ignore[union-attr]
+    return [domain.letter(v) for v in "efqp"]
+
+
+def _wall(element: tree.Declaration, definition: Definition, graph: BondGraph) -> Statements | None:
+    """The model around an element and its instance; None where something that its law reads has no unit that is known here."""
+    name = element.names[0].name
+    node = next((n for n in graph.nodes if n.name == name), None)
+    if node is None or not isinstance(element.definition, tree.Law):
+        return None
+    plain = definition.model.plain
+    domain = DOMAINS[node.ports[0].domain]  # type: ignore[union-attr]
+    given: dict[str, tuple[str, str, str]] = {}  # words -> name inside, role, unit
+    own = {letter for v in "efqp" for letter in (v, domain.letter(v))}
+
+    def change(part: Any) -> Any:
+        if not isinstance(part, tree.Path) or part.head not in definition.names:
+            return part
+        if (
+            part.head in own
+            and not part.steps
+            and definition.names[part.head] not in ("parameter", "constant", "input", "signal")
+        ):
+            return part
+        words = path_text(part)
+        if words not in given:
+            given[words] = (f"given_{len(given)}", *_known(words, graph))
+        return path(given[words][0])
+
+    law = rewrite(element.definition, change)
+    attributes = tuple(
+        a if a.name in ("prefer", "require") else replace(a, value=rewrite(a.value, change)) for a in element.attributes
+    )
+    if any(not role for _, role, _ in given.values()):
+        return None
+    kind = f"Wall_{name}"
+    inside = replace(element, names=(replace(element.names[0], name="inside"),), definition=law, attributes=attributes)
+    lines = [f"  {role} {word}" + ("" if plain else f": {shown}") for word, role, shown in given.values()]
+    lines += ["  port terminal" + ("" if plain else f": {domain.name}"), statement(inside, "  ")]
+    lines.append("  inside -> terminal" if _gives(name, definition) else "  terminal -> inside")
+    variables = {"C": "efq", "I": "efp"}.get(element.kind, "ef")
+    lines += [f"  output {w} = inside.{w}" for w in dict.fromkeys(x for v in variables for x in (v, domain.letter(v)))]
+    (model,) = parsed(f"{'plain ' * plain}model {kind} {{\n" + "\n".join(lines) + "\n}\n")
+    bindings = ", ".join(f"{word} = {words}" for words, (word, _, _) in given.items())
+    (instance,) = inner_statements([f"{kind} {name}" + (f" {{ {bindings} }}" if bindings else "")])
+    return (model, instance)
+
+
+def _known(words: str, graph: BondGraph) -> tuple[str, str]:
+    """Role inside a wall and unit of something that a law reads."""
+    named = graph.quantities.get(words.replace(" ", ""))
+    if named is not None:
+        return "parameter" if named.role in STATIC_ROLES else "input", named.unit
+    head, _, letter = words.rpartition(".")
+    node = next((n for n in graph.nodes if n.name == head), None)
+    if node is None:
+        return "", ""
+    domain = DOMAINS[getattr(node, "domain", "") or node.ports[0].domain]  # type: ignore[union-attr]
+    variable = domain.variable(letter)
+    return ("", "") if variable is None else ("input", str(domain.dimension(variable)))
+
+
+def _gives(name: str, definition: Definition) -> bool:
+    """Whether the arrow goes out of an element."""
+    bonds = (s for s in definition.model.statements if isinstance(s, tree.Bonds))
+    return any(isinstance(p, tree.Path) and p.head == name for b in bonds for p in b.places[0])
+
+
+def _use_walls(statements: Statements, walls: dict[str, Statements]) -> Iterator[tree.Node]:
+    def reach(place: Any) -> Any:
+        return path(f"{place.head}.terminal") if place.head in walls and not place.steps else place
+
+    for s in statements:
+        if isinstance(s, tree.Declaration):
+            kept = tuple(d for d in s.names if d.name not in walls)
+            yield from (walls[d.name][1] for d in s.names if d.name in walls)
+            if kept:
+                yield replace(s, names=kept)
+        elif isinstance(s, tree.Bonds):
+            yield replace(s, places=tuple(tuple(map(reach, group)) for group in s.places))
+        elif isinstance(s, tree.Loop):
+            inside = tuple(_use_walls(s.statements, walls))
+            yield replace(s, statements=inside)
+        else:
+            yield s
+
+
+# ---------------------------------------------------------------- instances opened
+
+
+def opened(statements: Statements, model: str, graph: BondGraph) -> tuple[Statements, dict[str, str]]:
+    """Instances of the model (no arrays) opened by hand: their statements with longer names; and these. Needs single bonds."""
+    words: dict[str, str] = {}
+    count = 0
+    while True:
+        file = as_file(statements)
+        definition = file.models[model]
+        done = next(
+            (r for s in definition.model.statements if (r := _open(s, definition, graph, count)) is not None), None
+        )
+        if done is None:
+            return statements, words
+        name, inside = done
+        words[name] = f"opened_{count}_"
+        statements = tuple(
+            replace(s, statements=inside) if isinstance(s, tree.Model) and s.name == model else s
+            for s in file.statements
+        )
+        count += 1
+
+
+def _open(node: Any, definition: Definition, graph: BondGraph, count: int) -> tuple[str, Statements] | None:
+    """The statements of the model with this instance opened, if it can be."""
+    if not isinstance(node, tree.Declaration) or node.kind in ELEMENT_KINDS or len(node.names) > 1:
+        return None
+    inner, name = kind_of(definition, node), node.names[0].name
+    if inner is None or node.names[0].index is not None or inner.slots or node.kind in definition.slots:
+        return None
+    prefix = f"opened_{count}_"
+    ports = {i.name for s in inner.model.statements if isinstance(s, tree.Ports) for i in s.items}
+
+    def choose(key: Key) -> str:
+        if key[:3] == inner.key()[:3] and len(key) == 4:
+            return prefix + key[3]
+        return key[-1]
+
+    bound = {a.name: a.value for a in node.attributes}
+    inside = Renamer(choose).model(inner).statements
+
+    def keep(statements: Statements) -> Iterator[tree.Node]:
+        for s in statements:
+            if isinstance(s, tree.Quantities):
+                items = tuple(_opened_item(i, s.role, i.name.removeprefix(prefix), bound, name, graph) for i in s.items)
+                changed = replace(s, items=items, role={"output": "signal"}.get(s.role, s.role))
+                yield from _opened_inputs(s, items, prefix, bound) if s.role == "input" else [changed]
+            elif isinstance(s, tree.Loop):
+                yield replace(s, statements=tuple(keep(s.statements)))
+            elif not isinstance(s, tree.Ports | tree.Experiment | tree.Description):
+                yield s
+
+    def change(part: Any) -> Any:
+        if isinstance(part, tree.Path) and part.head == name and part.steps and isinstance(part.steps[0], tree.Member):
+            return replace(part, head=prefix + part.steps[0].name, steps=part.steps[1:])
+        return part
+
+    rest = [rewrite(s, change) for s in definition.model.statements if s is not node]
+    return (
+        (name, joined) if (joined := _joined((*rest, *keep(inside)), {prefix + p for p in ports})) is not None else None
+    )
+
+
+def _opened_item(
+    item: tree.Item, role: str, name: str, bound: dict[str, tree.Expression], instance: str, graph: BondGraph
+) -> tree.Item:
+    """A parameter or input with the value that the instance gave it."""
+    if role not in ("parameter", "input") or name not in bound:
+        return item
+    value = bound[name]
+    named = graph.quantities.get(f"{instance}.{name}")
+    zero = isinstance(value, tree.Literal) and value.number == 0 and value.unit is None
+    shown = unit(named.unit) if zero and named is not None and named.unit not in ("", "1") else None
+    return replace(item, value=value, unit=shown)
+
+
+def _opened_inputs(
+    s: tree.Quantities, items: tuple[tree.Item, ...], prefix: str, bound: dict[str, tree.Expression]
+) -> list[tree.Node]:
+    """What is bound becomes a signal, what is not stays an input."""
+    signals = tuple(i for i in items if i.name.removeprefix(prefix) in bound)
+    inputs = tuple(i for i in items if i.name.removeprefix(prefix) not in bound)
+    shown: list[tree.Node] = [replace(s, role="signal", items=signals)] if signals else []
+    return [*shown, replace(s, items=inputs)] if inputs else shown
+
+
+def _joined(statements: Statements, ports: set[str]) -> Statements | None:
+    """Bonds on both sides of a wall as one; None where a port has not exactly one on each side."""
+    result = list(statements)
+    for port in ports:
+        ends: dict[str, list[tree.Bonds]] = {"in": [], "out": []}
+        for s in result:
+            if isinstance(s, tree.Bonds):
+                for side, group in (("out", s.places[0]), ("in", s.places[1])):
+                    if any(isinstance(p, tree.Path) and p.head == port for p in group):
+                        ends[side].append(s)
+        if len(ends["in"]) != 1 or len(ends["out"]) != 1:
+            return None
+        (arrives,), (leaves,) = ends["in"], ends["out"]
+        ends_in, ends_out = arrives.places[1][0], leaves.places[0][0]
+        if arrives.arrows != leaves.arrows or ends_in.steps or ends_out.steps:  # type: ignore[union-attr]
+            return None
+        result[result.index(arrives)] = replace(arrives, places=(arrives.places[0], leaves.places[1]))
+        result.remove(leaves)
+    return tuple(result)

@@ -1,0 +1,67 @@
+"""Loops that have strokes, and no solution at the values of the run: told with the elements, the parameters and their values."""
+
+from __future__ import annotations
+
+import pytest
+
+import bondgraph
+from tests.compiling import compiled, mistake, mistakes, refused
+
+RING = "plain model A {\n  parameter n = 2, k = 0.5\n  Se s : e = 1\n  1 a, b\n  R r : e = 3*f\n  R t : e = 2*f\n  TF one : e1 = n*e2\n  TF two : e1 = k*e2\n  s -> a -> r\n  a -> one -> b -> t\n  b -> two -> a\n  output o = r.f\n}\n"
+RESISTORS = "plain model A {\n  parameter r = -2\n  Se s : e = 1\n  1 a\n  R x : e = 2*f\n  R y : e = r*f\n  s -> a -> x, y\n  output o = x.f\n}\n"
+INERTIAS = "plain model A {\n  parameter m = 3, n = 1\n  Se s : e = 1\n  1 a, b\n  I x : p = 3*f\n  I y : p = -m*f\n  TF lever : f1 = n*f2\n  s -> a -> x, lever\n  lever -> b -> y\n  output o = x.f\n}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "elements", "values", "cure"),
+    [
+        (RING, ["one", "two"], ["k = 0.5", "n = 2"], {"n": 3.0}),
+        (RESISTORS, ["x", "y"], ["r = -2"], {"r": -3.0}),
+        (INERTIAS, ["lever", "y"], ["m = 3"], {"n": 2.0}),
+    ],
+)
+def test_what_cancels_is_told(text: str, elements: list[str], values: list[str], cure: dict[str, float]) -> None:
+    found = mistake(text, "BG502")
+    assert all(f"`{name}`" in found.sentence for name in [*elements, *values]), found.sentence
+    assert found.span.line > 1 and found.help
+    assert compiled(text, cure).program.states is not None, "other values have a solution"
+
+
+def test_products_that_are_one_but_for_rounding() -> None:
+    """3 times 1/3, and 0.1 times 10 in seven ratios."""
+    third = RING.replace("n = 2, k = 0.5", f"n = 3, k = {1 / 3!r}")
+    assert mistake(third, "BG502")
+    ratios = [0.1, 0.7, 1.9, 1.3]
+    chain = "".join(f"  TF t{i} : e1 = {x!r}*e2\n  1 j{i}\n" for i, x in enumerate(ratios))
+    product = 0.1 * 0.7 * 1.9 * 1.3
+    text = (
+        f"plain model A {{\n  Se s : e = 1\n  1 a\n  R r : e = 3*f\n{chain}  TF back : e1 = {1 / product!r}*e2\n  s -> a -> r\n"
+        "  a -> t0 -> j0 -> t1 -> j1 -> t2 -> j2 -> t3 -> j3 -> back -> a\n  output o = r.f\n}\n"
+    )
+    assert mistake(text, "BG502")
+    assert mistakes(text.replace(f"{1 / product!r}", f"{1.001 / product!r}")) == ()
+
+
+@pytest.mark.parametrize("ratio", [1e-12, 1e-6, 1e6, 1e12])
+def test_what_is_only_small_is_no_zero(ratio: float) -> None:
+    text = RESISTORS.replace("r = -2", f"r = {2 * ratio!r}")
+    result = bondgraph.load(text).simulate(to=1)
+    assert result.final("o") == pytest.approx(1 / (2 + 2 * ratio), rel=1e-12)
+
+
+def test_a_parameter_that_may_change_is_not_held_against_the_author() -> None:
+    assert refused(compiled(RESISTORS), "BG502")
+    assert compiled(RESISTORS, free=("r",)).program.source
+    assert compiled(RESISTORS, free=("*",)).program.source
+
+
+def test_a_full_matrix_of_rank_one() -> None:
+    """Two meshes whose own resistances are taken away by negative ones: only the shared one is left."""
+    lines = [
+        f"  Se s{i} : e = {i}\n  1 m{i}\n  R own{i} : e = 2*f\n  R less{i} : e = -2*f\n  s{i} -> m{i} -> own{i}, less{i}\n"
+        for i in (1, 2)
+    ]
+    text = f"plain model A {{\n{''.join(lines)}  0 k\n  R shared : e = 5*f\n  m1 -> k -> shared\n  m2 -> k\n  output o = shared.f\n}}\n"
+    found = mistakes(text)
+    assert [d.code for d in found] == ["BG502"], "the two sources meet without a resistance"
+    assert mistakes(text.replace("-2*f", "-1*f")) == ()

@@ -1,0 +1,174 @@
+"""Two graphs are the same but for names: parts in the same order, the same laws over the same references, the same numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from compiler.algebra.expression import Expression, Number, Symbol, substitute
+from compiler.algebra.formula import Bound
+from compiler.driver import Compilation
+from compiler.graph.network import BondGraph, Element, End, Junction, MechanismNode, Own, Quantity, Reading
+
+
+class Same:
+    """Compares a graph with the one that its text gives; nodes and quantities correspond by their order."""
+
+    def __init__(self, first: BondGraph, second: BondGraph) -> None:
+        self.first, self.second = first, second
+        assert [n.kind for n in first.nodes] == [n.kind for n in second.nodes]
+        self.nodes = {a.name: b.name for a, b in zip(first.nodes, second.nodes, strict=True)}
+        self.parts: dict[tuple[str, str], str] = {}
+        for a, b in zip(first.nodes, second.nodes, strict=True):
+            if isinstance(a, MechanismNode) and isinstance(b, MechanismNode):
+                for x, y in zip(_parts(a), _parts(b), strict=True):
+                    self.parts[a.name, x.name] = y.name
+        self.quantities = self._quantities()
+
+    def _quantities(self) -> dict[str, str]:
+        outputs = dict(zip(self.first.outputs, self.second.outputs, strict=True))
+        mine = [n for n in self.first.quantities if n not in outputs]
+        theirs = [n for n, q in self.second.quantities.items() if n not in outputs.values()]
+        return dict(zip(mine, theirs, strict=True)) | {a: b for a, b in outputs.items() if a in self.first.quantities}
+
+    # ------------------------------------------------------------ expressions with references put in, names of the second
+    def reference(self, argument: Any) -> Expression:
+        match argument:
+            case float():
+                return Number(argument)
+            case Quantity(name):
+                return Symbol(Quantity(self.quantities.get(name, name)))
+            case Reading(node, port, variable):
+                part, _, freedom = port.rpartition(".")
+                port = f"{self.parts[node, part]}.{freedom}" if (node, part) in self.parts else port
+                return Symbol(Reading(self.nodes[node], port, variable))
+        raise AssertionError(argument)
+
+    def mine(self, x: Expression, arguments: tuple[Any, ...]) -> Expression:
+        return substitute(x, lambda s: s if isinstance(s.key, Own) else self.reference(arguments[s.key]))
+
+    @staticmethod
+    def theirs(x: Expression, arguments: tuple[Any, ...]) -> Expression:
+        def put(s: Symbol) -> Expression:
+            if isinstance(s.key, Own):
+                return s
+            argument = arguments[s.key]
+            return Number(argument) if isinstance(argument, float) else Symbol(argument)
+
+        return substitute(x, put)
+
+    def bounds(self, a: Bound | None, b: Bound | None) -> None:
+        assert (a is None) == (b is None)
+        if a is not None and b is not None:
+            assert self.mine(a.formula.expression, a.arguments) == self.theirs(b.formula.expression, b.arguments)
+
+    # ------------------------------------------------------------ all of it
+    def check(self) -> None:
+        first, second = self.first, self.second
+        assert first.name == second.name
+        assert self.ends(first, mapped=True) == self.ends(second, mapped=False)
+        for a, b in zip(first.nodes, second.nodes, strict=True):
+            self.node(a, b)
+        for name, mapped in self.quantities.items():
+            a, b = first.quantities[name], second.quantities[mapped]
+            assert (a.unit, a.value, a.description) == (b.unit, b.value, b.description), name
+            if a.role in ("parameter", "constant", "input"):
+                assert a.role == b.role
+            self.bounds(a.definition, b.definition)
+        for (name, a), (mapped, b) in zip(first.outputs.items(), second.outputs.items(), strict=True):
+            assert a.unit == b.unit, name
+            if name not in self.quantities:
+                self.bounds(a.definition, second.quantities[mapped].definition)
+        for name, integral in first.integrals.items():
+            other = second.integrals[self.quantities[name]]
+            self.bounds(integral.rate, other.rate)
+            self.bounds(integral.start, other.start)
+
+    def ends(self, graph: BondGraph, mapped: bool) -> list[tuple[Any, ...]]:
+        """All bonds in order; a mechanism's port by name, as they are numbered in the order in which the text reaches them."""
+
+        def end(at: End) -> tuple[int, Any]:
+            node = graph.nodes[at.node]
+            if not isinstance(node, MechanismNode):
+                return at
+            name = node.ports[at.port].name
+            return at.node, self._port(node, name) if mapped else name
+
+        return [(end(b.tail), end(b.head)) for b in graph.bonds]
+
+    def node(self, a: Any, b: Any) -> None:
+        if isinstance(a, Junction):
+            assert a.domain == b.domain
+        elif isinstance(a, Element):
+            assert a.ports == b.ports
+            assert (a.modulated, a.prefer, a.require) == (b.modulated, b.prefer, b.require)
+            self.law(a, b)
+            for mine, theirs in ((a.starts, b.starts), (a.nominals, b.nominals)):
+                assert mine.keys() == theirs.keys()
+                for port, (variable, bound) in mine.items():
+                    assert variable == theirs[port][0]
+                    self.bounds(bound, theirs[port][1])
+        else:
+            self.mechanism(a, b)
+
+    def law(self, a: Element, b: Element) -> None:
+        pairs = list(zip(a.law.equations, b.law.equations, strict=True))
+        sides = [(x, y) for p, q in pairs for x, y in zip(p, q, strict=True)]
+        assert (a.law.energy is None) == (b.law.energy is None)
+        if a.law.energy is not None and b.law.energy is not None:
+            sides.append((a.law.energy, b.law.energy))
+        for x, y in sides:
+            assert self.mine(x, a.arguments) == self.theirs(y, b.arguments), a.name
+
+    def mechanism(self, a: MechanismNode, b: MechanismNode) -> None:
+        assert {self._port(a, p.name) for p in a.ports} == {p.name for p in b.ports}
+        for x, y in zip(_parts(a), _parts(b), strict=True):
+            for field in ("mass", "inertia", "angle"):
+                self.bounds(getattr(x, field, None), getattr(y, field, None))
+            for field in ("kind", "axes"):
+                assert getattr(x, field, None) == getattr(y, field, None)
+            for field in ("body", "first", "second"):
+                mine = getattr(x, field, None)
+                assert self.parts.get((a.name, str(mine)), mine) == getattr(y, field, None)
+            for p, q in zip(x.position, y.position, strict=True):
+                self.bounds(p, q)
+            starts = getattr(x, "starts", {}), getattr(y, "starts", {})
+            assert starts[0].keys() == starts[1].keys()
+            for key in starts[0]:
+                self.bounds(starts[0][key], starts[1][key])
+        for p, q in zip(a.mechanism.gravity, b.mechanism.gravity, strict=True):
+            self.bounds(p, q)
+
+    def _port(self, node: MechanismNode, port: str) -> str:
+        part, _, freedom = port.rpartition(".")
+        return f"{self.parts[node.name, part]}.{freedom}"
+
+
+def _parts(node: MechanismNode) -> tuple[Any, ...]:
+    return (*node.mechanism.bodies, *node.mechanism.frames, *node.mechanism.joints)
+
+
+def same_motion(first: Compilation, second: Compilation, tries: int = 20, tolerance: float = 1e-12) -> int:
+    """Both programs give the same derivative, outputs and start at random states. Returns the number of states."""
+    one, two = first.program, second.program
+    assert len(one.states.names) == len(two.states.names)
+    assert one.states.units == two.states.units
+    assert one.outputs.units == two.outputs.units
+    rng = np.random.default_rng(7)
+    with np.errstate(all="ignore"):
+        (a, x), (b, y) = ((p, np.asarray(p.start(p.constants(np.array(p.defaults))))) for p in (one, two))
+    np.testing.assert_allclose(y, x, rtol=tolerance, atol=0)
+    p, q = np.array(a.defaults), np.array(b.defaults)
+    u, w = np.array(a.input_defaults), np.array(b.input_defaults)
+    with np.errstate(all="ignore"):
+        for number in range(tries):
+            state = x + rng.normal(size=len(x)) * 10.0 ** rng.uniform(-6, 0)
+            time = float(rng.uniform(0, 0.03)) if number else 0.0
+            mine = (time, state, u, a.constants(p), a.switches(time, a.constants(p)))
+            theirs = (time, state, w, b.constants(q), b.switches(time, b.constants(q)))
+            for name in ("derivative", "output"):
+                expected, found = getattr(a, name)(*mine), getattr(b, name)(*theirs)
+                scale = np.max(np.abs(expected), initial=0.0, where=np.isfinite(expected))
+                np.testing.assert_allclose(found, expected, rtol=tolerance, atol=1e-15 * scale, err_msg=name)
+    return len(x)
