@@ -375,8 +375,6 @@ class _Nodes:
         stored = all_stored[ports.index(port) if port in ports else 0]
         variable = None if domain is None else (domain.variable(letter) if letter else stored)
         allowed = stored + {"q": "e", "p": "f"}[stored]
-        if len(ports) > 1:  # a field has no inverse: its start is what its ports store
-            allowed = stored
         if (
             domain is None
             or variable is None
