@@ -5,6 +5,7 @@ Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a def
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
@@ -38,9 +39,16 @@ def main() -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def _harmless(message: str) -> str:
+    """A message whose names of files are data: they cannot rewrite the terminal."""
+    from .views.tables import visible
+
+    return "\n".join(map(visible, message.split("\n")))
+
+
 def _stop(message: str, code: int) -> NoReturn:
     """End the command with a message on stderr."""
-    click.echo(message, err=True)
+    click.echo(_harmless(message), err=True)
     raise click.exceptions.Exit(code)
 
 
@@ -100,7 +108,9 @@ def check(files: Sequence[str], as_json: bool, model: str | None) -> None:
     with _told():
         from .model import check as check_file
 
+        gc.disable()  # the process ends with this: what it makes need not be walked through, nor at its end
         found = [d for file in files for d in check_file(Path(file), model)]
+        gc.freeze()
         if as_json:
             click.echo(json.dumps(_check_json(files, found), indent=2))
         elif found:
@@ -267,20 +277,19 @@ def compile_(file: str, out: str, model: str | None) -> None:
 def fmt(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay."""
     with _told():
-        from .door import Source, format_text
+        from .door import Source, format_text, read_text
         from .files import write_text
 
         changed = []
         for file in files:
-            with open(file, encoding="utf-8-sig", newline="") as stream:
-                source = Source(file, stream.read(), Path(file))
+            source = Source(file, read_text(file, newline=""), Path(file))
             text = format_text(source)
             if text != source.text:
                 changed.append(file)
                 if not only_check:
                     write_text(file, text)
         for file in changed:
-            click.echo(f"{'would change' if only_check else 'formatted'} {file}")
+            click.echo(f"{'would change' if only_check else 'formatted'} {_harmless(file)}")
     if only_check and changed:
         raise click.exceptions.Exit(WRONG)
 
@@ -298,4 +307,4 @@ def new(file: str) -> None:
         if path.exists():
             raise click.UsageError(f"`{file}` exists already; choose another name")
         write_text(path, starter_text(path.stem))
-        click.echo(f"wrote {file}; try: bondgraph run {file}")
+        click.echo(f"wrote {_harmless(file)}; try: bondgraph run {_harmless(file)}")

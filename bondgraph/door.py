@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from compiler.semantics.scales import scale_of
     from compiler.semantics.scope import RESERVED
     from compiler.semantics.unit import read_unit
-    from compiler.source import Source, Span
+    from compiler.source import Source, Span, read_text
     from compiler.syntax import parse_expression, parse_law
     from compiler.syntax.format import format_text
     from compiler.syntax.tree import Literal, Path
@@ -40,6 +40,7 @@ _HOMES = {
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
+    "read_text": "source",
     "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
@@ -52,7 +53,7 @@ __all__ = [
     "CompilationFailed", "Dependence", "Diagnostic", "EquationSystem", "InternalError", "LimitNote", "LinearLoop", "Literal",
     "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported",
     "blocks", "bond_lines", "braces", "check_source", "dependences", "evaluate", "format_text", "number_text", "parse_expression",
-    "parse_law", "read_unit", "render", "scale_of", "to_sympy", "write_text",
+    "parse_law", "read_text", "read_unit", "render", "scale_of", "to_sympy", "write_text",
 ]  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from .door import (
     Span,
     check_source,
     parse_expression,
+    read_text,
     write_text,
 )
 from .errors import UsageError
@@ -59,7 +60,7 @@ def _source(path_or_text: str | Path) -> Source:
     if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
         return Source("text", path_or_text)
     path = Path(path_or_text)
-    return Source(str(path_or_text), path.read_text(encoding="utf-8-sig"), path)
+    return Source(str(path_or_text), read_text(path), path)
 
 
 class Model:

@@ -292,6 +292,9 @@ def extremes(values: NDArray[np.float64]) -> dict[str, float]:
 
 
 def _csv_field(text: str) -> str:
+    """A heading as a field; what a spreadsheet would take for a formula stands in brackets: `-x [m]` is `(-x [m])`."""
+    if text[:1] in "=+-@\t\r":
+        text = f"({text})"
     if any(mark in text for mark in ',"\r\n'):
         return '"' + text.replace('"', '""') + '"'
     return text

@@ -15,9 +15,11 @@ from .equations import EquationSystem, derive_equations
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
 from .graph.prune import known_zeros, preferring, prune
+from .memory import uncollected
 from .reduction import StateSpace, reduce_equations, refuse_singular_loops
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
+from .semantics.errors import TooLongRow
 from .source import Source, Span
 from .syntax import SyntaxTree, parse
 
@@ -91,7 +93,10 @@ class Compilation:
     def program(self) -> Program:
         from .codegen.numpy import generate_program
 
-        return generate_program(self.lowered)
+        try:
+            return generate_program(self.lowered)
+        except RecursionError:
+            raise CompilationFailed([_too_long(self.tree)]) from None
 
     @contextmanager
     def _instances(self) -> Iterator[None]:
@@ -116,23 +121,41 @@ def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a text: each of its models by itself, then the one that would be run, up to its equations."""
+    with uncollected():
+        return _check(source, model, library)
+
+
+def _check(source: Source, model: str | None, library: Path | None) -> tuple[Diagnostic, ...]:
     try:
         tree = parse(source)
     except CompilationFailed as failed:
         return failed.diagnostics
     try:
-        found = check_parts(tree, library)
+        parts = check_parts(tree, library, model)
     except CompilationFailed as failed:  # a limit was passed
         return failed.diagnostics
+    except RecursionError:
+        return (_too_long(tree),)
+    found = parts.diagnostics
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
+        if parts.built is not None:
+            compilation.__dict__["_built"] = (parts.built.graph, parts.built.plan)
         try:
             if not compilation.is_part:
                 _ = compilation.lowered
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
+        except RecursionError:
+            found = [_too_long(tree)]
     return CompilationFailed(found).diagnostics if found else ()
+
+
+def _too_long(tree: SyntaxTree) -> Diagnostic:
+    """What is said where the stages nest more deeply than Python follows them."""
+    model = list(tree.models.values())[-1]
+    return TooLongRow(model.name_span, model.name)
 
 
 # Several models to choose from are no mistake of a file of parts.

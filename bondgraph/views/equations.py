@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from ..door import LinearLoop, StateSpace, to_sympy
+from .tables import visible
 
 
 def state_equations(space: StateSpace) -> dict[str, Any]:
@@ -57,6 +58,7 @@ def _steps(space: StateSpace) -> dict[int, Any]:
 def equations_text(space: StateSpace, latex: bool) -> str:
     """One equation a line, in the order in which they are computed; then the rates of the states."""
     lines = list(_latex_lines(space) if latex else _text_lines(space))
+    lines = [visible(line) for line in lines]  # names of files among them
     if latex:
         return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
     return "\n".join(lines)

@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from ..door import Compilation, write_text
+from .tables import visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
@@ -14,7 +15,7 @@ def stage_text(compilation: Compilation, stage: str) -> str:
     writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
         "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code, "text": _text,
     }  # fmt: skip
-    return "\n".join(writers[stage](compilation))
+    return "\n".join(visible(line) for text in writers[stage](compilation) for line in text.split("\n"))
 
 
 def _place(span: Any) -> str:
