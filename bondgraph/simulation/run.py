@@ -77,7 +77,7 @@ def simulate(
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     return Result(
         model.name, plan.experiment, instants, columns, values, plan.report, _solver(program), run.trajectory.steps,
-        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance, run.watch.warnings,
+        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance, run.watch.warnings, compilation.certificate,
     )  # fmt: skip
 
 

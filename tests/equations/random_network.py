@@ -250,7 +250,9 @@ def _add_element(flat: Flat, place: Place, element: Element) -> None:
     bonds = [flat.bond_at[name, i] for i in range(len(element.ports))]
     stored = []
     for i, bond in enumerate(bonds if element.stores else ()):
-        label = place.path + (f"{element.name}.{element.ports[i]}" if element.kind == "IC" else element.path(i, element.stored[i]))
+        label = place.path + (
+            f"{element.name}.{element.ports[i]}" if element.kind == "IC" else element.path(i, element.stored[i])
+        )
         stored.append(flat.network.storage(label, bond, "C" if element.stored[i] == "q" else "I"))
         flat.stored[name, i] = stored[-1]
         if i in element.starts:
@@ -413,7 +415,11 @@ class Builder:
             factor = self.factor(over(uf, ue), modulate)
             law = f"{f} = {factor.text}*{e}"
             element.law = lambda p, v, b, s: [v.flow[b[0]] - factor.value(p, v) * v.effort[b[0]]]
-        elif form in (25, 26, 27):  # f = g e + a (exp(e) - 1): a diode with a leak, which no formula solves for e; or e so
+        elif form in (
+            25,
+            26,
+            27,
+        ):  # f = g e + a (exp(e) - 1): a diode with a leak, which no formula solves for e; or e so
             element.traits.add("nonlinear")
             y, x, uy, ux = (f, e, uf, ue) if form < 27 else (e, f, ue, uf)
             factor, third = self.factor(over(uy, ux), modulate), self.factor(uy)
@@ -513,7 +519,9 @@ class Builder:
             lambda *a: [],
             {f"{kind} field"},
         )
-        element.stored = stored = "".join(self.c.one("qp") if kind == "IC" else "q" if kind == "C" else "p" for _ in domains)
+        element.stored = stored = "".join(
+            self.c.one("qp") if kind == "IC" else "q" if kind == "C" else "p" for _ in domains
+        )
         given = ["e" if x == "q" else "f" for x in stored]
         root = np.array([[self.c.number() if j <= i else 0.0 for j in range(n)] for i in range(n)])
         for i in range(n):

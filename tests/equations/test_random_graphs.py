@@ -177,7 +177,9 @@ def _check_state(example: Example, compilation: Any, running: Running, numbers: 
     """Rates, outputs, powers and the Jacobian in one state."""
     try:
         rates, outputs = running.derivative(x), running.output(x)
-    except RunFailed as failed:  # of loops with several or no solutions; never of one that is linear, or without modulation
+    except (
+        RunFailed
+    ) as failed:  # of loops with several or no solutions; never of one that is linear, or without modulation
         KINDS["loops without a solution"] += 1
         assert running.unknowns, failed
         found = solve(example.flat.network, dict(zip(numbers, x, strict=True)), example.time)
