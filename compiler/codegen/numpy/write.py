@@ -157,13 +157,13 @@ class Writer:
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
         claims, forced = lowered.claims, lowered.forced
-        note = "By how much the starts that the author gave to computed quantities are missed."
-        parts.append(self._function("claims", full, note, claims, (len(claims),)))
-        note = "What time alone moves and a storage in derivative form differentiates: it must not jump."
-        parts.append(self._function("forced", full, note, forced, (len(forced),)))
-        note = "What the rates read of time alone."
+        doc = "By how much the starts that the author gave to computed quantities are missed."
+        parts.append(self._function("claims", full, doc, claims, (len(claims),)))
+        doc = "What time alone moves and a storage in derivative form differentiates: it must not jump."
+        parts.append(self._function("forced", full, doc, forced, (len(forced),)))
+        doc = "What the rates read of time alone."
         signals = lowered.signals
-        parts.append(self._function("signals", "time, inputs, constants, mode", note, signals, (len(signals),)))
+        parts.append(self._function("signals", "time, inputs, constants, mode", doc, signals, (len(signals),)))
         powers = self._power_nodes()
         parts.append(
             self._function(
