@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Compilation, InternalError, Kind, Symbol, derivative, evaluate, to_sympy
+from ..door import Compilation, InternalError, Kind, Symbol, derivative, evaluate
 from ..errors import UsageError
 from ..simulation.energy import stored_change
-from ..views.equations import symbolic_values
 from .point import values_at
 from .structure import Network, StoragePort, network
 
@@ -81,10 +80,10 @@ def port_hamiltonian(compilation: Compilation, state: Mapping[str, float], time:
     values = values_at(compilation, state, time)
     net = network(compilation, lambda x: evaluate(x, values.__getitem__), values)
     form = _Form(net, float)
-    R = sum(form.losses.values(), np.zeros_like(form.A))
+    R = form.losses() / 2
     J = form.A + R
     _check_skew(J, np.maximum(np.abs(form.A), np.abs(R)))
-    _check_positive(R, form.losses)
+    _check_positive(R, form)
     E = np.eye(len(net.states))
     if net.dependent:
         _check_dependent(compilation, net, form)
@@ -112,13 +111,21 @@ class _Form:
         self.A, self.B, self.G = rates[:, :n], rates[:, n : n + k], rates[:, n + k :]
         tied = self._matrix([d.slope for d in net.dependent])
         self.C, self.others = tied[:, :n], tied[:, n:]
-        self.losses: dict[str, Any] = {}
-        self.reached = False  # whether a resistor sees the rate of a dependent storage
-        for port in net.resistors:
-            effort, flow = (self._matrix([v])[0] for v in (port.effort, port.flow))
-            self.reached = self.reached or bool((effort[n : n + k] != 0).any() or (flow[n : n + k] != 0).any())
-            product = port.sign * np.outer(effort[:n], flow[:n])
-            self.losses[port.element] = self.losses.get(port.element, 0) + (product + product.T) / 2
+        self.efforts, self.flows = (self._matrix([getattr(p, v) for p in net.resistors]) for v in ("effort", "flow"))
+        tied_to = np.concatenate([self.efforts[:, n : n + k], self.flows[:, n : n + k]])
+        self.reached = bool((tied_to != 0).any())  # whether a resistor sees the rate of a dependent storage
+        signs = np.array([p.sign for p in net.resistors], dtype=int).reshape(-1, 1)
+        self.efforts, self.flows = self.efforts[:, :n] * signs, self.flows[:, :n]
+
+    def losses(self, chosen: Any = slice(None)) -> Any:
+        """Twice the power into the chosen ports of resistors, as a symmetric form in the slopes of the states."""
+        product = self.efforts[chosen].T @ self.flows[chosen]
+        return product + product.T
+
+    def parts(self) -> dict[str, Any]:
+        """Element -> its own losses."""
+        names = [p.element for p in self.net.resistors]
+        return {name: self.losses([i for i, n in enumerate(names) if n == name]) for name in dict.fromkeys(names)}
 
     def _matrix(self, variables: list[int]) -> Any:
         rows = []
@@ -147,16 +154,21 @@ def _check_skew(J: Array, size: Array) -> None:
         raise InternalError("the junction structure of a port-Hamiltonian form is not skew")
 
 
-def _check_positive(R: Array, losses: Mapping[str, Array]) -> None:
+def _check_positive(R: Array, form: _Form) -> None:
     """R is positive semidefinite; else the resistors that create energy are named."""
-    size = np.sqrt(sum((np.abs(np.diag(loss)) for loss in losses.values()), np.zeros(len(R))))
+    size = np.sqrt(np.abs(form.efforts * form.flows).sum(axis=0))
     scale = np.where(size > 0, size, 1.0)
 
     def least(matrix: Array) -> float:
         return float(np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min(initial=0.0))
 
+    try:  # much faster than eigenvalues, and nearly always enough
+        np.linalg.cholesky(R / np.outer(scale, scale) + ROUND_OFF * np.eye(len(R)))
+        return
+    except np.linalg.LinAlgError:
+        pass
     if least(R) < -ROUND_OFF:
-        guilty = [f"`{name}`" for name, loss in losses.items() if least(loss) < -ROUND_OFF]
+        guilty = [f"`{name}`" for name, loss in form.parts().items() if least(loss) < -ROUND_OFF]
         raise UsageError(f"{', '.join(guilty)} creates energy at this state: R would not be positive semidefinite")
 
 
@@ -237,6 +249,9 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
     """The form in sympy, over parameters, inputs, time and states. Raises `UsageError` for what has none."""
     import sympy
 
+    from ..door import to_sympy
+    from ..views.equations import symbolic_values
+
     if compilation.state_space.dependent:
         raise UsageError(
             f"`{compilation.state_space.dependent[0]}` depends on other storages: there is no form in symbols, but one at each state"
@@ -247,9 +262,7 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
     form = _Form(net, object)
     names = compilation.equations.variables
     A, G = sympy.Matrix(form.A.tolist()), sympy.Matrix(len(net.states), len(net.given), form.G.ravel().tolist())
-    R = sympy.zeros(len(net.states), len(net.states))
-    for loss in form.losses.values():
-        R += sympy.Matrix(np.asarray(loss).tolist())
+    R = sympy.Matrix(len(net.states), len(net.states), form.losses().ravel().tolist()) / 2
     R = R.applyfunc(sympy.simplify)
     J = (A + R).applyfunc(sympy.simplify)
     if (J + J.T).applyfunc(sympy.simplify) != sympy.zeros(*J.shape):
@@ -264,6 +277,8 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
 def _symbolic_energy(storage: Any, entry: Callable[[int | float], Any]) -> Any:
     """The energy of a storage; of laws that are linear half of slope times stored, else the work from zero as an integral."""
     import sympy
+
+    from ..door import to_sympy
 
     count = len(storage.stored)
     slots = [entry(v) for v in (*storage.stored, *storage.arguments)]

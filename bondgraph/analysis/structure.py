@@ -19,6 +19,7 @@ from ..door import (
     PowerPort,
     Symbol,
     affine_parts,
+    blocks,
     depends_on,
     derivative,
 )
@@ -186,26 +187,43 @@ def _slope_at_rest(assignment: Assignment, target: int, other: int, value: Coeff
 
 
 def _eliminated(rows: dict[int, Row]) -> dict[int, Row]:
-    """Each variable over what no row computes: rows are put into each other, and loops solved where they close."""
-    users: dict[int, set[int]] = {}
+    """Each variable over what no row computes: rows are put into each other in order, and loops solved where they close."""
+    inputs: list[list[int]] = [[] for _ in range(1 + max(rows, default=-1))]
     for target, row in rows.items():
-        for variable in row:
-            users.setdefault(variable, set()).add(target)
-    left = set(rows)
+        inputs[target] = [v for v in row if v in rows]
+    for block in blocks(sorted(rows), inputs):
+        inside = set(block)
+        for target in block:
+            for variable in [v for v in rows[target] if v in rows and v not in inside]:
+                _put(rows[target], variable, rows[variable])
+        _solve(rows, block)
+    return rows
+
+
+def _solve(rows: dict[int, Row], block: list[int]) -> None:
+    """A loop, by elimination with the pivot that is best and, among equals, fills in least."""
+    users = {v: {t for t in block if v in rows[t]} for v in block}
+    left = set(block)
     while left:
-        target = min(left, key=lambda v: (_gain(rows[v].get(v, 0)), len(rows[v]) * len(users.get(v, ())), v))
+        target = min(left, key=lambda v: (_gain(rows[v].get(v, 0)), len(rows[v]) * len(users[v]), v))
         left.remove(target)
         row = rows[target]
         own = row.pop(target, 0)
         if own != 0:
             for variable in row:
                 row[variable] = row[variable] / (1 - own)
-        for user in users.pop(target, set()) - {target}:
-            factor = rows[user].pop(target)
-            for variable, coefficient in row.items():
-                rows[user][variable] = rows[user].get(variable, 0) + factor * coefficient
-                users.setdefault(variable, set()).add(user)
-    return rows
+        for user in users[target] - {target}:
+            _put(rows[user], target, row)
+            for variable in row:
+                if variable in users:
+                    users[variable].add(user)
+
+
+def _put(row: Row, variable: int, known: Row) -> None:
+    """Replace a variable in a row by what it is."""
+    factor = row.pop(variable)
+    for other, coefficient in known.items():
+        row[other] = row.get(other, 0) + factor * coefficient
 
 
 def _gain(own: Any) -> float:
