@@ -122,6 +122,7 @@ class _Reduction:
     def _nonlinear(self, cut: list[int], order: list[int], members: tuple[str, ...]) -> list[Step]:
         """The cut variables are unknowns; what each should be, less what it is, must vanish."""
         inner: list[Step] = [self.assigned[v] for v in order]
+        loop = self.unknowns[-1].loop + 1 if self.unknowns else 0
         for variable in cut:
             assignment = self.assigned[variable]
             old = self.variables[variable]
@@ -131,7 +132,7 @@ class _Reduction:
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
             inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
-            self.unknowns.append(Unknown(variable, number, assignment.span, members))
+            self.unknowns.append(Unknown(variable, number, assignment.span, members, loop))
         return inner
 
     def _linear(

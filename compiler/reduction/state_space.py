@@ -33,6 +33,7 @@ class Unknown:
     residual: int
     span: Span
     members: tuple[str, ...]
+    loop: int  # unknowns with the same number are of one loop
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,7 +82,9 @@ def test_a_balanced_bridge_has_one() -> None:
 
 
 @settings(max_examples=20)
-@given(st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-6, 1e6)), min_size=2, max_size=4), st.integers(-1000, 1000))
+@given(
+    st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-6, 1e6)), min_size=2, max_size=4), st.integers(-1000, 1000)
+)
 def test_ladders_of_laws_that_only_rise_have_one(values: list[tuple[float, float]], supply: float) -> None:
     """Where every law rises there is one solution (Duffin, Bull. Amer. Math. Soc. 53, 1947), over whatever decades."""
     lines = [f"  Se s : u = {supply!r} V", "  0 k[0] : electric", "  s -> k[0]"]

@@ -159,10 +159,10 @@ class Writer:
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
         claims, forced = lowered.claims, lowered.forced
-        note = "By how much the starts that the author gave to computed quantities are missed."
-        parts.append(self._function("claims", full, note, claims, (len(claims),)))
-        note = "What time alone moves and a storage in derivative form differentiates: it must not jump."
-        parts.append(self._function("forced", full, note, forced, (len(forced),)))
+        doc = "By how much the starts that the author gave to computed quantities are missed."
+        parts.append(self._function("claims", full, doc, claims, (len(claims),)))
+        doc = "What time alone moves and a storage in derivative form differentiates: it must not jump."
+        parts.append(self._function("forced", full, doc, forced, (len(forced),)))
         parts.append(
             self._function(
                 "dependent",
@@ -175,11 +175,11 @@ class Writer:
         where = sorted(lowered.sensitivities)
         parts.append(_pattern("SENSITIVITY_PATTERN", where, "dependents, states"))
         slopes = [lowered.sensitivities[place] for place in where]
-        note = "Slopes of what storages in derivative form hold by the states, where they change in a run."
-        parts.append(self._function("sensitivities", full, note, slopes, (len(slopes),)))
-        note = "What the rates read of time alone."
+        doc = "Slopes of what storages in derivative form hold by the states, where they change in a run."
+        parts.append(self._function("sensitivities", full, doc, slopes, (len(slopes),)))
+        doc = "What the rates read of time alone."
         signals = lowered.signals
-        parts.append(self._function("signals", "time, inputs, constants, mode", note, signals, (len(signals),)))
+        parts.append(self._function("signals", "time, inputs, constants, mode", doc, signals, (len(signals),)))
         powers = self._power_nodes()
         parts.append(
             self._function(
