@@ -86,7 +86,9 @@ class Network:
     def taylor(self, w: Array, s: Array, time: Array) -> Array:
         """The coefficients in time of all residuals, for those of what they read (first axis)."""
         series = [Series(w[:, i]) for i in range(w.shape[1])]
-        v = Values(series[: self.bonds], series[self.bonds :], [Series(s[:, i]) for i in range(s.shape[1])], Series(time))
+        v = Values(
+            series[: self.bonds], series[self.bonds :], [Series(s[:, i]) for i in range(s.shape[1])], Series(time)
+        )
         rows = [r.c if isinstance(r, Series) else constant(r, time) for part in self.residuals for r in part(v)]
         return np.concatenate(np.moveaxis(np.array(rows), 1, 0))
 
@@ -141,7 +143,9 @@ class Solution:
         return float(self.w[self.network.bonds + bond])
 
 
-def solve(network: Network, given: dict[int, float], time: float, order: int = 1, guess: Array | None = None) -> Solution:
+def solve(
+    network: Network, given: dict[int, float], time: float, order: int = 1, guess: Array | None = None
+) -> Solution:
     """All efforts, flows and stored quantities, for given stored quantities (by storage port), with `order` derivatives."""
     n, m = 2 * network.bonds, len(network.storages)
     free = [i for i in range(m) if i not in given]
