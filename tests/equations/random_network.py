@@ -7,6 +7,7 @@ formula of its own, never from what the compiler made of the text.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -50,6 +51,16 @@ class Choices:
 
     def number(self) -> float:
         return float(self.one(NUMBERS))
+
+
+class ManyChoices(Choices):
+    """The same from a generator of random numbers: hypothesis likes to repeat itself with small changes, which a long run does not."""
+
+    def __init__(self, seed: str) -> None:
+        self._random = random.Random(seed)
+
+    def integer(self, low: int, high: int) -> int:
+        return self._random.randint(low, high)
 
 
 def over(top: str, bottom: str, power: int = 1) -> str:
@@ -934,7 +945,11 @@ class Example:
 @st.composite
 def examples(draw: Callable[[Any], Any]) -> Example:
     """Random models with their networks."""
-    c = Choices(draw)
+    return example_of(Choices(draw))
+
+
+def example_of(c: Choices) -> Example:
+    """The model that some choices make."""
     plain = not c.chance(50)
     parts: list[Part] = []
     root = Builder(c, "Root", plain, parts, 0).grow([])
