@@ -1,10 +1,11 @@
-"""The command line: `bondgraph check|run|causality|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|certificate|run|causality|show|equations|compile|fmt|new`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
@@ -38,9 +39,16 @@ def main() -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def _harmless(message: str) -> str:
+    """A message whose names of files are data: they cannot rewrite the terminal."""
+    from .views.tables import visible
+
+    return "\n".join(map(visible, message.split("\n")))
+
+
 def _stop(message: str, code: int) -> NoReturn:
     """End the command with a message on stderr."""
-    click.echo(message, err=True)
+    click.echo(_harmless(message), err=True)
     raise click.exceptions.Exit(code)
 
 
@@ -96,11 +104,14 @@ _experiment = click.option(
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON (schema bondgraph-check/1).")
 @_model
 def check(files: Sequence[str], as_json: bool, model: str | None) -> None:
-    """Tell everything that is wrong with some files."""
+    """Tell everything that is wrong with some files; of fine ones, what kind of equations a run solves."""
     with _told():
-        from .model import check as check_file
+        from .model import certify
 
-        found = [d for file in files for d in check_file(Path(file), model)]
+        gc.disable()  # the process ends with this: what it makes need not be walked through, nor at its end
+        examined = [certify(Path(file), model) for file in files]
+        found = [d for diagnostics, _ in examined for d in diagnostics]
+        gc.freeze()
         if as_json:
             click.echo(json.dumps(_check_json(files, found), indent=2))
         elif found:
@@ -108,6 +119,8 @@ def check(files: Sequence[str], as_json: bool, model: str | None) -> None:
 
             click.echo("\n\n".join(render(d) for d in found), err=True)
         else:
+            for certificate in (c for _, c in examined if c is not None):
+                click.echo("\n".join([certificate.line, *(f"  note: {n}" for n in certificate.notes)]))
             click.echo(f"{len(files)} file{'s' * (len(files) > 1)} fine")
     if found:
         raise click.exceptions.Exit(WRONG)
@@ -120,6 +133,17 @@ def _check_json(files: Sequence[str], found: Sequence[Diagnostic]) -> dict[str, 
         for d in found
     ]  # fmt: skip
     return {"schema": CHECK_SCHEMA, "files": list(files), "diagnostics": told}
+
+
+@commands.command()
+@_file
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-certificate/1).")
+@_model
+def certificate(file: str, as_json: bool, model: str | None) -> None:
+    """Tell what kind of equations a model has: form, index, states, loops, what was left out."""
+    with _told():
+        told = _load(file, model).certificate
+        click.echo(json.dumps(told.to_json(), indent=2) if as_json else str(told))
 
 
 # ---------------------------------------------------------------- run
@@ -267,20 +291,19 @@ def compile_(file: str, out: str, model: str | None) -> None:
 def fmt(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay."""
     with _told():
-        from .door import Source, format_text
+        from .door import Source, format_text, read_text
         from .files import write_text
 
         changed = []
         for file in files:
-            with open(file, encoding="utf-8-sig", newline="") as stream:
-                source = Source(file, stream.read(), Path(file))
+            source = Source(file, read_text(file, newline=""), Path(file))
             text = format_text(source)
             if text != source.text:
                 changed.append(file)
                 if not only_check:
                     write_text(file, text)
         for file in changed:
-            click.echo(f"{'would change' if only_check else 'formatted'} {file}")
+            click.echo(f"{'would change' if only_check else 'formatted'} {_harmless(file)}")
     if only_check and changed:
         raise click.exceptions.Exit(WRONG)
 
@@ -298,4 +321,4 @@ def new(file: str) -> None:
         if path.exists():
             raise click.UsageError(f"`{file}` exists already; choose another name")
         write_text(path, starter_text(path.stem))
-        click.echo(f"wrote {file}; try: bondgraph run {file}")
+        click.echo(f"wrote {_harmless(file)}; try: bondgraph run {_harmless(file)}")

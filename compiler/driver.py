@@ -11,13 +11,15 @@ from pathlib import Path
 from .causality import CausalGraph, assign_causality
 from .codegen.lower import Lowered, lower
 from .codegen.program import Program
-from .equations import EquationSystem, derive_equations
+from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
-from .graph.prune import known_zeros, prune
-from .reduction import StateSpace, reduce_equations, refuse_singular_loops
+from .graph.prune import known_zeros, preferring, prune
+from .memory import uncollected
+from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
+from .semantics.errors import TooLongRow
 from .source import Source, Span
 from .syntax import SyntaxTree, parse
 
@@ -63,7 +65,7 @@ class Compilation:
     @cached_property
     def graph(self) -> BondGraph:
         """The graph without what gives nothing in this run."""
-        return prune(self.whole_graph, self.zeros)
+        return preferring(prune(self.whole_graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
     def causal(self) -> CausalGraph:
@@ -88,10 +90,20 @@ class Compilation:
             return lower(self.state_space)
 
     @cached_property
+    def certificate(self) -> Certificate:
+        """What kind of equations a run of this scene solves."""
+        kept = {node.name for node in self.graph.nodes}
+        left_out = tuple(node.name for node in self.whole_graph.nodes if node.name not in kept)
+        return certify(self.state_space, self.equations, left_out, notes(self.graph))
+
+    @cached_property
     def program(self) -> Program:
         from .codegen.numpy import generate_program
 
-        return generate_program(self.lowered)
+        try:
+            return generate_program(self.lowered)
+        except RecursionError:
+            raise CompilationFailed([_too_long(self.tree)]) from None
 
     @contextmanager
     def _instances(self) -> Iterator[None]:
@@ -116,23 +128,52 @@ def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a text: each of its models by itself, then the one that would be run, up to its equations."""
+    return examine(source, model, library)[0]
+
+
+def examine(
+    source: Source, model: str | None = None, library: Path | None = None
+) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    """What is wrong with a text; and if nothing is, the certificate of the model that would be run, if it has one."""
+    with uncollected():
+        return _examine(source, model, library)
+
+
+def _examine(
+    source: Source, model: str | None, library: Path | None
+) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    certificate: Certificate | None = None
     try:
         tree = parse(source)
     except CompilationFailed as failed:
-        return failed.diagnostics
+        return failed.diagnostics, None
     try:
-        found = check_parts(tree, library)
+        parts = check_parts(tree, library, model)
     except CompilationFailed as failed:  # a limit was passed
-        return failed.diagnostics
+        return failed.diagnostics, None
+    except RecursionError:
+        return (_too_long(tree),), None
+    found = parts.diagnostics
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
+        if parts.built is not None:
+            compilation.__dict__["_built"] = (parts.built.graph, parts.built.plan)
         try:
             if not compilation.is_part:
                 _ = compilation.lowered
+                certificate = compilation.certificate
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
-    return CompilationFailed(found).diagnostics if found else ()
+        except RecursionError:
+            found = [_too_long(tree)]
+    return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)
+
+
+def _too_long(tree: SyntaxTree) -> Diagnostic:
+    """What is said where the stages nest more deeply than Python follows them."""
+    model = list(tree.models.values())[-1]
+    return TooLongRow(model.name_span, model.name)
 
 
 # Several models to choose from are no mistake of a file of parts.

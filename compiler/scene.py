@@ -33,6 +33,9 @@ class Scene:
     overrides: tuple[Override, ...] = ()
     free: frozenset[str] = frozenset()
     outputs: tuple[str, ...] | None = None
+    preferences: tuple[
+        tuple[str, str], ...
+    ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import re
+import stat
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
+
+MAXIMUM_BYTES = 32_000_000  # of one file, before it is read
+_COMMENT = re.compile(r"#[^\n]*")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +65,27 @@ class Span:
         """The text itself."""
         return self.source.text[self.start : self.end]
 
+    @property
+    def words(self) -> str:
+        """The text on one line without its comments: what stands for it where it is named."""
+        return " ".join(_COMMENT.sub(" ", self.text).split())
+
     def to(self, other: Span) -> Span:
         """The stretch from the start of this one to the end of the other."""
         return Span(self.source, self.start, max(self.end, other.end))
+
+
+def read_text(path: str | Path, newline: str | None = None) -> str:
+    """The text of a file in UTF-8. Only regular files of a bounded size are read: a device or a pipe may never end.
+
+    Raises OSError, or UnicodeDecodeError.
+    """
+    found = Path(path).stat()
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "it is a folder, not a file", str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+    if found.st_size > MAXIMUM_BYTES:
+        raise OSError(errno.EFBIG, f"it has {found.st_size} bytes; the limit is {MAXIMUM_BYTES}", str(path))
+    with Path(path).open(encoding="utf-8-sig", newline=newline) as stream:
+        return stream.read()

@@ -68,6 +68,16 @@ class LoopSolver:
         result[(..., *self._place)] = entries[..., self._chosen]
         return result
 
+    def separate(self) -> list[Any]:
+        """The unknowns of each loop by itself: those that depend on each other."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        count = len(self.magnitude)
+        reads = coo_array((np.ones(len(self._chosen)), self._place), shape=(count, count))
+        number, labels = connected_components(reads, directed=True, connection="strong")
+        return [np.flatnonzero(labels == i) for i in range(number)]
+
     def _full(self, state: Any, unknowns: Any) -> Any:
         known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)

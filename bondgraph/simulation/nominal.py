@@ -16,6 +16,7 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .choice import Choice
 from .factorise import dense, is_large, sparse
 from .loops import LoopSolver
 from .segments import Segment
@@ -32,13 +33,15 @@ SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's ch
 
 
 def nominal_magnitudes(
-    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment]
+    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
+    choice: Choice | None = None,
 ) -> Any:  # fmt: skip
-    """A positive magnitude for every state and unknown, in SI; shape (n,). `mechanisms`: their names."""
+    """A positive magnitude for every state and unknown, in SI; shape (n,). `mechanisms`: their names; `choice` says where
+    these states will be no longer the right ones."""
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.abs(state)
     if len(program.states.names):
-        peak = np.maximum(peak, _Coarse(program, constants, inputs, state).peak(stretches))
+        peak = np.maximum(peak, _Coarse(program, constants, inputs, state).peak(stretches, choice))
     result = np.where(given > 0, given, peak)
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
@@ -68,7 +71,7 @@ class _Coarse:
         kind = sparse if is_large(len(state), len(self.rows)) else dense
         self.shifted = kind(self.rows, self.columns, self.differential)
 
-    def peak(self, stretches: Sequence[Segment]) -> Any:
+    def peak(self, stretches: Sequence[Segment], choice: Choice | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""
         reach = None
         first = stretches[0]
@@ -84,7 +87,7 @@ class _Coarse:
             while time < stretch.stop and taken < MOST_STEPS:
                 taken += 1
                 size = min(size, stretch.stop - time)
-                found = self._step(time + size, size, stretch.mode)
+                found = self._sure_step(time, size, stretch.mode)
                 if found is None:
                     size *= 0.25
                     if size < SMALLEST_STEP * whole:
@@ -94,16 +97,30 @@ class _Coarse:
                 size = min(usual, 2 * size)
                 self.state = found
                 self.largest = np.maximum(self.largest, np.abs(found))
+                if choice is not None and choice.look(time, found, stretch.mode) is not None:
+                    return self.largest
                 if reach is not None:
                     self.largest = np.maximum(self.largest, reach(found))
         return self.largest
 
-    def _step(self, time: float, size: float, mode: Any) -> Any:
+    def _sure_step(self, time: float, size: float, mode: Any) -> Any:
+        """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+        found = self._step(self.state, time + size, size, mode)
+        if found is None:
+            return None
+        grows = self.differential & (np.abs(found) > 1.5 * np.abs(self.state)) & (self.state != 0)
+        if not grows.any():
+            return found
+        middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
+        end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
+        return None if end is None or (np.abs(found) > 1.2 * np.abs(end))[grows].all() else found
+
+    def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """The state at the end of a step; None if it is not found."""
         program, fixed = self.program, (self.inputs, self.constants, mode)
         try:
             magnitude = np.where(self.largest > 0, self.largest, 1.0)
-            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, self.state, mode)
+            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
         except RunFailed:
             return None
         before = np.inf
@@ -115,7 +132,7 @@ class _Coarse:
             moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))
             scale = self._scale(moved, np.abs(size * entries))
             unit = np.where(self.differential, scale, 1.0)
-            rest = slope - np.where(self.differential, (x - self.state) / size, 0.0)
+            rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
             try:
                 matrix = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
             except (np.linalg.LinAlgError, RuntimeError, ValueError):

@@ -65,11 +65,13 @@ def _check_unique(loops: LoopSolver, space: StateSpace, full: Any, at: Any) -> N
         ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g} {unknowns.units[i]}" for i in differ[:SHOWN])
         for z in solutions[:SHOWN]
     ]
+    if len(solutions) > SHOWN:
+        lines.append(f"and {len(solutions) - SHOWN} more")
     members = dict.fromkeys(m for i in differ for m in space.unknowns[i].members)
     elements = ", ".join(f"`{m}`" for m in list(members)[:6])
     line = space.unknowns[differ[0]].span.line
     raise RunFailed(
-        f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; or '.join(lines)}. "
+        f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; '.join(lines)}. "
         "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in "
         "line with what gives the effort) and start it near the one that you mean, or write the law so that only one is left"
     )

@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from ..door import Compilation, write_text
+from .tables import visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
@@ -14,7 +15,7 @@ def stage_text(compilation: Compilation, stage: str) -> str:
     writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
         "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code, "text": _text,
     }  # fmt: skip
-    return "\n".join(writers[stage](compilation))
+    return "\n".join(visible(line) for text in writers[stage](compilation) for line in text.split("\n"))
 
 
 def _place(span: Any) -> str:
@@ -107,6 +108,10 @@ def _equations(compilation: Compilation) -> Iterator[str]:
     yield f"equations {system.name}: {len(system.assignments)} assignments of {len(formulas)} formulas, {len(system.states)} states"
     for assignment in system.assignments:
         right = to_sympy(assignment.expression, symbol)
+        if assignment.implicit:
+            solved_for = f"solved for {system.variables[assignment.target].name}"
+            yield f"  0 = {right}  # {_place(assignment.span)} {assignment.owner}, {solved_for}"
+            continue
         yield f"  {system.variables[assignment.target].name} = {right}  # {_place(assignment.span)} {assignment.owner}"
     for item in system.derivatives:
         yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {_place(item.span)} {item.owner}"
@@ -120,7 +125,9 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
 
     space = compilation.state_space
     loops = sum(type(s).__name__ == "LinearLoop" for s in space.steps)
-    counts = f"{len(space.states)} states, {len(space.steps) - loops} assignments, {loops} linear loops"
+    unknowns = f"{len(space.unknowns)} unknowns of nonlinear loops, " if space.unknowns else ""
+    assignments = len(space.steps) - loops - len(space.unknowns)
+    counts = f"{len(space.states)} states, {unknowns}{assignments} assignments, {loops} linear loops"
     yield f"state space {space.name}: {counts}, outputs {', '.join(space.outputs)}"
     if space.dependent:
         yield f"in derivative form: {', '.join(space.dependent)}"

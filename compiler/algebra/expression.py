@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeGuard
 
 from . import interpolate
 
@@ -200,12 +200,21 @@ def value_of(operator: str, values: Iterable[float]) -> float:
 # ---------------------------------------------------------------- constructors
 
 
+LONGEST_OPENED = (
+    64  # operands of a sum or product that is opened in another: a product squared fifty times has 2^50 factors
+)
+
+
+def _opens(x: Expression, operator: str) -> TypeGuard[Apply]:
+    return isinstance(x, Apply) and x.operator == operator and len(x.operands) <= LONGEST_OPENED
+
+
 def add(*terms: Expression) -> Expression:
     """The sum: nested sums opened, numbers gathered, zeros dropped."""
     number = 0.0
     rest: list[Expression] = []
     for term in terms:
-        for part in term.operands if isinstance(term, Apply) and term.operator == "add" else (term,):
+        for part in term.operands if _opens(term, "add") else (term,):
             if isinstance(part, Number):
                 number += part.value
             else:
@@ -222,7 +231,7 @@ def multiply(*factors: Expression) -> Expression:
     number = 1.0
     rest: list[Expression] = []
     for factor in factors:
-        for part in factor.operands if isinstance(factor, Apply) and factor.operator == "multiply" else (factor,):
+        for part in factor.operands if _opens(factor, "multiply") else (factor,):
             if isinstance(part, Number):
                 number *= part.value
             else:

@@ -96,6 +96,16 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     return _rebuild(graph, dropped, changed)
 
 
+def preferring(graph: BondGraph, wishes: Mapping[str, str]) -> BondGraph:
+    """The graph with other wishes for the form of some storages."""
+    if not wishes:
+        return graph
+    nodes = tuple(
+        replace(n, prefer=wishes[n.name]) if isinstance(n, Element) and n.name in wishes else n for n in graph.nodes
+    )
+    return replace(graph, nodes=nodes)
+
+
 def _readings(graph: BondGraph) -> Iterator[Reading]:
     """What is read of elements by quantities, outputs and laws."""
     for definition in graph.definitions():

@@ -4,34 +4,75 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Dimension:
-    """Exponents of kg, m, s, A, K, mol, cd."""
+    """Exponents of kg, m, s, A, K, mol, cd.
+
+    A large model meets few dimensions very often: their hash is kept, and products, powers and names are remembered.
+    """
 
     exponents: tuple[Fraction, ...]
+    _hash: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_hash", hash(self.exponents))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, Dimension):
+            return NotImplemented
+        return self._hash == other._hash and self.exponents == other.exponents
 
     def __mul__(self, other: Dimension) -> Dimension:
-        return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
+        return _product(self, other)
 
     def __truediv__(self, other: Dimension) -> Dimension:
-        return Dimension(tuple(a - b for a, b in zip(self.exponents, other.exponents, strict=True)))
+        return _quotient(self, other)
 
     def __pow__(self, power: Fraction | int) -> Dimension:
-        return Dimension(tuple(a * power for a in self.exponents))
+        return _power_of(self, power)
 
     def __str__(self) -> str:
         """The unit that an engineer would write for it: `N*s/m`; `1` for a bare number."""
         return _name(self)
 
 
+_REMEMBERED = 4096  # results; a model has some dozens of dimensions
+
+
+@lru_cache(_REMEMBERED)
+def _interned(exponents: tuple[Fraction, ...]) -> Dimension:
+    return Dimension(exponents)
+
+
+@lru_cache(_REMEMBERED)
+def _product(a: Dimension, b: Dimension) -> Dimension:
+    return _interned(tuple(x + y for x, y in zip(a.exponents, b.exponents, strict=True)))
+
+
+@lru_cache(_REMEMBERED)
+def _quotient(a: Dimension, b: Dimension) -> Dimension:
+    return _interned(tuple(x - y for x, y in zip(a.exponents, b.exponents, strict=True)))
+
+
+@lru_cache(_REMEMBERED)
+def _power_of(a: Dimension, power: Fraction | int) -> Dimension:
+    return _interned(tuple(x * power for x in a.exponents))
+
+
 def _dimension(**powers: int) -> Dimension:
-    return Dimension(tuple(Fraction(powers.get(base, 0)) for base in _BASES))
+    return _interned(tuple(Fraction(powers.get(base, 0)) for base in _BASES))
 
 
 ONE = _dimension()
@@ -67,8 +108,8 @@ class Scale:
 
     def to_si(self, value: Fraction) -> float:
         """The value in SI, rounded once."""
-        exact = value * self.number + self.offset
-        return float(exact) * math.pi**self.pi_power
+        exact = value * self.number + self.offset if self.offset else value * self.number
+        return float(exact) * math.pi**self.pi_power if self.pi_power else float(exact)
 
     def from_si(self, value: float) -> float:
         """A value in SI expressed in this unit."""
@@ -152,6 +193,7 @@ _NAMED = {
 }  # fmt: skip
 
 
+@lru_cache(_REMEMBERED)
 def _name(dimension: Dimension) -> str:
     if dimension in _NAMED:
         return _NAMED[dimension]

@@ -21,19 +21,21 @@ from .errors import (
     UnknownAttribute,
     UnknownName,
     Unsupported,
-    WrongConnection,
     WrongLaw,
     WrongMechanism,
     WrongValue,
 )
 from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
+from .known import Known
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism, static_bounds
 from .requirements import read_requirements
+from .resolve import MAXIMUM_MISTAKES
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
 from .starts import read_starts
-from .transducers import TRANSDUCERS, expand_transducers, has_many_ports
+from .transducers import expand_transducers
+from .unconnected import unconnected
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,25 +51,69 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
     loader = Loader(library)
     file = loader.load(syntax)
     definition = choose_model(file, scene.model, loader.diagnostics)
-    elaborator, built = _build(definition, scene, loader.diagnostics, part=False)
-    if elaborator.diagnostics:
-        raise CompilationFailed(elaborator.diagnostics)
+    opened = _Opened.of(definition, scene, loader.diagnostics, False, Known())
+    built = opened.built()
+    if opened.elaborator.diagnostics:
+        raise CompilationFailed(opened.elaborator.diagnostics)
     return built
 
 
-def check_parts(syntax: SyntaxTree, library: Path | None = None) -> list[Diagnostic]:
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What is wrong in a file; if nothing is, the model that would be run comes along, so that it is opened once."""
+
+    diagnostics: list[Diagnostic]
+    built: Built | None = None
+
+
+def check_parts(syntax: SyntaxTree, library: Path | None = None, wanted: str | None = None) -> Checked:
     """What is wrong in any model of a file and its experiments, each looked at by itself.
 
-    Ports may be open and parameters without value.
+    Ports may be open and parameters without value, but not in the model that would be run, if nothing else is wrong.
     """
     loader = Loader(library)
     file = loader.load(syntax)
     diagnostics = list(loader.diagnostics)
+    known = Known()
+    main = None if diagnostics else _main(file, wanted)
+    whole: Built | None = None
     for definition in [d for d in file.models.values() if d.file is file]:
-        for experiment in [None, *experiments_of(definition)]:
-            elaborator, _ = _build(definition, Scene(experiment=experiment), [], part=True)
-            diagnostics += elaborator.diagnostics
-    return diagnostics
+        if len(diagnostics) > MAXIMUM_MISTAKES:
+            break
+        opened = _Opened.of(definition, Scene(experiment=None), (), definition is not main, known)
+        whole = opened.built() if definition is main else whole
+        if definition is main and opened.elaborator.diagnostics:  # what only a run lacks is told if nothing else is
+            whole, opened = None, _Opened.of(definition, Scene(experiment=None), (), True, known)
+            opened.built()
+        elif definition is not main:
+            opened.built()
+        diagnostics += opened.elaborator.diagnostics
+        for experiment in experiments_of(definition).values():
+            diagnostics += _check_experiment(opened, experiment, known)
+    return Checked(diagnostics, None if diagnostics else whole)
+
+
+def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
+    """The model that would be run; None for a file of parts."""
+    try:
+        chosen = choose_model(file, wanted, [])
+    except CompilationFailed:
+        return None
+    return None if any(isinstance(s, tree.Ports) for s in chosen.model.statements) else chosen
+
+
+def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known) -> list[Diagnostic]:
+    """What is wrong in an experiment. One that sets and sweeps nothing is read in the model as it is open already."""
+    scene = Scene(experiment=experiment.name)
+    if any(isinstance(s, tree.Set | tree.Study) for s in experiment.steps):
+        other = _Opened.of(opened.definition, scene, (), True, Known())
+        other.built()
+        return other.elaborator.diagnostics
+    elaborator = opened.elaborator
+    before = len(elaborator.diagnostics)
+    read_plan(elaborator, experiment, elaborator.root, scene)
+    elaborator.integrals()
+    return elaborator.diagnostics[before:]
 
 
 def is_part(syntax: SyntaxTree, wanted: str | None) -> bool:
@@ -115,39 +161,55 @@ def _declarations(statements: tuple[tree.Node, ...]) -> list[tree.Declaration]:
     return found
 
 
-def _build(
-    definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool
-) -> tuple[Elaborator, Built]:
-    experiment, told = choose_experiment(definition, scene.experiment)
-    overrides = [*experiment_overrides(experiment), *scene.overrides]  # what the command line sets comes last and wins
-    elaborator = Elaborator(overrides, part)
-    elaborator.diagnostics += [*earlier, *told]
-    steps = experiment.steps if experiment is not None else ()
-    elaborator.swept = tuple(s for s in steps if isinstance(s, tree.Study) and s.role == "sweep")
-    root = elaborator.open_root(definition)
-    for pending in elaborator.pending:
-        elaborator.guard(elaborator.quantity, pending)
-    nodes = _Nodes(elaborator)
-    nodes.build()
-    starts = read_starts(elaborator, experiment, root, nodes.nodes)
-    requirements = read_requirements(elaborator)
-    plan, outputs = read_plan(elaborator, experiment, root, scene)
-    _check_overrides(elaborator, scene)
-    graph = BondGraph(
-        definition.name,
-        tuple(starts.nodes(nodes.nodes)),
-        tuple(nodes.bonds),
-        elaborator.quantities,
-        outputs,
-        starts.memories(elaborator.integrals()),
-        definition.model.name_span,
-        requirements,
-        elaborator.stands,
-        nodes.walls,
-    )
-    if not part and not elaborator.structure_broken:
-        elaborator.diagnostics += _unconnected(graph)
-    return elaborator, Built(graph, plan)
+@dataclass(frozen=True, slots=True)
+class _Opened:
+    """A model that has been opened for a scene: all its names are known, no law has been read yet."""
+
+    definition: ModelDefinition
+    scene: Scene
+    experiment: tree.Experiment | None
+    elaborator: Elaborator
+    known: Known
+
+    @staticmethod
+    def of(
+        definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool, known: Known
+    ) -> _Opened:
+        experiment, told = choose_experiment(definition, scene.experiment)
+        overrides = [*experiment_overrides(experiment), *scene.overrides]  # the command line comes last and wins
+        elaborator = Elaborator(overrides, part, known)
+        elaborator.diagnostics += [*earlier, *told]
+        steps = experiment.steps if experiment is not None else ()
+        elaborator.swept = tuple(s for s in steps if isinstance(s, tree.Study) and s.role == "sweep")
+        elaborator.open_root(definition)
+        return _Opened(definition, scene, experiment, elaborator, known)
+
+    def built(self) -> Built:
+        """Its flat graph and plan; what is wrong goes to the elaborator."""
+        elaborator = self.elaborator
+        for pending in elaborator.pending:
+            elaborator.guard(elaborator.quantity, pending)
+        nodes = _Nodes(elaborator, self.known)
+        nodes.build()
+        starts = read_starts(elaborator, self.experiment, elaborator.root, nodes.nodes)
+        requirements = read_requirements(elaborator)
+        plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
+        _check_overrides(elaborator, self.scene)
+        graph = BondGraph(
+            self.definition.name,
+            tuple(starts.nodes(nodes.nodes)),
+            tuple(nodes.bonds),
+            elaborator.quantities,
+            outputs,
+            starts.memories(elaborator.integrals()),
+            self.definition.model.name_span,
+            requirements,
+            elaborator.stands,
+            nodes.walls,
+        )
+        if not elaborator.part and not elaborator.structure_broken:
+            elaborator.diagnostics += unconnected(graph)
+        return Built(graph, plan)
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
@@ -182,16 +244,14 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
 class _Nodes:
     """Makes the nodes and bonds of the flat graph."""
 
-    def __init__(self, elaborator: Elaborator) -> None:
+    def __init__(self, elaborator: Elaborator, known: Known) -> None:
         self.elaborator = elaborator
         self.nodes: list[Node] = []
         self.bonds: list[Bond] = []
         self.walls: dict[tuple[str, str], int] = {}
         self.ends: dict[tuple[str, str], End] = {}
-        self._laws: dict[
-            int, list[CompiledLaw]
-        ] = {}  # by declaration: compiled once per definition and lengths of its lists
-        self._interned: dict[Law, Law] = {}  # equal laws of flat text are one law
+        self._laws = known.laws
+        self._interned = known.interned
 
     def build(self) -> None:
         elaborator = self.elaborator
@@ -295,7 +355,7 @@ class _Nodes:
             known = (["start", "nominal"] if stored else []) + ["prefer", "require"]
             hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
-        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.text
+        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.words
         allowed = ["integral", "derivative", "effort", "flow"] if stored else ["effort", "flow"]
         if word not in allowed:
             hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
@@ -415,40 +475,3 @@ def _placeholder(entry: ElementEntry) -> Node:
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
     kind = node_kind(entry.kind)
     return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)
-
-
-def _unconnected(graph: BondGraph) -> list[Diagnostic]:
-    """Every port of an element has exactly one bond, every junction at least one."""
-    bonds: dict[End, list[Span]] = {}
-    for bond in graph.bonds:
-        for end in (bond.tail, bond.head):
-            bonds.setdefault(end, []).append(bond.span)
-    result: list[Diagnostic] = []
-    for number, node in enumerate(graph.nodes):
-        if isinstance(node, Junction):
-            if End(number, 0) not in bonds:
-                result.append(
-                    WrongConnection(
-                        node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."
-                    )
-                )
-            continue
-        if isinstance(node, MechanismNode):
-            continue
-        for port_number, port in enumerate(node.ports):
-            spans = bonds.get(End(number, port_number), [])
-            name = (
-                f"{node.name}.{port.name}"
-                if port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
-                else node.name
-            )
-            if len(spans) > 1:
-                hint = "Every port has one bond; put a 0- or 1-junction between."
-                result.append(
-                    WrongConnection(spans[1], f"`{name}` has {len(spans)} bonds", hint, ((spans[0], "one of them"),))
-                )
-            elif not spans:
-                side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
-                what = f"No bond goes {side} of `{name}`" if side else f"No bond reaches `{name}`"
-                result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
-    return result

@@ -425,7 +425,7 @@ class Connector:
         if tail.domain != head.domain:
             if not any(isinstance(d, DomainConflict) for d in self.elaborator.diagnostics):
                 self.elaborator.tell(
-                    DomainConflict(last.span, _name(head), head.domain.name, tail.domain.name, first.span)
+                    DomainConflict(last.span, _name(head), head.domain.name, _name(tail), tail.domain.name, first.span)
                 )
             return None
         ends = numbers.get((tail.node, tail.port)), numbers.get((head.node, head.port))

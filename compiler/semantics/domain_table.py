@@ -26,7 +26,7 @@ class DomainTable:
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
     parents: dict[Key, Key] = field(default_factory=dict)
-    known: dict[Key, tuple[str, Span]] = field(default_factory=dict)
+    known: dict[Key, tuple[str, Span, Key]] = field(default_factory=dict)
     guesses: list[tuple[Key, str, set[str], Span]] = field(default_factory=list)  # what the letters of laws tell
     told: set[Key] = field(default_factory=set)  # classes that met another domain: once is enough
 
@@ -40,11 +40,10 @@ class DomainTable:
     def learn(self, key: Key, domain: str, span: Span) -> None:
         """A port is of this domain, because of that place."""
         root = self.root(key)
-        before = self.known.setdefault(root, (domain, span))
+        before = self.known.setdefault(root, (domain, span, key))
         if before[0] != domain and root not in self.told:
             self.told.add(root)
-            name = ".".join(k for k in key if k)
-            self.diagnostics.append(DomainConflict(span, name, domain, before[0], before[1]))
+            self.diagnostics.append(DomainConflict(span, _words(key), domain, _words(before[2]), before[0], before[1]))
 
     def join(self, a: Key, b: Key, span: Span) -> None:
         """Two ports share a bond."""
@@ -53,9 +52,8 @@ class DomainTable:
             return
         one, two = self.known.get(first), self.known.get(second)
         if one is not None and two is not None and one[0] != two[0]:
-            name = ".".join(k for k in b if k)
             if not self.told & {first, second}:
-                self.diagnostics.append(DomainConflict(span, name, two[0], one[0], one[1]))
+                self.diagnostics.append(DomainConflict(span, _words(b), two[0], _words(a), one[0], one[1]))
             self.told |= {first, second}
             return
         self.parents[second] = first
@@ -169,6 +167,11 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
                         connect(ends(tail, False), ends(head, True), head.span)
     table.guess()
     return table
+
+
+def _words(key: Key) -> str:
+    """What a key names, as the author writes it."""
+    return "a junction in place" if key[0].startswith("@") else ".".join(k for k in key if k)
 
 
 def is_slot(item: tree.Item) -> bool:

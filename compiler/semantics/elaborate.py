@@ -28,6 +28,7 @@ from .errors import (
     WrongConnection,
     WrongType,
 )
+from .known import Known
 from .mechanisms import declare_mechanism
 from .quantities import QuantityResolver
 from .resolve import indexed
@@ -50,7 +51,7 @@ from .scope import (
     suggestion,
 )
 
-MAXIMUM_INSTANCES = 200_000  # instances, elements and junctions together
+MAXIMUM_INSTANCES = 100_000  # instances, elements, junctions, quantities and rounds of loops together
 MAXIMUM_ROUNDS = 100_000  # rounds of one loop
 MAXIMUM_HIERARCHY = 60  # models within models
 
@@ -58,8 +59,8 @@ MAXIMUM_HIERARCHY = 60  # models within models
 class Elaborator(QuantityResolver):
     """Opens one model; `part` also allows open ports."""
 
-    def __init__(self, overrides: Iterable[Override], part: bool) -> None:
-        super().__init__(overrides, part)
+    def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
+        super().__init__(overrides, part, known)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
         self.stands: dict[str, Span] = {}  # instance -> where it is declared
@@ -69,7 +70,7 @@ class Elaborator(QuantityResolver):
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
         self.count = 0
         self.structure_broken = False  # then what is not connected would be told for the wrong reason
-        self._tables: dict[int, DomainTable] = {}
+        self._tables = known.tables
 
     def table_of(self, definition: ModelDefinition) -> DomainTable:
         """The domains of a definition, spread once."""
@@ -80,11 +81,11 @@ class Elaborator(QuantityResolver):
             self.diagnostics += self._tables[key].diagnostics
         return self._tables[key]
 
-    def counted(self, span: Span) -> None:
-        """Count one more instance, element or junction, up to the limit."""
-        self.count += 1
+    def counted(self, span: Span, more: int = 1) -> None:
+        """Count one more instance, element, junction, quantity or round, up to the limit."""
+        self.count += more
         if self.count > MAXIMUM_INSTANCES:
-            limit = TooMany(span, "Instances, elements and junctions", MAXIMUM_INSTANCES)
+            limit = TooMany(span, "Instances, elements, junctions, quantities and rounds", MAXIMUM_INSTANCES)
             raise CompilationFailed([*self.diagnostics, limit])
 
     # ------------------------------------------------------------ declaring
@@ -234,6 +235,7 @@ class Elaborator(QuantityResolver):
             return
         if role == "mode":
             raise Wrong(Unsupported(item.span, "`mode`", "Modes come with events."))
+        self.counted(item.span)
         index = self.index_of(item.index, scope)
         value, where, is_default = item.value, scope, True
         if item.name in bindings and role in ("parameter", "input") and index is None:
@@ -331,7 +333,7 @@ class Elaborator(QuantityResolver):
             hint = suggestion(
                 statement.kind,
                 known,
-                "Kinds: Se Sf MSe MSf C I R MR TF GY MTF MGY 0 1 splitter, and the models of this file or imported into it.",
+                "Kinds: Se Sf MSe MSf C I IC R MR RS TF GY MTF MGY 0 1 splitter, and the models of this file or imported into it.",
             )
             raise Wrong(UnknownKind(statement.span, statement.kind, hint))
         if definition in chain:
@@ -425,6 +427,7 @@ class Elaborator(QuantityResolver):
         first, last = self.integer(loop.range.first, scope), self.integer(loop.range.last, scope)
         if last - first >= MAXIMUM_ROUNDS:
             raise Wrong(TooMany(loop.range.span, "Rounds of a `for`", MAXIMUM_ROUNDS))
+        self.counted(loop.range.span, max(0, last - first + 1))
         return range(first, last + 1)
 
     @staticmethod

@@ -168,10 +168,11 @@ class DomainConflict(Diagnostic):
     """BG115."""
 
     code = "BG115"
-    title = "`{name}` is {first} here, but {second} elsewhere"
+    title = "`{name}` is {first} here, but joined to `{neighbour}`, which is {second}"
     advice = "Two domains meet only through a transducer: TF, GY or a field with a port in each."
     name: str
     first: str
+    neighbour: str
     second: str
     other: Span
 
@@ -384,4 +385,24 @@ class TooMany(Diagnostic):
     title = "{what}: more than {limit}"
     advice = "The limit protects against files that never end; split the model."
     what: str
+    limit: int
+
+
+@dataclass(frozen=True, slots=True)
+class TooLongRow(Diagnostic):
+    """BG162: deeper than the compiler follows."""
+
+    code = "BG162"
+    title = "In `{model}` quantities, functions or expressions read one another in a row that is too long to follow"
+    advice = "Shorten the row: write several steps as one expression, or with `for` over elements that store something."
+    model: str
+
+
+@dataclass(frozen=True, slots=True)
+class TooManyMistakes(Diagnostic):
+    """BG161: enough has been told."""
+
+    code = "BG161"
+    title = "More than {limit} mistakes: what else is wrong is not told"
+    advice = "Mend these first; one cause may be behind many of them."
     limit: int

@@ -22,8 +22,12 @@ SETTINGS = ("rtol", "atol", "points")
 
 
 def experiments_of(definition: ModelDefinition) -> dict[str, tree.Experiment]:
-    """The experiments of a model, by name, in its order."""
-    return {s.name: s for s in definition.model.statements if isinstance(s, tree.Experiment)}
+    """The experiments of a model, by name, in its order; of two of one name the first."""
+    found: dict[str, tree.Experiment] = {}
+    for statement in definition.model.statements:
+        if isinstance(statement, tree.Experiment):
+            found.setdefault(statement.name, statement)
+    return found
 
 
 def choose_experiment(
@@ -175,7 +179,7 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
 
 
 def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs: dict[str, Named]) -> Reported:
-    name = " ".join(reading.value.span.text.split())
+    name = reading.value.span.words
     template = elaborator.template(reading.value, root)
     if isinstance(template.value, tuple):
         raise Wrong(WrongType(reading.value.span, "A single number", "a list", "Report its items one by one."))
@@ -187,11 +191,11 @@ def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs
             raise Wrong(
                 DimensionMismatch(
                     reading.unit.span,
-                    f"`{name}` is {describe(dimension)}, so it cannot be reported in {reading.unit.span.text}",
+                    f"`{name}` is {describe(dimension)}, so it cannot be reported in {reading.unit.span.words}",
                     "Name a unit of the same kind.",
                 )
             )
-        unit = reading.unit.span.text
+        unit = reading.unit.span.words.replace(" ", "")
         offset = wanted.from_si(0.0)
         scale = wanted.from_si(1.0) - offset
     if name not in outputs:

@@ -111,9 +111,10 @@ def compile_law(
         for equation in definition.equations:
             left, right = compiler.scalar(equation.left), compiler.scalar(equation.right)
             if left.dimension is not None and right.dimension is not None and left.dimension != right.dimension:
+                missing = left.dimension / right.dimension
                 hint = (
-                    f"What is missing is a factor in [{left.dimension / right.dimension}]: a number needs its unit, "
-                    "`2 [N/m]`; a parameter's unit stands where it is declared."
+                    f"What is missing is a factor in [{missing}]: a number needs its unit, `2 [{missing}]`; "
+                    "a parameter's unit stands where it is declared."
                 )
                 raise Wrong(
                     DimensionMismatch(
@@ -245,6 +246,8 @@ def _check_names(
                 "C": "Loss belongs in an R beside it, mass in an I.",
                 "I": "Loss belongs in an R beside it, stiffness in a C.",
                 "R": "What depends on displacement belongs in a C, or in an MR that reads it.",
+                "Se": f"It gives its effort whatever its flow is; what depends on `{words}` belongs in an R beside it.",
+                "Sf": f"It gives its flow whatever its effort is; what depends on `{words}` belongs in an R beside it.",
             }
             raise Wrong(
                 WrongLaw(
@@ -277,7 +280,9 @@ def _check_form(
             WrongLaw(
                 span,
                 f"`{name}` has {len(equations)} equation{'s' * (len(equations) != 1)}; {kind} with {ports} port{'s' * (ports != 1)} needs {expected}",
-                "Equations are separated by commas.",
+                "Equations are separated by commas."
+                if len(equations) < expected
+                else "One equation for each port says it all; leave the others out.",
             )
         )
     used = [_own(left) | _own(right) for left, right in equations]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import CompilationFailed, Diagnostic
-from ..source import Source, Span
+from ..source import Source, Span, read_text
 from ..syntax import SyntaxTree, parse, tree
 from .domain_table import ELEMENT_KINDS
-from .errors import Cycle, DuplicateName, ReservedName, TooMany, WrongImport
+from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
+from .resolve import MAXIMUM_MISTAKES
 from .scope import RESERVED, FileScope, ModelDefinition, suggestion
 from .within import project_folder, within_project
 
@@ -17,7 +18,7 @@ MAXIMUM_FILES = 500
 
 def read_source(path: Path) -> Source:
     """A file as a source. Raises OSError, or UnicodeDecodeError if it is not UTF-8."""
-    return Source(str(path), path.read_text(encoding="utf-8-sig"), path)
+    return Source(str(path), read_text(path), path)
 
 
 class Loader:
@@ -54,6 +55,8 @@ class Loader:
                             scope.constants[item.name] = (item, statement)
         for statement in syntax.statements:
             if isinstance(statement, tree.Import):
+                if len(self.diagnostics) >= MAXIMUM_MISTAKES:
+                    raise CompilationFailed([*self.diagnostics, TooManyMistakes(statement.span, MAXIMUM_MISTAKES)])
                 self._import(statement, scope, root, chain, seen)
         return scope
 
@@ -89,7 +92,7 @@ class Loader:
                 self.diagnostics.append(TooMany(statement.span, "Imported files", MAXIMUM_FILES))
                 return
             try:
-                source = Source(_shown(target, scope.source), target.read_text(encoding="utf-8-sig"), target)
+                source = Source(_shown(target, scope.source), read_text(target), target)
                 loaded = self._file(parse(source), root, chain)
             except OSError as error:
                 self.diagnostics.append(

@@ -21,6 +21,7 @@ from .errors import (
     Unsupported,
     WrongMechanism,
     WrongType,
+    WrongValue,
 )
 from .scope import STATIC_ROLES, Array, MechanismEntry, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
 
@@ -235,7 +236,7 @@ def static_bounds(
                 DimensionMismatch(
                     value.span,
                     f"{what} is {describe(dimension)}, but `{value.span.text}` is {describe(part.dimension)}",
-                    unit_hint(part.dimension, dimension),
+                    unit_hint(part.dimension, dimension, value),
                 )
             )
     for slot in template.slots:
@@ -314,9 +315,7 @@ def _axes(elaborator: Elaborator, reader: _Attributes) -> str:
         hint = suggestion(
             word, ["from", "to", "middle"], "`axes = from`, `to` or `middle`: in whose axes x and y are measured."
         )
-        raise Wrong(
-            UnknownAttribute(attribute.span, reader.part.entry.name, f"axes = {attribute.value.span.text}", hint)
-        )
+        raise Wrong(WrongValue(attribute.value.span, "axes", reader.part.entry.name, attribute.value.span.text, hint))
     return word
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -13,23 +13,41 @@ from ..graph.units import ONE, SECOND, Dimension
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
-from .errors import Cycle, DimensionMismatch, MissingValue, NotStatic, WrongType
+from .domain_table import paths_of
+from .errors import Cycle, DimensionMismatch, MissingValue, NotStatic, TooMany, WrongType
+from .known import Known
 from .resolve import Resolver
 from .scales import scale_of
-from .scope import STATIC_ROLES, AlreadyTold, Items, Pending, Scalar, Scope, Wrong, describe, unit_hint
+from .scope import (
+    STATIC_ROLES,
+    AlreadyTold,
+    Array,
+    InstanceEntry,
+    Items,
+    Pending,
+    Scalar,
+    Scope,
+    Wrong,
+    describe,
+    unit_hint,
+)
 from .template import Template, Typed
 from .typed import ExpressionCompiler
+
+MAXIMUM_ROW = 40  # quantities that wait for one another at once
 
 
 class QuantityResolver(Resolver):
     """Resolves quantities, once each; a cycle is found where it closes."""
 
-    def __init__(self, overrides: Iterable[Override], part: bool) -> None:
-        super().__init__(overrides, part)
+    def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
+        super().__init__(overrides, part, known)
         self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
         self._inferring = False
+        self._waiting = 0  # quantities that are being resolved, one because of the other
+        self._entered: set[int] = set()  # those whose turn comes
 
     # ------------------------------------------------------------ quantities
     def quantity(self, pending: Pending) -> Scalar | Items:
@@ -48,16 +66,23 @@ class QuantityResolver(Resolver):
                 if pending.role in ("signal", "output", "input")
                 else "These depend on each other"
             )
-            chain = [p.name for p in self.pending if p.state == "busy"]
+            busy = [p.name for p in self.pending if p.state == "busy"]
             self.tell(
                 Cycle(
                     pending.item.span,
                     what,
-                    " -> ".join([pending.name, *[c for c in chain if c != pending.name], pending.name]),
+                    " -> ".join([pending.name, *[name for name in busy if name != pending.name], pending.name]),
                 )
             )
             raise AlreadyTold
+        if not self._inferring:
+            self._resolve_what_it_reads(pending)
+        if pending.state != "waiting":
+            return self.quantity(pending)
+        if self._waiting >= MAXIMUM_ROW:
+            raise Wrong(TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW))
         pending.state = "busy"
+        self._waiting += 1
         try:
             pending.result = self._resolve_quantity(pending)
         except (Wrong, AlreadyTold) as problem:
@@ -65,8 +90,49 @@ class QuantityResolver(Resolver):
             if isinstance(problem, Wrong):
                 self.tell(problem.diagnostic)
             raise AlreadyTold from None
+        finally:
+            self._waiting -= 1
         pending.state = "done"
         return pending.result
+
+    def _resolve_what_it_reads(self, pending: Pending) -> None:
+        """Resolve what a quantity reads, and what that reads, beginning where nothing is left to read.
+
+        Long rows of quantities would nest as deeply otherwise; what is missed here is found when it is asked for.
+        """
+        rows = [(pending, self._reads(pending))]
+        entered = {id(pending)} - self._entered
+        self._entered |= entered
+        while rows:
+            current, reads = rows[-1]
+            following = next((p for p in reads if p.state == "waiting" and id(p) not in self._entered), None)
+            if following is not None:
+                entered.add(id(following))
+                self._entered.add(id(following))
+                rows.append((following, self._reads(following)))
+                continue
+            rows.pop()
+            if rows and current.state == "waiting":
+                self.guard(self.quantity, current)
+        self._entered -= entered
+
+    def _reads(self, pending: Pending) -> Iterator[Pending]:
+        """The quantities that its value names; not those of an integral, which are read when all names are known."""
+        value = pending.value
+        if value is None or (isinstance(value, tree.Call) and value.function == "integral"):
+            return
+        for path in paths_of(value):
+            entry = pending.scope.find(path.head)
+            for step in path.steps:
+                if isinstance(entry, InstanceEntry) and isinstance(step, tree.Member):
+                    entry = entry.scope.entries.get(step.name)
+                elif isinstance(entry, Array) and isinstance(step, tree.Index):
+                    try:
+                        entry = entry.items.get(self.index_of(step, pending.scope) or ())
+                    except (Wrong, AlreadyTold):
+                        entry = None  # told when it is read
+            if isinstance(entry, Pending):
+                yield entry
 
     def _resolve_quantity(self, pending: Pending) -> Scalar | Items:
         item = pending.item
@@ -111,7 +177,7 @@ class QuantityResolver(Resolver):
                     DimensionMismatch(
                         value.span,
                         f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}",
-                        unit_hint(part.dimension, declared),
+                        unit_hint(part.dimension, declared, value),
                     )
                 )
         if isinstance(template.value, tuple) and not is_default and item.value is not None:
@@ -235,7 +301,7 @@ class QuantityResolver(Resolver):
                         DimensionMismatch(
                             override.span,
                             f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}",
-                            unit_hint(found, dimension),
+                            unit_hint(found, dimension, override),
                         )
                     )
                 bound = self.bind(template, template.formulas[0], self.root)

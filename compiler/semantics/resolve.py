@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 from ..algebra.expression import Expression, Number, evaluate
 from ..algebra.formula import Bound, Formula, bind
 from ..algebra.interpolate import OutsideTable
-from ..errors import Diagnostic
+from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import DOMAINS, Domain
 from ..graph.network import TIME, Named, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension, Scale
@@ -24,10 +25,12 @@ from .errors import (
     DimensionMismatch,
     NotStatic,
     NoValue,
+    TooManyMistakes,
     UnknownName,
     WrongIndex,
     WrongType,
 )
+from .known import Known
 from .members import element_member, not_a_number, part_member, port_variable, wall_member, wall_variable
 from .scales import scale_of
 from .scope import (
@@ -54,13 +57,15 @@ from .tables import check_static
 from .template import Check, Readable, Slot, Template, Typed, bind_template
 from .typed import ExpressionCompiler
 
+MAXIMUM_MISTAKES = 200  # told of one file
+
 
 class Resolver(ABC):
     """Looks things up in scopes. `diagnostics` collects what is wrong; `part` allows missing values (for `check`)."""
 
     root: Scope  # where what is set from outside is read
 
-    def __init__(self, overrides: Iterable[Override], part: bool) -> None:
+    def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         self.part = part
         self.overrides = {o.path: o for o in overrides if o.role == "set"}
         self.used_overrides: set[str] = set()
@@ -70,12 +75,14 @@ class Resolver(ABC):
         self.element_names: dict[str, ElementEntry] = {}
         self.walls: dict[str, WallEntry] = {}  # ports of models
         self._file_constants: dict[str, Pending] = {}
-        self._templates: dict[tuple[int, Scale | None], list[Template]] = {}
-        self._keep: list[tree.Expression] = []  # nodes whose identity is a key above must not be freed
+        self._templates = known.templates
+        self._keep = known.nodes
 
     def tell(self, diagnostic: Diagnostic) -> None:
-        """Collect what is wrong."""
+        """Collect what is wrong. Raises `CompilationFailed` when it is more than anybody reads."""
         self.diagnostics.append(diagnostic)
+        if len(self.diagnostics) >= MAXIMUM_MISTAKES:
+            raise CompilationFailed([*self.diagnostics, TooManyMistakes(diagnostic.span, MAXIMUM_MISTAKES)])
 
     def guard(self, action: Callable[..., Any], *arguments: Any) -> Any:
         """Run one statement; what is wrong in it is collected, and None comes back."""
@@ -104,6 +111,11 @@ class Resolver(ABC):
         """A number known before the run, in SI."""
         if isinstance(expression, tree.Literal) and expression.unit is None and dimension == ONE:
             return float(expression.number)
+        if isinstance(expression, tree.Path) and not expression.steps:  # the index of a loop, nearly always
+            entry = scope.find(expression.head)
+            if isinstance(entry, Scalar) and entry.role == "index" and dimension == ONE:
+                assert isinstance(entry.reference, float)
+                return entry.reference
         template = self.template(expression, scope)
         typed = template.value
         if not isinstance(typed, Typed):
@@ -113,7 +125,7 @@ class Resolver(ABC):
                 DimensionMismatch(
                     expression.span,
                     f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}",
-                    unit_hint(typed.dimension, dimension),
+                    unit_hint(typed.dimension, dimension, expression),
                 )
             )
         for slot in template.slots:
@@ -247,7 +259,7 @@ class Resolver(ABC):
             entry = self._file_constant(path.head, scope)
         if entry is None:
             here = scope.names() if path.steps else _readable(scope)  # before a point may stand an element
-            names = [*here, *scope.definition.file.constants]
+            names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head

@@ -10,6 +10,19 @@ from .scope import Wrong, suggestion
 
 def scale_of(unit: tree.Unit) -> Scale:
     """The scale of a unit as written."""
+    key = (*[(symbol, exponent) for symbol, exponent, _ in unit.factors], unit.number)
+    found = _SCALES.get(key)
+    if found is None:
+        found = _scale_of(unit)
+        if len(_SCALES) < 4096:
+            _SCALES[key] = found
+    return found
+
+
+_SCALES: dict[tuple[object, ...], Scale] = {}  # a large file has many quantities and few units
+
+
+def _scale_of(unit: tree.Unit) -> Scale:
     result = Scale(ONE, unit.number)
     for symbol, exponent, span in unit.factors:
         scale = UNITS.get(symbol)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from .columns import Sheet
     from .domain_table import DomainTable
 
+MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
 STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
 RESERVED = frozenset(
     [
@@ -258,9 +260,15 @@ class Scope:
             scope = scope.outer
 
 
-def suggestion(name: str, known: Iterator[str] | list[str], otherwise: str = "") -> str:
+def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """ "Did you mean …?", if something is close."""
-    close = get_close_matches(name, list(known), n=2, cutoff=0.6)
+    name = name[:60]
+    near = (
+        word
+        for word in islice(known, 20 * MAXIMUM_COMPARED)
+        if min(len(word), len(name)) >= 0.4 * max(len(word), len(name))  # others are never close enough
+    )
+    close = get_close_matches(name, list(islice(near, MAXIMUM_COMPARED)), n=2, cutoff=0.6)
     if not close:
         return otherwise
     return "Did you mean " + " or ".join(f"`{c}`" for c in close) + "?"
@@ -273,8 +281,12 @@ def describe(dimension: Dimension | None) -> str:
     return "a bare number" if dimension == ONE else f"in [{dimension}]"
 
 
-def unit_hint(found: Dimension | None, wanted: Dimension | None) -> str:
-    """What to do about a quantity of another unit."""
+def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.Expression | None = None) -> str:
+    """What to do about a quantity of another unit; `written` is how it stands in the text."""
     if found == ONE and wanted is not None:
         return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."
+    if isinstance(written, tree.Literal) and wanted == ONE:
+        return "Write a bare number; an angle may be in `deg`, a share in `percent`."
+    if isinstance(written, tree.Literal) and wanted is not None:
+        return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
     return "Check the units of the names in it, and whether a factor is missing."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
 from ..algebra.formula import Bound, Formula
@@ -92,12 +93,20 @@ class OwnVariable:
 
 def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
     """The formula with what its slots read in this instance. Only the slots that occur are kept."""
-    used = sorted({s.key for s in _slots(formula.expression)})
-    if used == list(range(len(template.slots))):
-        return Bound(formula, tuple(lookup(s) for s in template.slots))
+    if not template.slots:
+        return Bound(formula, ())
+    kept, used = _kept(formula)
+    return Bound(kept, tuple([lookup(template.slots[i]) for i in used]))
+
+
+@lru_cache(4096)
+def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
+    """The formula over the slots that occur in it, and which those are."""
+    used = tuple(sorted({s.key for s in _slots(formula.expression)}))
+    if used == tuple(range(formula.arity)):
+        return formula, used
     renumbered = {old: new for new, old in enumerate(used)}
-    expression = substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))
-    return Bound(Formula(len(used), expression), tuple(lookup(template.slots[i]) for i in used))
+    return Formula(len(used), substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))), used
 
 
 def _slots(x: Expression) -> list[Symbol]:

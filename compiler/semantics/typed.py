@@ -32,6 +32,7 @@ from .errors import (
     NoValue,
     TooMany,
     UnknownFunction,
+    UnknownName,
     Unsupported,
     WrongArguments,
     WrongType,
@@ -41,6 +42,7 @@ from .scales import bare, is_absolute, scale_of
 from .scope import Scope, Wrong, describe, suggestion, unit_hint
 from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
 
+MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 
 
@@ -68,7 +70,7 @@ class ExpressionCompiler:
 
     def _in_unit(self, expression: tree.Expression) -> Value:
         """After `name : unit =` a bare number stands in that unit, alone or in a list; whatever else has its own."""
-        if isinstance(expression, tree.Vector):
+        if isinstance(expression, tree.Vector) and len(expression.items) <= MAXIMUM_ITEMS:
             return tuple(self._item_in_unit(item) for item in expression.items)
         if isinstance(expression, tree.Call) and expression.function == "column":  # the unit stands in its header
             self.unit = None
@@ -114,6 +116,8 @@ class ExpressionCompiler:
             case tree.Power():
                 return self._power(node)
             case tree.Vector():
+                if len(node.items) > MAXIMUM_ITEMS:
+                    raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
                 return tuple(self.scalar(item) for item in node.items)
             case tree.Call():
                 return self._call(node)
@@ -211,6 +215,10 @@ class ExpressionCompiler:
 
     def _in_function(self, node: tree.Path) -> Value:
         """A function reads its parameters and the constants of its file, nothing of the model that calls it."""
+        if self.scope.find(node.head) is not None and node.head not in self.scope.definition.file.constants:
+            function = self.opening[-1]
+            hint = f"It reads its parameters and its file's constants; make it one: `{function}(…, {node.head})`."
+            raise Wrong(UnknownName(node.span, node.head, f"the function `{function}`", hint))
         outside = Scope(self.scope.definition, "")
         found = self.resolve(node, outside)
         values = [v for v in found.values if v is not None]
@@ -250,7 +258,10 @@ class ExpressionCompiler:
                 if not isinstance(v, tuple) or len(v) != length:
                     raise Wrong(
                         WrongType(
-                            term.span, f"A list of {length}", "something else", "Only lists of one length can be added."
+                            term.span,
+                            f"A list of {length}",
+                            f"a list of {len(v)}" if isinstance(v, tuple) else f"the single number `{term.span.text}`",
+                            "Only lists of one length can be added; one item of a list is `name[1]`.",
                         )
                     )
                 terms.append((sign, term, v[i]))

@@ -10,25 +10,14 @@ from typing import Any
 
 from lark import Token, Transformer
 
-from ..errors import Diagnostic
 from ..source import Source, Span
 from . import tree
-from .errors import NumberTooLarge, TooDeep, WrongUnit
+from .errors import NumberTooLarge, WrongUnit
+from .operators import Operators, deepened
+from .refused import Refused
 
-MAXIMUM_DEPTH = 120  # height of an expression
 MAXIMUM_UNIT_POWER = 20
 _NUMBER = re.compile(r"([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
-
-
-class Refused(Exception):
-    """A limit was passed while parsing."""
-
-    def __init__(self, kind: type[Diagnostic], start: int, end: int, **values: Any) -> None:
-        self.kind, self.start, self.end, self.values = kind, start, end, values
-        super().__init__(kind.__name__)
-
-    def diagnostic(self, source: Source) -> Diagnostic:
-        return self.kind(Span(source, self.start, self.end), **self.values)
 
 
 def _start(part: Any) -> int:
@@ -43,18 +32,8 @@ def _text(token: Token | None) -> str | None:
     return None if token is None else str(token)[1:-1]
 
 
-class _Chain:
-    """A sum or product while it grows, so that thousands of terms cost thousands of steps."""
-
-    def __init__(self, kind: type, span: Span, parts: list[tuple[int, tree.Expression]], depth: int) -> None:
-        self.kind, self.span, self.parts, self.depth = kind, span, parts, depth
-
-    def finish(self) -> tree.Expression:
-        return self.kind(self.span, self.depth + 1, tuple(self.parts))  # type: ignore[no-any-return]
-
-
 def _done(part: Any) -> Any:
-    return part.finish() if isinstance(part, _Chain) else part
+    return part.finish() if isinstance(part, Operators) else part
 
 
 class Builder(Transformer[Token, Any]):
@@ -65,12 +44,6 @@ class Builder(Transformer[Token, Any]):
     def _span(self, parts: Sequence[Any]) -> Span:
         known = [p for p in parts if p is not None]
         return Span(self.source, _start(known[0]), _end(known[-1]))
-
-    def _expression(self, kind: type, span: Span, operands: Sequence[tree.Expression], *values: Any) -> Any:
-        depth = 1 + max((o.depth for o in operands), default=0)
-        if depth > MAXIMUM_DEPTH:
-            raise Refused(TooDeep, span.start, span.end, limit=MAXIMUM_DEPTH)
-        return kind(span, depth, *values)
 
     def _number(self, token: Token) -> Fraction:
         match = _NUMBER.fullmatch(token)
@@ -136,9 +109,9 @@ class Builder(Transformer[Token, Any]):
 
     def item(self, parts: list[Any]) -> tree.Item:
         name, index, unit, value, description = parts
-        return tree.Item(
-            self._span([name, value or unit or name]), str(name), _items(index), unit, _done(value), _text(description)
-        )
+        value = _done(value)
+        span = self._span([name, value or unit or name])
+        return tree.Item(span, str(name), _items(index), unit, value, _text(description))
 
     def function(self, parts: list[Any]) -> tree.Function:
         body = _done(parts[-1])
@@ -296,79 +269,34 @@ class Builder(Transformer[Token, Any]):
         return tree.Range(self._span([first, last]), first, last)
 
     # ------------------------------------------------------------ expressions
-    def _chain(self, kind: type, sign: int, parts: list[Any]) -> _Chain:
-        left, right = parts[0], _done(parts[1])
-        if not (isinstance(left, _Chain) and left.kind is kind):
-            left = _done(left)
-            left = _Chain(kind, left.span, [(1, left)], left.depth)
-        left.parts.append((sign, right))
-        left.depth = max(left.depth, right.depth)
-        left.span = left.span.to(right.span)
-        if left.depth >= MAXIMUM_DEPTH:
-            raise Refused(TooDeep, left.span.start, left.span.end, limit=MAXIMUM_DEPTH)
+    def joined(self, parts: list[Any]) -> Operators:
+        left, operator, right = parts
+        if type(left) is not Operators:
+            left = Operators([left])
+        left.append(operator, right)
         return left
 
-    def add(self, parts: list[Any]) -> _Chain:
-        return self._chain(tree.Sum, 1, parts)
-
-    def subtract(self, parts: list[Any]) -> _Chain:
-        return self._chain(tree.Sum, -1, parts)
-
-    def multiply(self, parts: list[Any]) -> _Chain:
-        return self._chain(tree.Product, 1, parts)
-
-    def divide(self, parts: list[Any]) -> _Chain:
-        return self._chain(tree.Product, -1, parts)
+    def prefixed(self, parts: list[Any]) -> Operators:
+        operator, operand = parts
+        if type(operand) is not Operators:
+            operand = Operators([operand])
+        operand.prepend(operator)
+        return operand
 
     def bracket(self, parts: list[Any]) -> Any:
         # A bracket ends a chain: a - (b - c) stays what it is.
         return replace(_done(parts[1]), span=self._span(parts))
 
-    def choose(self, parts: list[Any]) -> tree.Choice:
-        value, condition, otherwise = map(_done, parts)
-        operands = (value, condition, otherwise)
-        return self._expression(tree.Choice, self._span([value, otherwise]), operands, *operands)  # type: ignore[no-any-return]
-
-    def _logical(self, operator: str, parts: list[Any]) -> tree.Logical:
-        operands = tuple(map(_done, parts))
-        return self._expression(tree.Logical, self._span(operands), operands, operator, operands)  # type: ignore[no-any-return]
-
-    def disjunction(self, parts: list[Any]) -> tree.Logical:
-        return self._logical("or", parts)
-
-    def both(self, parts: list[Any]) -> tree.Logical:
-        return self._logical("and", parts)
-
-    def invert(self, parts: list[Any]) -> tree.Logical:
-        operand = _done(parts[1])
-        return self._expression(tree.Logical, self._span([parts[0], operand]), (operand,), "not", (operand,))  # type: ignore[no-any-return]
-
-    def compare(self, parts: list[Any]) -> tree.Comparison:
-        left, right = _done(parts[0]), _done(parts[2])
-        span = self._span([left, right])
-        return self._expression(tree.Comparison, span, (left, right), str(parts[1]), left, right)  # type: ignore[no-any-return]
-
-    def negative(self, parts: list[Any]) -> tree.Negative:
-        operand = _done(parts[1])
-        return self._expression(tree.Negative, self._span([parts[0], operand]), (operand,), operand)  # type: ignore[no-any-return]
-
-    def raise_(self, parts: list[Any]) -> tree.Power:
-        base, exponent = map(_done, parts)
-        return self._expression(tree.Power, self._span([base, exponent]), (base, exponent), base, exponent)  # type: ignore[no-any-return]
-
-    def name(self, parts: list[Any]) -> Any:
-        return parts[0]
-
     def call(self, parts: list[Any]) -> tree.Call:
         arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Token))
-        return self._expression(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
+        return deepened(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
 
     def text(self, parts: list[Any]) -> tree.Text:
         return tree.Text(self._span(parts), 1, str(parts[0])[1:-1])
 
     def vector(self, parts: list[Any]) -> tree.Vector:
         items = tuple(_done(p) for p in parts if not isinstance(p, Token))
-        return self._expression(tree.Vector, self._span(parts), items, items)  # type: ignore[no-any-return]
+        return deepened(tree.Vector, self._span(parts), items, items)  # type: ignore[no-any-return]
 
     def quantity(self, parts: list[Any]) -> tree.Literal:
         number, unit = parts

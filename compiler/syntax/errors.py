@@ -66,8 +66,9 @@ class Unclosed(Diagnostic):
 
     code = "BG007"
     title = "This `{bracket}` is never closed"
-    advice = "What follows was read as part of it."
+    advice = "Close it with `{partner}`; what follows was read as part of it."
     bracket: str
+    partner: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ _WORDS = {
     "RPAR": "`)`", "LPAR": "`(`", "RSQB": "`]`", "LSQB": "`[`", "COLON": "`:`", "EQUAL": "`=`", "COMMA": "`,`", "SEMICOLON": "`;`",
     "DOT": "`.`", "JUNCTION": "`0`", "NEST": "`0(`", "__ANON_0": "`->`", "__ANON_1": "`=>`", "__ANON_2": "`..`", "COMPARE": "`<`",
 }  # fmt: skip
-_OPERATORS = frozenset({"PLUS", "MINUS", "STAR", "SLASH", "CIRCUMFLEX", "UNIT_SIGN", "EXPONENT_SIGN"})
+_OPERATORS = frozenset({"NOT", "PLUS", "MINUS", "STAR", "SLASH", "CIRCUMFLEX", "UNIT_SIGN", "EXPONENT_SIGN"})
 _CHARACTERS = {
     '"': "A text ends on the line where it begins: close it with a second quotation mark.",
     "=": "An equation has one `=`; a comparison is `==`.",
@@ -68,10 +68,37 @@ def _unclosed(source: Source, token: lark.Token | None, open_brackets: Sequence[
     last = open_brackets[-1]
     at_end = token is None or token.type == "$END"
     round_bracket = last.type != "LBRACE"
-    if at_end or (round_bracket and token is not None and (token.line or 0) > (last.line or 0)):
-        start = last.start_pos or 0
-        return Unclosed(Span(source, start, start + len(last)), str(last)[-1])
+    start = last.start_pos or 0
+    if at_end or (round_bracket and token is not None and "\n" in source.text[start : token.start_pos]):
+        if last.type == "LBRACE":
+            start = _open_brace(source.text, start)
+        bracket = source.text[start + len(last) - 1]
+        return Unclosed(Span(source, start, start + len(last)), bracket, {"(": ")", "[": "]", "{": "}"}[bracket])
     return None
+
+
+def _open_brace(text: str, outermost: int) -> int:
+    """Which brace is open, by the author's indentation: a `}` that begins a line less indented than the brace it would close
+    belongs to one further out."""
+    open_braces: list[tuple[int, int]] = []  # offset, indentation of its line
+    for found in _BRACES.finditer(text):
+        brace = found[1]
+        if brace is None:
+            continue
+        line = text.rfind("\n", 0, found.start(1)) + 1
+        indent = _INDENT.match(text, line).end() - line  # type: ignore[union-attr]
+        if brace == "{":
+            open_braces.append((found.start(1), indent))
+        elif open_braces:
+            offset, own = open_braces.pop()
+            if own > indent and not text[line : found.start(1)].strip():
+                return offset
+    return open_braces[-1][0] if open_braces else outermost
+
+
+_INDENT = re.compile(r"[ \t]*")
+_BRACES = re.compile(r'#[^\n]*|"[^"\n]*"|([{}])')
+_IN_A_MODEL = frozenset(["parameter", "input", "output", "signal", "port", "multibody", "for", "when", "experiment"])
 
 
 def _hint(problem: lark.UnexpectedInput, source: Source) -> str:
@@ -101,6 +128,12 @@ def _hint(problem: lark.UnexpectedInput, source: Source) -> str:
 def _special(token: lark.Token, expected: set[str], before: str) -> str:
     """What is probably meant, from the token and the line before it."""
     text = str(token)
+    if text == "import" and "MODEL" not in expected:
+        return "An import stands at the top of the file, outside of models."
+    if text in _IN_A_MODEL and "MODEL" in expected:
+        return f"It belongs into a model: `model Name {{ {text} … }}`; outside of models stand imports, constants and functions."
+    if re.search(r"(?<![A-Za-z0-9_])[0-9]+_[0-9_]+$", before):
+        return "Digits stand without separators: `1000`."
     if text == "*" and before.endswith("*"):
         return "A power is written `^`: `a^2`."
     if text == "=":

@@ -10,7 +10,6 @@ in the result, so formatting it again changes nothing.
 
 from __future__ import annotations
 
-import gc
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
@@ -19,9 +18,10 @@ from itertools import pairwise
 import lark
 
 from ..errors import CompilationFailed, InternalError
+from ..memory import uncollected
 from ..source import Source, Span
-from .build import Refused
 from .parse import MAXIMUM_SIZE, _parser, _parser_lock, parse
+from .refused import Refused
 from .tree import Index, Member, Node
 
 INDENT = 2  # columns for each open brace
@@ -46,9 +46,7 @@ def format_text(source: Source) -> str:
 
     Raises `CompilationFailed` if it has syntax errors, and `InternalError` if the result would mean something else.
     """
-    collecting = gc.isenabled()
-    gc.disable()  # as in `parse`: words and trees have no cycles
-    try:
+    with uncollected():
         statements, tokens = _parse_with_tokens(source)
         lines = _Reader().read(source.text, tokens)
         _judge(lines)
@@ -57,9 +55,6 @@ def format_text(source: Source) -> str:
         if "\r\n" in source.text:
             text = text.replace("\n", "\r\n")
         _check(source, statements, text)
-    finally:
-        if collecting:
-            gc.enable()
     return text
 
 
@@ -129,23 +124,15 @@ def _parse_with_tokens(source: Source) -> tuple[object, list[lark.Token]]:
     """The statements of a file and its tokens, `_NL` among them where a line break ends something."""
     tokens: list[lark.Token] = []
     with _parser_lock:
-        parser, builder, brackets = _parser()
-        process = brackets.process
-
-        def record(stream: Iterator[lark.Token]) -> Iterator[lark.Token]:
-            for token in process(stream):
-                tokens.append(token)
-                yield token
-
-        builder.source = source
-        brackets.process = record  # type: ignore[method-assign]
+        parser, builder, words = _parser()
+        builder.source, words.seen = source, tokens
         try:
             if len(source.text) <= MAXIMUM_SIZE:
                 return parser.parse(source.text, start="start"), tokens
         except (lark.exceptions.LarkError, Refused):
             pass
         finally:
-            del brackets.process
+            words.seen = None
     parse(source)  # tells all mistakes
     raise InternalError(f"{source.name} is read in one way and not in another")
 

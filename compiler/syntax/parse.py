@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import re
 import threading
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
@@ -13,50 +11,24 @@ from typing import Any
 import lark
 
 from ..errors import CompilationFailed, Diagnostic
+from ..memory import uncollected
 from ..source import Source, Span
-from .build import Builder, Refused
-from .errors import ForeignFile, TooDeep, TooLarge
+from .build import Builder
+from .errors import ForeignFile, TooLarge
 from .explain import explain
+from .lex import Words
+from .refused import Refused
 from .tree import Expression, Law, SyntaxTree
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
-MAXIMUM_NESTING = 100  # brackets within brackets
 MAXIMUM_MISTAKES = 20  # syntax mistakes told of one file
 
 _parser_lock = threading.Lock()
 
 
-class _Brackets:
-    """Drops line breaks inside ( ) and [ ], where no statement can end, and limits nesting."""
-
-    always_accept = ()
-
-    def __init__(self) -> None:
-        self.open: list[lark.Token] = []  # what is open where the parser stands
-
-    def process(self, stream: Iterator[lark.Token]) -> Iterator[lark.Token]:
-        self.open = []
-        for token in stream:
-            kind = token.type
-            if kind == "_NL":
-                if self.open and self.open[-1].type != "LBRACE":
-                    continue
-            elif kind in _OPENING:
-                self.open.append(token)
-                if len(self.open) > MAXIMUM_NESTING:
-                    raise Refused(TooDeep, token.start_pos or 0, token.end_pos or 0, limit=MAXIMUM_NESTING)
-            elif kind in _CLOSING and self.open and _CLOSING[kind] == (self.open[-1].type == "LBRACE"):
-                self.open.pop()
-            yield token
-
-
-_OPENING = frozenset({"LPAR", "NEST", "LSQB", "LBRACE"})
-_CLOSING = {"RPAR": False, "RSQB": False, "RBRACE": True}
-
-
 @cache
-def _parser() -> tuple[lark.Lark, Builder, _Brackets]:
-    builder, brackets = Builder(), _Brackets()
+def _parser() -> tuple[lark.Lark, Builder, Words]:
+    builder = Builder()
     grammar = FilePath(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
     # The builder is called while lark parses: no intermediate tree is made (half the time of a large file).
     parser = lark.Lark(
@@ -64,10 +36,10 @@ def _parser() -> tuple[lark.Lark, Builder, _Brackets]:
         parser="lalr",
         start=["start", "alone", "alone_law"],
         transformer=builder,
-        postlex=brackets,
+        lexer=Words,
         propagate_positions=False,
     )
-    return parser, builder, brackets
+    return parser, builder, Words.last
 
 
 def parse(source: Source) -> SyntaxTree:
@@ -79,11 +51,14 @@ def parse(source: Source) -> SyntaxTree:
     while True:
         try:
             statements = _parse_text(source, text)
-        except Refused as refused:
-            mistakes.append(refused.diagnostic(source))
-            break  # a limit: what follows could only cost time
-        except lark.UnexpectedInput as problem:
-            mistake = explain(source, problem, _parser()[2].open)
+        except (Refused, lark.UnexpectedInput) as problem:
+            if isinstance(problem, Refused):
+                mistake = problem.diagnostic(source)
+            else:
+                mistake = explain(source, problem, _parser()[2].open)
+            if isinstance(problem, Refused) and problem.is_limit:
+                mistakes.append(mistake)
+                break  # what follows could only cost time
             repeated = any(m.span.line == mistake.span.line for m in mistakes)
             if not repeated:
                 mistakes.append(mistake)
@@ -122,18 +97,13 @@ def _parse_text(source: Source, text: str, start: str = "start") -> Any:
     with _parser_lock:
         parser, builder, _ = _parser()
         builder.source = source
-        collecting = gc.isenabled()
-        gc.disable()  # a tree has no cycles: collecting while it grows costs time that is not linear
         try:
-            result = parser.parse(text, start=start)
+            with uncollected():
+                return parser.parse(text, start=start)
         except lark.exceptions.VisitError as error:
             if isinstance(error.orig_exc, Refused):
                 raise error.orig_exc from None
             raise
-        finally:
-            if collecting:
-                gc.enable()
-    return result
 
 
 def _blank_statement(text: str, source: Source, span: Span) -> tuple[str, bool]:

@@ -66,11 +66,13 @@ class Path(Expression):
     def words(self) -> str:
         """The path as written, without spaces."""
         text = self.head
+        if not self.steps:
+            return text
         for step in self.steps:
             if isinstance(step, Member):
                 text += f".{step.name}"
             else:
-                text += f"[{','.join(''.join(i.span.text.split()) for i in step.items)}]"
+                text += f"[{','.join(''.join(i.span.words.split()) for i in step.items)}]"
         return text
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from tests.equations.time_series import Series
 
@@ -86,7 +87,9 @@ class Network:
     def taylor(self, w: Array, s: Array, time: Array) -> Array:
         """The coefficients in time of all residuals, for those of what they read (first axis)."""
         series = [Series(w[:, i]) for i in range(w.shape[1])]
-        v = Values(series[: self.bonds], series[self.bonds :], [Series(s[:, i]) for i in range(s.shape[1])], Series(time))
+        v = Values(
+            series[: self.bonds], series[self.bonds :], [Series(s[:, i]) for i in range(s.shape[1])], Series(time)
+        )
         rows = [r.c if isinstance(r, Series) else constant(r, time) for part in self.residuals for r in part(v)]
         return np.concatenate(np.moveaxis(np.array(rows), 1, 0))
 
@@ -141,8 +144,11 @@ class Solution:
         return float(self.w[self.network.bonds + bond])
 
 
-def solve(network: Network, given: dict[int, float], time: float, order: int = 1, guess: Array | None = None) -> Solution:
-    """All efforts, flows and stored quantities, for given stored quantities (by storage port), with `order` derivatives."""
+def solve(network: Network, given: dict[int, float], time: float, order: int = 1, guess: Any = None) -> Solution:
+    """All efforts, flows and stored quantities, for given stored quantities (by storage port), with `order` derivatives.
+
+    `guess`: efforts and flows, and all stored quantities, to start from.
+    """
     n, m = 2 * network.bonds, len(network.storages)
     free = [i for i in range(m) if i not in given]
     fixed = np.array([given.get(i, 0.0) for i in range(m)])
@@ -166,7 +172,7 @@ def solve(network: Network, given: dict[int, float], time: float, order: int = 1
 
     z = np.zeros(inside + order * n)
     if guess is not None:
-        z[: len(guess)] = guess
+        z[:n], z[n:inside] = guess[0], guess[1][free]
     with np.errstate(all="ignore"):
         for damped in (False, True):  # most networks are monotone: full steps converge; the others get a second try
             found, jacobian, error = _newton(function, z, damped)
@@ -199,7 +205,7 @@ def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple
         if not np.isfinite(jacobian).all():
             break
         rows = row_sizes(jacobian)  # exponentials make some of them very large
-        step = np.linalg.lstsq(jacobian / rows[:, None], -value / rows, rcond=RANK)[0]
+        step = scipy.linalg.lstsq(jacobian / rows[:, None], -value / rows, cond=RANK, lapack_driver="gelsy")[0]
         length = 1.0
         trial = function(z + step)
         while damped and not np.linalg.norm(trial) < (1 - 1e-4 * length) * np.linalg.norm(value) and length > 1e-10:

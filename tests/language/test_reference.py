@@ -166,14 +166,18 @@ def domains_table() -> str:
 
 
 LIMITS = [
+    ("bytes of a file", "compiler.source:MAXIMUM_BYTES"),
     ("characters of a file", "compiler.syntax.parse:MAXIMUM_SIZE"),
-    ("brackets within brackets", "compiler.syntax.parse:MAXIMUM_NESTING"),
-    ("height of an expression", "compiler.syntax.build:MAXIMUM_DEPTH"),
+    ("brackets within brackets", "compiler.syntax.lex:MAXIMUM_NESTING"),
+    ("height of an expression", "compiler.syntax.operators:MAXIMUM_DEPTH"),
     ("syntax mistakes told of one file", "compiler.syntax.parse:MAXIMUM_MISTAKES"),
     ("files that are imported", "compiler.semantics.load:MAXIMUM_FILES"),
-    ("instances, elements and junctions", "compiler.semantics.elaborate:MAXIMUM_INSTANCES"),
+    ("instances, elements, junctions, quantities and rounds", "compiler.semantics.elaborate:MAXIMUM_INSTANCES"),
     ("rounds of a `for`", "compiler.semantics.elaborate:MAXIMUM_ROUNDS"),
     ("models within models", "compiler.semantics.elaborate:MAXIMUM_HIERARCHY"),
+    ("items of a list", "compiler.semantics.typed:MAXIMUM_ITEMS"),
+    ("quantities that read each other in a ring", "compiler.semantics.quantities:MAXIMUM_ROW"),
+    ("mistakes told of one file", "compiler.semantics.resolve:MAXIMUM_MISTAKES"),
     ("calls of your functions in one expression", "compiler.semantics.typed:MAXIMUM_CALLS"),
     ("bytes of a file of columns", "compiler.semantics.columns:MAXIMUM_SIZE"),
     ("rows of a file of columns", "compiler.semantics.columns:MAXIMUM_ROWS"),

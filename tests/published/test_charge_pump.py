@@ -47,7 +47,10 @@ def test_the_plateau() -> None:
 
 
 def test_charges_that_no_voltage_gives_back_are_refused() -> None:
-    """Below threshold the channel holds nothing, so its charge tells no voltage: as states they are refused with names."""
-    text = FILE.read_text(encoding="utf-8").replace("{ require = integral }", "")
+    """Below threshold the channel holds nothing, so its charge tells no voltage: as a state it is refused."""
+    text = FILE.read_text(encoding="utf-8").replace(
+        "max(s.u, d.u))\n  C cs", "max(s.u, d.u)) { prefer = integral }\n  C cs"
+    )
+    assert "prefer" in text
     with pytest.raises(RunFailed, match=r"`mos\.s\.u`"):
         bondgraph.load(text).simulate(to=110e-9)

@@ -31,7 +31,10 @@ def test_no_conflicts() -> None:
 @needs_interegular
 @pytest.mark.parametrize(
     "old, new",
-    [("?atom: quantity", "?atom: quantity | NAME -> again"), ("?sign: power", '?sign: power | sign "-" power -> odd')],
+    [
+        ("?atom: quantity", "?atom: quantity | NAME -> again"),
+        ("?operand: atom", '?operand: atom | operand "-" atom -> odd'),
+    ],
     ids=["reduce/reduce", "shift/reduce"],
 )
 def test_the_check_for_conflicts_can_fail(old: str, new: str) -> None:

@@ -59,6 +59,8 @@ class Writer:
             *lowered.outputs.values(),
             *lowered.claims,
             *lowered.forced,
+            *lowered.dependents,
+            *lowered.sensitivities.values(),
             *lowered.signals,
             *lowered.switches,
             *lowered.crossings,
@@ -157,13 +159,27 @@ class Writer:
         outputs = list(lowered.outputs.values())
         parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
         claims, forced = lowered.claims, lowered.forced
-        note = "By how much the starts that the author gave to computed quantities are missed."
-        parts.append(self._function("claims", full, note, claims, (len(claims),)))
-        note = "What time alone moves and a storage in derivative form differentiates: it must not jump."
-        parts.append(self._function("forced", full, note, forced, (len(forced),)))
-        note = "What the rates read of time alone."
+        doc = "By how much the starts that the author gave to computed quantities are missed."
+        parts.append(self._function("claims", full, doc, claims, (len(claims),)))
+        doc = "What time alone moves and a storage in derivative form differentiates: it must not jump."
+        parts.append(self._function("forced", full, doc, forced, (len(forced),)))
+        parts.append(
+            self._function(
+                "dependent",
+                full,
+                "What storages in derivative form hold.",
+                lowered.dependents,
+                (len(lowered.dependents),),
+            )
+        )
+        where = sorted(lowered.sensitivities)
+        parts.append(_pattern("SENSITIVITY_PATTERN", where, "dependents, states"))
+        slopes = [lowered.sensitivities[place] for place in where]
+        doc = "Slopes of what storages in derivative form hold by the states, where they change in a run."
+        parts.append(self._function("sensitivities", full, doc, slopes, (len(slopes),)))
+        doc = "What the rates read of time alone."
         signals = lowered.signals
-        parts.append(self._function("signals", "time, inputs, constants, mode", note, signals, (len(signals),)))
+        parts.append(self._function("signals", "time, inputs, constants, mode", doc, signals, (len(signals),)))
         powers = self._power_nodes()
         parts.append(
             self._function(
@@ -430,12 +446,14 @@ def _long(node: Apply) -> bool:
     return depth >= 6
 
 
+def _pattern(name: str, places: Sequence[tuple[int, int]], what: str) -> str:
+    first, second = (", ".join(str(p[i]) for p in places) for i in (0, 1))
+    return f"\n{name} = (np.array([{first}], dtype=int), np.array([{second}], dtype=int))  # {what}\n"
+
+
 def _jacobian(places: Sequence[tuple[int, int]], n: int) -> str:
     """The pattern of the Jacobian, and the dense matrix from its entries."""
-    rows, columns = (", ".join(str(p[i]) for p in places) for i in (0, 1))
-    return f'''
-PATTERN = (np.array([{rows}], dtype=int), np.array([{columns}], dtype=int))  # rows, columns
-
+    return f'''{_pattern("PATTERN", places, "rows, columns")}
 
 def jacobian(time, state, inputs, constants, mode):
     """The derivatives of the rates (rows) by the states (columns)."""

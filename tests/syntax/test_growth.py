@@ -1,0 +1,57 @@
+"""Work grows with the length of a file and no faster: counted in calls, which do not depend on the machine."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from compiler.driver import check
+from compiler.source import Source
+from compiler.syntax import parse
+from compiler.syntax.format import format_text
+from tests.benchmarks.large_files import KINDS
+
+SIZES = (5_000, 20_000)
+
+
+def calls(action: Callable[[Source], object], text: str) -> int:
+    """How many calls of Python and built-in functions an action makes."""
+    count = 0
+
+    def counted(frame: FrameType, event: str, argument: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(counted)
+    try:
+        action(Source("large", text))
+    finally:
+        sys.setprofile(before)
+    return count
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("action", [parse, check, format_text], ids=["parse", "check", "fmt"])
+def test_calls_grow_with_the_length(action: Callable[[Source], object], kind: str) -> None:
+    texts = [KINDS[kind](size) for size in SIZES]
+    action(Source("warm", texts[0]))  # imports, tables of the parser, units that are remembered
+    few, many = (calls(action, text) for text in texts)
+    assert math.log(many / few) / math.log(len(texts[1]) / len(texts[0])) <= 1.05
+
+
+def test_calls_for_one_character_are_few() -> None:
+    """A rule of the grammar for each precedence, or a second tree, would be seen here."""
+    text = KINDS["ladder"](20_000)
+    parse(Source("warm", text))
+    assert calls(parse, text) < 13 * len(text)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_large_files_are_right(kind: str) -> None:
+    assert check(Source("large", KINDS[kind](4_000))) == ()
