@@ -14,7 +14,7 @@ from ..scene import Plan, Scene
 from ..source import Span
 from ..syntax import SyntaxTree, tree
 from .connect import Connector
-from .domain_table import slot_defaults
+from .domain_table import slot_defaults, wall_items
 from .elaborate import Elaborator
 from .errors import (
     NoSingleModel,
@@ -99,7 +99,7 @@ def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
         chosen = choose_model(file, wanted, [])
     except CompilationFailed:
         return None
-    return None if any(isinstance(s, tree.Ports) for s in chosen.model.statements) else chosen
+    return None if any(wall_items(chosen.model)) else chosen
 
 
 def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known) -> list[Diagnostic]:
@@ -120,7 +120,7 @@ def is_part(syntax: SyntaxTree, wanted: str | None) -> bool:
     """Whether the model that would be run has ports of its own. Raises `CompilationFailed` if there is none to run."""
     file = FileScope(syntax.source, {}, {}, {})
     file.models.update({n: ModelDefinition(m, file) for n, m in syntax.models.items()})
-    return any(isinstance(s, tree.Ports) for s in choose_model(file, wanted, []).model.statements)
+    return any(wall_items(choose_model(file, wanted, []).model))
 
 
 def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diagnostic]) -> ModelDefinition:

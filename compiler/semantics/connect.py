@@ -185,7 +185,7 @@ class Connector:
         entry = self._entry(scope, place)
         steps = list(place.steps)
         name = place.head
-        own_wall = isinstance(entry, WallEntry)
+        own_wall = _is_wall(entry)
         while steps:
             step = steps[0]
             if isinstance(step, tree.Index):
@@ -205,11 +205,13 @@ class Connector:
                 entry = entry.items[index]
             elif isinstance(entry, InstanceEntry):
                 inner = entry.scope.entries.get(step.name)
-                if not isinstance(inner, WallEntry):
-                    walls = [n for n, e in entry.scope.entries.items() if isinstance(e, WallEntry)]
+                if isinstance(inner, Broken):
+                    raise AlreadyTold
+                if inner is None or not _is_wall(inner):
+                    walls = _walls(entry)
                     hint = suggestion(
                         step.name,
-                        walls,
+                        [w.partition("[")[0] for w in walls],
                         f"Its ports: {', '.join(walls) or 'none'}. Bonds reach the inside of an instance only through its ports.",
                     )
                     raise Wrong(UnknownName(place.span, step.name, f"the ports of `{name}`", hint))
@@ -284,7 +286,7 @@ class Connector:
                     return Place({"": terminal}, False, "part", place.span, words)
                 return prefixed._replace(terminals=terminals)
             case InstanceEntry():
-                walls = [n for n, e in entry.scope.entries.items() if isinstance(e, WallEntry)]
+                walls = _walls(entry)
                 raise Wrong(
                     WrongConnection(
                         place.span,
@@ -432,6 +434,25 @@ class Connector:
         if ends[0] is None or ends[1] is None:
             return None  # the node itself is wrong, and that is told
         return Bond(ends[0], ends[1], tail.domain.name, last.span)
+
+
+def _is_wall(entry: Entry) -> bool:
+    """Whether it is a port of a model, or an array of them."""
+    first = next(iter(entry.items.values()), None) if isinstance(entry, Array) else entry
+    return isinstance(first, WallEntry)
+
+
+def _walls(instance: InstanceEntry) -> list[str]:
+    """The ports of an instance, by the names of its model; an array by one of its items."""
+    names = []
+    for name, entry in instance.scope.entries.items():
+        if _is_wall(entry):
+            names.append(f"{name}[{_first(entry)}]" if isinstance(entry, Array) else name)
+    return names
+
+
+def _first(array: Array) -> str:
+    return ", ".join(map(str, min(array.items)))
 
 
 def _name(terminal: Terminal) -> str:

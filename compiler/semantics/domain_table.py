@@ -124,16 +124,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
         if inner is None or not members:
             return {}
         inner_table = table_of(inner)
-        item = next(
-            (
-                i
-                for s in _flat(inner.model.statements)
-                if isinstance(s, tree.Ports)
-                for i in s.items
-                if i.name == members[0]
-            ),
-            None,
-        )
+        item = next((i for i in wall_items(inner.model) if i.name == members[0]), None)
         if item is None:
             return {}
         wanted = members[1:2] or list(wall_components(item))
@@ -183,6 +174,13 @@ def slot_defaults(statements: tuple[tree.Node, ...]) -> dict[str, str]:
     """The slots of a model, and the models that stand in them by default."""
     items = (i for s in statements if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
     return {i.name: i.value.words for i in items if isinstance(i.value, tree.Path)}
+
+
+def wall_items(model: tree.Model) -> Iterator[tree.PortItem]:
+    """The ports of a model as they are declared, those in loops once."""
+    for statement in _flat(model.statements):
+        if isinstance(statement, tree.Ports):
+            yield from statement.items
 
 
 def wall_components(item: tree.PortItem) -> dict[str, str | None]:

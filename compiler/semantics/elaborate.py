@@ -15,7 +15,7 @@ from ..graph.units import ONE
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
-from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, is_slot, wall_components
+from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, is_slot, wall_components, wall_items
 from .errors import (
     Cycle,
     DuplicateName,
@@ -283,25 +283,28 @@ class Elaborator(QuantityResolver):
         """The ports of a model with their domains."""
         table = self.table_of(definition)
         walls = {}
-        for statement in definition.model.statements:
-            for item in statement.items if isinstance(statement, tree.Ports) else ():
-                for component in wall_components(item):
-                    domain = table.of(item.name, component)
-                    walls[f"{item.name}.{component}".rstrip(".")] = domain.name if domain else "unknown"
+        for item in wall_items(definition.model):
+            name = item.name if item.index is None else f"{item.name}[…]"
+            for component in wall_components(item):
+                domain = table.of(item.name, component)
+                walls[f"{name}.{component}".rstrip(".")] = domain.name if domain else "unknown"
         return walls
 
     def _declare_ports(self, scope: Scope, statement: tree.Ports) -> None:
         for item in statement.items:
-            if item.index is not None:
-                raise Wrong(Unsupported(item.span, "An array of ports", "Name the ports one by one."))
+            index = self.index_of(item.index, scope)
+            if index is None and scope.outer is not None:
+                hint = f"What stands in a `for` carries an index: `{item.name}[{_loop_names(scope)}]`."
+                raise Wrong(WrongType(item.span, "An index", "a name alone", hint))
             ports = {}
             for component in wall_components(item):
                 domain = self.domain_of(scope, (item.name, component))
                 if domain is None:
                     raise self.unknown_domain(scope, item.span, item.name)
                 ports[component] = domain
-            wall = WallEntry(scope.full(item.name), ports, item.span)
-            self.enter(scope, item.name, wall, item.span)
+            local = item.name if index is None else indexed(item.name, index)
+            wall = WallEntry(scope.full(local), ports, item.span)
+            self._enter_indexed(scope, item.name, index, wall, item.span)
             self.walls[wall.name] = wall
 
     def unknown_domain(self, scope: Scope, span: Span, name: str) -> Exception:

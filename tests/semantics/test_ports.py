@@ -123,3 +123,62 @@ def test_a_reading_runs_as_the_physics_says() -> None:
     found = bondgraph.load(text).simulate()
     assert found["W"][1] == pytest.approx(14.0, rel=1e-7) and abs(found["W"][2]) < 1e-6
     assert math.isclose(found.time[1], math.pi / 2)
+
+
+STAR = """model Star {
+  "A mass with one soft leg for each port."
+  parameter n = 3
+  I mass : p = 2 kg*v
+  1 centre
+  centre -> mass
+  for i in 1..n {
+    port leg[i]: translation
+    C pad[i] : F = i*5 [N/m]*x
+    leg[i] -> 0(pad[i]) -> centre
+  }
+}
+"""
+
+
+class TestArrays:
+    def test_a_port_in_each_round_of_a_loop(self) -> None:
+        """The force through leg i is that of its pad, and moves the mass."""
+        text = (
+            STAR
+            + "model A {\n  Star star { n = 2 }\n  for i in 1..2 {\n    Sf push[i] : v = i*0.1 [m/s]\n    push[i] -> star.leg[i]\n  }\n  output F1 = star.leg[1].F, F2 = star.leg[2].F, v = star.leg[2].v\n}\n"
+        )
+        running = Running(compiled(text))
+        state = {"star.pad[1].x": 1.0, "star.pad[2].x": 2.0, "star.mass.p": 3.0}
+        assert running.outputs(state) == {"F1": 5.0, "F2": 20.0, "v": 0.2}
+        rates = Running(compiled(text, everything=True)).rates(state)
+        assert rates["star.mass.p"] == 25.0 and rates["star.pad[2].x"] == pytest.approx(0.2 - 1.5)
+
+    def test_ports_of_an_array_of_instances(self) -> None:
+        text = (
+            STAR
+            + "model A {\n  for i in 1..2 { Star star[i] { n = 2 } }\n  star[1].leg[1] -> star[2].leg[2]\n  Sf a : v = 1 [m/s]\n  Sf b : v = 2 [m/s]\n  a -> star[1].leg[2]\n  b -> star[2].leg[1]\n  output F = star[2].leg[2].F, G = star[1].leg[1].F\n}\n"
+        )
+        assert [d.code for d in mistakes(text)] == ["BG121"]  # both arrows run into their stars: head-on in the first
+        text = text.replace("star[1].leg[1] -> star[2].leg[2]", "R link : F = 3 [N*s/m]*v\n  1(link) -> star[1].leg[1], star[2].leg[2]")  # fmt: skip
+        found = outputs_of(compiled(text), {"star[1].pad[1].x": 2.0, "star[2].pad[2].x": 0.5})
+        assert found == {"F": 5.0, "G": 10.0}
+
+    def test_multibonds_and_more_indices(self) -> None:
+        text = "model Grid {\n  for i in 1..2 { for j in 1..2 {\n    port end[i, j]: planar\n    C spring[i, j](x, y, phi) : energy = i*j*(x^2 + y^2)*1 [N/m] + phi^2*1 [N*m]\n    end[i, j] => spring[i, j]\n  } }\n}\nmodel A {\n  Grid grid\n  for i in 1..2 { for j in 1..2 {\n    I plate[i, j](x, y, phi) : energy = (x^2 + y^2)/(2*1 kg) + phi^2/(2*1 [kg*m^2])\n    splitter hand[i, j](x, y, phi)\n    1(plate[i, j].x) -> hand[i, j].x\n    1(plate[i, j].y) -> hand[i, j].y\n    1(plate[i, j].phi) -> hand[i, j].phi\n    hand[i, j] => grid.end[i, j]\n  } }\n  output F = grid.end[2, 1].y.F\n}\n"
+        assert mistakes(text) == ()
+        names = compiled(text).program.states.names
+        (state,) = [n for n in names if n.startswith("grid.spring[2") and n.endswith("1].y")]
+        assert outputs_of(compiled(text), {state: 3.0}) == {"F": 12.0}
+
+    def test_in_a_slot(self) -> None:
+        """A model with an array of ports stands for another with one."""
+        text = (
+            STAR
+            + STAR.replace("Star", "Hard").replace("i*5", "i*50")
+            + "model A {\n  parameter Kind: model = Star\n  Kind part { n = 1 }\n  Sf push : v = 1 [m/s]\n  push -> part.leg[1]\n  output F = part.leg[1].F\n}\n"
+        )
+        assert outputs_of(compiled(text, model="A"), {"part.pad[1].x": 1.0}) == {"F": 5.0}
+        assert outputs_of(compiled(text, {"Kind": "Hard"}, model="A"), {"part.pad[1].x": 1.0}) == {"F": 50.0}
+
+    def test_a_file_of_parts_with_ports_in_loops(self) -> None:
+        assert mistakes(STAR) == ()
