@@ -78,7 +78,6 @@ def test_test_folders_are_named_after_rooms() -> None:
         "gallery",
         "published",
         "graphs",
-        "published",
     }
     found = {
         p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and p.name != "__pycache__" and any(p.rglob("*.py"))
