@@ -71,7 +71,7 @@ def fold(bound: Bound, is_zero: object) -> Expression:
 
 def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     """The graph without what gives nothing."""
-    read = {r.node for r in _readings(graph)}
+    read = {name for r in _readings(graph) for name in _read_nodes(graph, r)}
     dropped: set[End] = set()
     changed: dict[int, Element] = {}
     neighbours = _neighbours(graph)
@@ -113,6 +113,14 @@ def _readings(graph: BondGraph) -> Iterator[Reading]:
     for node in graph.nodes:
         if isinstance(node, Element):
             yield from (a for a in node.arguments if isinstance(a, Reading))
+
+
+def _read_nodes(graph: BondGraph, reading: Reading) -> tuple[str, ...]:
+    """The node that is read; of a port of a model both ends of the bond that passes through it."""
+    number = graph.walls.get((reading.node, reading.port))
+    if number is None:
+        return (reading.node,)
+    return tuple(graph.nodes[end.node].name for end in (graph.bonds[number].tail, graph.bonds[number].head))
 
 
 def _neighbours(graph: BondGraph) -> Mapping[End, int]:
@@ -211,7 +219,10 @@ def _without_ports(node: Element, removed: set[int]) -> Element:
 
 
 def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]) -> BondGraph:
-    bonds = [b for b in graph.bonds if b.tail not in dropped and b.head not in dropped]
+    kept_bonds = [n for n, b in enumerate(graph.bonds) if b.tail not in dropped and b.head not in dropped]
+    bonds = [graph.bonds[n] for n in kept_bonds]
+    place = {n: i for i, n in enumerate(kept_bonds)}
+    walls = {wall: place[n] for wall, n in graph.walls.items() if n in place}
     gone = {end.node for end in dropped if end.node not in changed}
     numbers: dict[int, int] = {}
     nodes: list[Node] = []
@@ -236,7 +247,7 @@ def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]
         return End(numbers[end.node], end.port)
 
     moved_bonds = tuple(Bond(moved_end(b.tail), moved_end(b.head), b.domain, b.span) for b in bonds)
-    return replace(graph, nodes=tuple(nodes), bonds=moved_bonds)
+    return replace(graph, nodes=tuple(nodes), bonds=moved_bonds, walls=walls)
 
 
 def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tuple[MechanismNode, dict[End, End]]:

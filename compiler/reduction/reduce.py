@@ -79,12 +79,13 @@ class _Reduction:
     def _claims(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[Claim, ...]:  # fmt: skip
-        """The claims that bind a state of this run; what they read is used as well."""
+        """The claims that bind a state of this run, or none of the model, which is told; what they read is used as well."""
         kept: list[Claim] = []
         left = list(self.system.claims)
         states = {s.variable for s in self.system.states}
         while left:
-            found = [c for c in left if needed([c.variable], inputs) & used & states or c.variable in used]
+            read = {c: needed([c.variable], inputs) & states for c in left}
+            found = [c for c in left if read[c] & used or not read[c] or c.variable in used]
             if not found:
                 break
             for claim in found:

@@ -92,8 +92,6 @@ def read_plan(
                 plan = replace(plan, equilibrium=True)
             case tree.Study():
                 plan = replace(plan, unsupported=(*plan.unsupported, (_study_span(step, experiment), step.role)))
-            case tree.Set(role="start"):
-                plan = replace(plan, unsupported=(*plan.unsupported, (step.span, "start")))
     plan = replace(plan, report=tuple(report))
     return plan, _wanted(elaborator, outputs, plan, scene)
 
