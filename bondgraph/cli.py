@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|run|causality|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|certificate|run|causality|show|equations|compile|fmt|new`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -110,12 +110,13 @@ _experiment = click.option(
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON (schema bondgraph-check/1).")
 @_model
 def check(files: Sequence[str], as_json: bool, model: str | None) -> None:
-    """Tell everything that is wrong with some files."""
+    """Tell everything that is wrong with some files; of fine ones, what kind of equations a run solves."""
     with _told():
-        from .model import check as check_file
+        from .model import certify
 
         gc.disable()  # the process ends with this: what it makes need not be walked through, nor at its end
-        found = [d for file in files for d in check_file(Path(file), model)]
+        examined = [certify(Path(file), model) for file in files]
+        found = [d for diagnostics, _ in examined for d in diagnostics]
         gc.freeze()
         if as_json:
             click.echo(json.dumps(_check_json(files, found), indent=2))
@@ -124,6 +125,8 @@ def check(files: Sequence[str], as_json: bool, model: str | None) -> None:
 
             click.echo("\n\n".join(render(d) for d in found), err=True)
         else:
+            for certificate in (c for _, c in examined if c is not None):
+                click.echo("\n".join([certificate.line, *(f"  note: {n}" for n in certificate.notes)]))
             click.echo(f"{len(files)} file{'s' * (len(files) > 1)} fine")
     if found:
         raise click.exceptions.Exit(WRONG)
@@ -136,6 +139,17 @@ def _check_json(files: Sequence[str], found: Sequence[Diagnostic]) -> dict[str, 
         for d in found
     ]  # fmt: skip
     return {"schema": CHECK_SCHEMA, "files": list(files), "diagnostics": told}
+
+
+@commands.command()
+@_file
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-certificate/1).")
+@_model
+def certificate(file: str, as_json: bool, model: str | None) -> None:
+    """Tell what kind of equations a model has: form, index, states, loops, what was left out."""
+    with _told():
+        told = _load(file, model).certificate
+        click.echo(json.dumps(told.to_json(), indent=2) if as_json else str(told))
 
 
 # ---------------------------------------------------------------- run

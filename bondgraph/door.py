@@ -9,18 +9,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from compiler.algebra.expression import evaluate
+    from compiler.algebra.affine import affine_parts
+    from compiler.algebra.derivative import derivative
+    from compiler.algebra.expression import Symbol, depends_on, evaluate
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.codegen.program import LimitNote, Program
-    from compiler.driver import Compilation
+    from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
-    from compiler.equations.system import Assignment, EquationSystem, Storage
+    from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
     from compiler.graph.domains import BUNDLES, DOMAINS
+    from compiler.graph.network import Element, Junction, Kind
     from compiler.graph.units import SECOND
+    from compiler.reduction.certificate import Certificate
     from compiler.reduction.order import blocks
-    from compiler.reduction.state_space import LinearLoop, StateSpace
+    from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
     from compiler.scene import Override, Plan, Reported, Scene
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
@@ -35,7 +39,10 @@ if TYPE_CHECKING:
     from compiler.writing.literals import bond_lines, braces, number_text
 
 _HOMES = {
+    "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
+    "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
+    "examine": "driver", "Certificate": "reduction.certificate", "Unknown": "reduction.state_space",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
@@ -49,11 +56,12 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Compilation",
-    "CompilationFailed", "Dependence", "Diagnostic", "EquationSystem", "InternalError", "LimitNote", "LinearLoop", "Literal",
-    "Override", "Path", "Plan", "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Unsupported",
-    "blocks", "bond_lines", "braces", "check_source", "dependences", "evaluate", "format_text", "number_text", "parse_expression",
-    "parse_law", "read_text", "read_unit", "render", "scale_of", "to_sympy", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Certificate", "Compilation",
+    "CompilationFailed", "Dependence", "Diagnostic", "Element", "EquationSystem", "InternalError", "Junction", "Kind", "LimitNote",
+    "LinearLoop", "Literal", "Override", "Path", "Plan", "PowerPort", "Program", "Reported", "Scene", "Source", "Span", "StateSpace",
+    "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "blocks", "bond_lines", "braces", "check_source", "dependences",
+    "depends_on", "derivative", "evaluate", "examine", "format_text", "number_text", "parse_expression", "parse_law", "read_text",
+    "read_unit", "render", "scale_of", "to_sympy", "write_text",
 ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .door import (
+    Certificate,
     Compilation,
     CompilationFailed,
     Diagnostic,
@@ -17,6 +18,7 @@ from .door import (
     Source,
     Span,
     check_source,
+    examine,
     parse_expression,
     read_text,
     write_text,
@@ -26,7 +28,7 @@ from .errors import UsageError
 if TYPE_CHECKING:
     import networkx
 
-    from .door import StateSpace
+    from .analysis import PortHamiltonian, SymbolicPortHamiltonian
     from .results import Result
 
 LIBRARY = Path(__file__).with_name("library")
@@ -54,6 +56,11 @@ def load(path_or_text: str | Path, model: str | None = None) -> Model:
 def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a file or text; empty if nothing is."""
     return tuple(check_source(_source(path_or_text), model, LIBRARY))
+
+
+def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    """As `check`; and if nothing is wrong, what kind of equations a run solves (None for a file of parts)."""
+    return examine(_source(path_or_text), model, LIBRARY)
 
 
 def _source(path_or_text: str | Path) -> Source:
@@ -119,31 +126,68 @@ class Model:
         return tuple(space.variables[s.variable].name for s in space.states)
 
     @property
+    def certificate(self) -> Certificate:
+        """What kind of equations the model has, whatever the outputs need; `print` it, or read its fields."""
+        return self.compilation(everything=True).certificate
+
+    @property
     def graph(self) -> networkx.MultiDiGraph:
         """The bond graph in networkx; nodes carry `node=`, edges (half arrows) `bond=`."""
         return self.compilation().whole_graph.network
 
     # ------------------------------------------------------------ equations and stages
     def state_equations(self) -> Any:
-        """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs."""
+        """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs.
+
+        Linear loops are solved symbolically. Unknowns of nonlinear loops stay, and `algebraic_equations` binds them.
+        """
         from .views.equations import state_equations
 
-        return state_equations(self._with_inputs())
+        return state_equations(self._with_inputs().state_space)
+
+    def algebraic_equations(self) -> Any:
+        """The equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
+        from .views.equations import algebraic_equations
+
+        return algebraic_equations(self._with_inputs().state_space)
+
+    def port_hamiltonian(
+        self,
+        state: Mapping[str, float] | None = None,
+        settings: Mapping[str, str | float] | None = None,
+        time: float = 0.0,
+    ) -> PortHamiltonian:
+        """E x' = (J - R) z + G u with E' z = grad H at a state (by name, in SI; the rest at its start), J skew, R not negative.
+
+        Raises `UsageError` for what has no such form (mechanisms, heat from loss) and where resistors create energy.
+        """
+        from .analysis import port_hamiltonian
+
+        compilation = self.compilation(self.scene(None, settings), everything=True)
+        return port_hamiltonian(compilation, state or {}, time)
+
+    def symbolic_port_hamiltonian(self) -> SymbolicPortHamiltonian:
+        """J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
+        from .analysis import symbolic_port_hamiltonian
+
+        return symbolic_port_hamiltonian(self._with_inputs())
 
     def equations(self, latex: bool = False) -> str:
         """The causally ordered equations as text, or as LaTeX."""
         from .views.equations import equations_text
 
-        return equations_text(self._with_inputs(), latex)
+        return equations_text(self._with_inputs().state_space, latex)
 
-    def _with_inputs(self) -> StateSpace:
+    def _with_inputs(self) -> Compilation:
         """The equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
+        free = self.compilation(Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
         try:
-            return self.compilation(Scene(self.model, None, free=frozenset(self.inputs)), everything=True).state_space
+            _ = free.state_space
+            return free
         except CompilationFailed as failed:
             if any(d.code != "BG503" for d in failed.diagnostics):
                 raise
-            return self.compilation(everything=True).state_space
+            return self.compilation(everything=True)
 
     def show(self, stage: str, experiment: str | None = "") -> str:
         """One stage of the compiler as stable text; `STAGES` lists them."""

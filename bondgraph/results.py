@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import pandas
     from numpy.typing import NDArray
 
+    from .door import Certificate
+
 SCHEMA = "bondgraph-result/1"
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
 
@@ -104,7 +106,8 @@ class Result:
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report` says what the experiment shows, in
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
-    left: it went on, but there the model does not hold. Raises ValueError if the shapes do not fit.
+    left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved. Raises
+    ValueError if the shapes do not fit.
     """
 
     model: str
@@ -120,6 +123,7 @@ class Result:
     wall_time: float = math.nan
     energy: EnergyBalance | None = None
     warnings: tuple[LimitLeft, ...] = ()
+    certificate: Certificate | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -243,6 +247,7 @@ class Result:
             time         {unit: "s", start, stop, points}
             outputs      {name: {unit, final, minimum, maximum}}, in SI whatever the report shows
             solver       name; steps: accepted ones; evaluations: {what: count}; rtol; wall_time in s
+            certificate  by `bondgraph-certificate/1`, if the result has one
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
                          elements: {name: {kind, stored, supplied, dissipated}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
@@ -265,6 +270,8 @@ class Result:
             "wall_time": _finite(self.wall_time),
         }
         told["warnings"] = [_warning_json(item) for item in self.warnings]
+        if self.certificate is not None:
+            told["certificate"] = self.certificate.to_json()
         if self.energy is not None:
             told["energy"] = _energy_json(self.energy)
         return told

@@ -12,12 +12,12 @@ from pathlib import Path
 from .causality import CausalGraph, assign_causality
 from .codegen.lower import Lowered, lower
 from .codegen.program import Program
-from .equations import EquationSystem, derive_equations
+from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
-from .graph.prune import known_zeros, prune
+from .graph.prune import known_zeros, preferring, prune
 from .memory import uncollected
-from .reduction import StateSpace, reduce_equations, refuse_singular_loops
+from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
@@ -66,7 +66,7 @@ class Compilation:
     @cached_property
     def graph(self) -> BondGraph:
         """The graph without what gives nothing in this run."""
-        return prune(self.whole_graph, self.zeros)
+        return preferring(prune(self.whole_graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
     def causal(self) -> CausalGraph:
@@ -89,6 +89,13 @@ class Compilation:
     def lowered(self) -> Lowered:
         with self._instances():
             return lower(self.state_space)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What kind of equations a run of this scene solves."""
+        kept = {node.name for node in self.graph.nodes}
+        left_out = tuple(node.name for node in self.whole_graph.nodes if node.name not in kept)
+        return certify(self.state_space, self.equations, left_out, notes(self.graph))
 
     @cached_property
     def program(self) -> Program:
@@ -122,21 +129,31 @@ def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a text: each of its models by itself, then the one that would be run, up to its equations."""
+    return examine(source, model, library)[0]
+
+
+def examine(
+    source: Source, model: str | None = None, library: Path | None = None
+) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    """What is wrong with a text; and if nothing is, the certificate of the model that would be run, if it has one."""
     with uncollected():
-        return _check(source, model, library)
+        return _examine(source, model, library)
 
 
-def _check(source: Source, model: str | None, library: Path | None) -> tuple[Diagnostic, ...]:
+def _examine(
+    source: Source, model: str | None, library: Path | None
+) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    certificate: Certificate | None = None
     tree, mistakes = parse_what_can_be_read(source)
     broken = frozenset[str]() if tree is None else _models_with(mistakes, tree)
     if tree is None or (mistakes and not broken):
-        return CompilationFailed(mistakes).diagnostics
+        return CompilationFailed(mistakes).diagnostics, None
     try:
         parts = check_parts(tree, library, model, broken)
     except CompilationFailed as failed:  # a limit was passed
-        return failed.diagnostics
+        return CompilationFailed([*mistakes, *failed.diagnostics]).diagnostics, None
     except RecursionError:
-        return (_too_long(tree),)
+        return (_too_long(tree),), None
     found = [*mistakes, *parts.diagnostics]
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
@@ -146,11 +163,12 @@ def _check(source: Source, model: str | None, library: Path | None) -> tuple[Dia
         try:
             if not compilation.is_part:
                 _ = compilation.lowered
+                certificate = compilation.certificate
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
         except RecursionError:
             found = [_too_long(tree)]
-    return CompilationFailed(found).diagnostics if found else ()
+    return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)
 
 
 _NO_BRACES = re.compile(r'"[^"\n]*"|#[^\n]*')  # texts and comments: braces in them open nothing

@@ -33,6 +33,9 @@ class Scene:
     overrides: tuple[Override, ...] = ()
     free: frozenset[str] = frozenset()
     outputs: tuple[str, ...] | None = None
+    preferences: tuple[
+        tuple[str, str], ...
+    ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,4 +58,5 @@ class Plan:
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
+    equilibrium: bool = False  # the run starts where all rates vanish
     unsupported: tuple[tuple[Span, str], ...] = ()  # steps that only later versions run

@@ -6,6 +6,7 @@ that the residual is an independent measure of the error of the run.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,19 @@ def energy_balance(space: StateSpace, work: Any, before: Any, after: Any, argume
         float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
     )
     return EnergyBalance(tuple(elements), stored, supplied, dissipated, supplied - dissipated - stored)
+
+
+def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
+    """The balance of a run from those of its legs; None if there are none."""
+    if len(balances) < 2:
+        return balances[0] if balances else None
+    sums: dict[tuple[str, str], Any] = {}
+    for element in (e for balance in balances for e in balance.elements):
+        known = sums.get((element.name, element.kind), np.zeros(3))
+        sums[element.name, element.kind] = np.add(known, (element.stored, element.supplied, element.dissipated))
+    elements = tuple(ElementEnergy(name, kind, *map(float, total)) for (name, kind), total in sums.items())
+    totals = (sum(getattr(b, word) for b in balances) for word in ("stored", "supplied", "dissipated", "residual"))
+    return EnergyBalance(elements, *totals)
 
 
 def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .choice import Choice, Handover
 from .factorise import dense, is_large, sparse
 from .loops import LoopSolver
 from .radau import C, Problem, Radau, StepFailed
@@ -34,6 +35,7 @@ DEEPEST = 4  # halvings of a step for its work
 class Tolerances:
     """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,).
 
+    `held` marks the absolute tolerances that the author gave; others grow with a state that exceeds its magnitude.
     `needed` marks the states that the outputs need. Others are only there for an energy balance: they have no part in the
     error control, so that asking for the balance changes no step.
     """
@@ -42,6 +44,7 @@ class Tolerances:
     absolute: Any
     magnitude: Any
     needed: Any
+    held: Any
 
     @property
     def share(self) -> float:
@@ -64,6 +67,7 @@ class Trajectory:
     evaluations: dict[str, int] = field(default_factory=lambda: {"derivative": 0, "jacobian": 0, "factorisation": 0})
     work: Any = None  # integral of the powers, if asked
     final: Any = None
+    handover: Handover | None = None  # the run stops there: other states should go on
 
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -79,17 +83,22 @@ def integrate(
     tolerances: Tolerances,
     powers: Powers | None,
     watch: Watch,
+    choice: Choice | None,
 ) -> Trajectory:
     """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
     `powers` are integrated along the solution, outside the error control: asking for them changes no step.
     """
     stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch)
+    stepper.choice = choice
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
         if number:
             stepper.check_forced(stretches[number - 1], stretch, x)
         x = stepper.run(stretch, x)
+        if stepper.result.handover is not None:
+            stepper.result.states = stepper.result.states[: stepper.position]
+            break
     stepper.result.states[stepper.position :] = x
     stepper.result.final = x
     return stepper.result
@@ -109,6 +118,7 @@ class _Stepper:
         watch: Watch,
     ) -> None:
         self.watch = watch
+        self.choice: Choice | None = None
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.tolerances, self.powers = instants, tolerances, powers
@@ -140,11 +150,16 @@ class _Stepper:
             if self.powers is not None:
                 self._add_work(*solver.last_step, lambda times: solver.sample(times) * magnitude, stretch)
             peak = np.maximum(peak, np.abs(solver.state))
-            solver.problem.absolute = relative * peak  # a state that grows beyond its magnitude sets a new one
+            # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
+            solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
+            if self.choice is not None and not solver.finished:
+                self.result.handover = self.choice.look(solver.time, solver.state * magnitude, stretch.mode)
+                if self.result.handover is not None:
+                    break
         self.result.steps += steps
         for name, count in solver.evaluations.items():
             self.result.evaluations[name] += count
-        return self.loops.solve(stretch.stop, solver.state * magnitude, stretch.mode)
+        return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
 
     def _without_states(self, stretch: Segment, x: Any) -> Any:
         """Nothing to integrate: loops at each instant by themselves, each from the solution before it."""

@@ -36,7 +36,7 @@ class LoopSolver:
         if not len(self.magnitude):
             return state
         last = state[self.count :]
-        found = self._newton(time, state, mode, last, 0.0)
+        found = self.newton(time, state, mode, last, 0.0)
         if found is None:  # a law may have no value, or no slope, where all unknowns are zero
             others = (last, 0 * last, *(share * self.magnitude for share in GUESSES))
             tries = (self._homotopy(time, state, mode, guess) for guess in others)
@@ -45,7 +45,7 @@ class LoopSolver:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
                 f"at t = {time:.9g} s the algebraic loop of {names} has no solution that could be found; "
-                "check the laws in it (`bondgraph causality` shows them), or put a small storage into it"
+                "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), or put a small storage into it"
             )
         return np.concatenate([state[: self.count], found])
 
@@ -56,19 +56,33 @@ class LoopSolver:
         return np.stack([self.solve(t, x, mode) for t, x in zip(times, states, strict=True)])
 
     def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
-        """What the unknowns should make vanish."""
-        full = np.concatenate([state[: self.count], unknowns])
-        return self.program.derivative(time, full, self.inputs, self.constants, mode)[self.count :]
+        """What the unknowns should make vanish; unknowns may have a leading axis."""
+        full = self._full(state, unknowns)
+        return self.program.derivative(time, full, self.inputs, self.constants, mode)[..., self.count :]
 
     def matrix(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
-        """Its derivatives by the unknowns."""
-        full = np.concatenate([state[: self.count], unknowns])
+        """Its derivatives by the unknowns, the last axis; unknowns may have a leading axis."""
+        full = self._full(state, unknowns)
         entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
-        result = np.zeros((len(unknowns), len(unknowns)))
-        result[self._place] = entries[self._chosen]
+        result = np.zeros((*unknowns.shape, unknowns.shape[-1]))
+        result[(..., *self._place)] = entries[..., self._chosen]
         return result
 
-    def _newton(self, time: float, state: Any, mode: Any, guess: Any, rest: Any) -> Any:
+    def separate(self) -> list[Any]:
+        """The unknowns of each loop by itself: those that depend on each other."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        count = len(self.magnitude)
+        reads = coo_array((np.ones(len(self._chosen)), self._place), shape=(count, count))
+        number, labels = connected_components(reads, directed=True, connection="strong")
+        return [np.flatnonzero(labels == i) for i in range(number)]
+
+    def _full(self, state: Any, unknowns: Any) -> Any:
+        known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
+        return np.concatenate([known, unknowns], axis=-1)
+
+    def newton(self, time: float, state: Any, mode: Any, guess: Any, rest: Any) -> Any:
         """Newton's method, damped by halving, until the correction is round-off; None if it fails."""
         z = np.array(guess, dtype=float)
         value = self.residual(time, state, mode, z) - rest
@@ -112,7 +126,7 @@ class LoopSolver:
         z, share, step = guess, 0.0, 1.0
         while share < 1 and step > LEAST:
             target = min(1.0, share + step)
-            found = self._newton(time, state, mode, z, (1 - target) * rest)
+            found = self.newton(time, state, mode, z, (1 - target) * rest)
             if found is None:
                 step *= 0.5
             else:

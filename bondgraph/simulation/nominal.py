@@ -16,6 +16,7 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .choice import Choice
 from .factorise import dense, is_large, sparse
 from .loops import LoopSolver
 from .segments import Segment
@@ -24,6 +25,8 @@ STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
+CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
+ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 LARGEST = 200  # states up to which the modes are computed
@@ -32,13 +35,15 @@ SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's ch
 
 
 def nominal_magnitudes(
-    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment]
+    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
+    choice: Choice | None = None,
 ) -> Any:  # fmt: skip
-    """A positive magnitude for every state and unknown, in SI; shape (n,). `mechanisms`: their names."""
+    """A positive magnitude for every state and unknown, in SI; shape (n,). `mechanisms`: their names; `choice` says where
+    these states will be no longer the right ones."""
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.abs(state)
     if len(program.states.names):
-        peak = np.maximum(peak, _Coarse(program, constants, inputs, state).peak(stretches))
+        peak = np.maximum(peak, _Coarse(program, constants, inputs, state).peak(stretches, choice))
     result = np.where(given > 0, given, peak)
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
@@ -68,7 +73,7 @@ class _Coarse:
         kind = sparse if is_large(len(state), len(self.rows)) else dense
         self.shifted = kind(self.rows, self.columns, self.differential)
 
-    def peak(self, stretches: Sequence[Segment]) -> Any:
+    def peak(self, stretches: Sequence[Segment], choice: Choice | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""
         reach = None
         first = stretches[0]
@@ -84,7 +89,7 @@ class _Coarse:
             while time < stretch.stop and taken < MOST_STEPS:
                 taken += 1
                 size = min(size, stretch.stop - time)
-                found = self._step(time + size, size, stretch.mode)
+                found = self._sure_step(time, size, stretch.mode)
                 if found is None:
                     size *= 0.25
                     if size < SMALLEST_STEP * whole:
@@ -94,16 +99,30 @@ class _Coarse:
                 size = min(usual, 2 * size)
                 self.state = found
                 self.largest = np.maximum(self.largest, np.abs(found))
+                if choice is not None and choice.look(time, found, stretch.mode) is not None:
+                    return self.largest
                 if reach is not None:
                     self.largest = np.maximum(self.largest, reach(found))
         return self.largest
 
-    def _step(self, time: float, size: float, mode: Any) -> Any:
+    def _sure_step(self, time: float, size: float, mode: Any) -> Any:
+        """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+        found = self._step(self.state, time + size, size, mode)
+        if found is None:
+            return None
+        grows = self.differential & (np.abs(found) > 1.5 * np.abs(self.state)) & (self.state != 0)
+        if not grows.any():
+            return found
+        middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
+        end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
+        return None if end is None or (np.abs(found) > 1.2 * np.abs(end))[grows].all() else found
+
+    def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """The state at the end of a step; None if it is not found."""
         program, fixed = self.program, (self.inputs, self.constants, mode)
         try:
             magnitude = np.where(self.largest > 0, self.largest, 1.0)
-            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, self.state, mode)
+            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
         except RunFailed:
             return None
         before = np.inf
@@ -115,20 +134,31 @@ class _Coarse:
             moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))
             scale = self._scale(moved, np.abs(size * entries))
             unit = np.where(self.differential, scale, 1.0)
-            rest = slope - np.where(self.differential, (x - self.state) / size, 0.0)
+            rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
             try:
                 matrix = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
             step = matrix.solve(rest / unit)
-            norm = float(np.abs(step[self.differential]).max(initial=0.0))
+            change = step * scale
+            norm = self._share(x, change, np.abs(size * entries))
             if not np.isfinite(norm) or norm > 2 * before:
                 return None
-            x = x + step * scale
-            if norm <= 1e-2 * float(np.abs(x / scale)[self.differential].max(initial=0.0)):
+            x = x + change
+            if norm <= CLOSE:
                 return x
             before = norm
         return None
+
+    def _share(self, x: Any, change: Any, gain: Any) -> float:
+        """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing.
+
+        Scales of the linear algebra do not serve here: they follow the slopes, which vanish where the iteration ends.
+        """
+        moving = np.zeros(len(x))
+        np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
+        whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
+        return float((np.abs(change) / np.where(whole > 0, whole, 1.0))[self.differential].max(initial=0.0))
 
     def _scale(self, moved: Any, gain: Any) -> Any:
         """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.

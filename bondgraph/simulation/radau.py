@@ -131,7 +131,7 @@ class Radau:
         norms: list[float] = []  # of the rejected tries
         if time + 1.01 * size >= self.stop:
             size = self.stop - time
-        while size > least and not problem.follows(time, time + size):
+        while size > 2 * least and not problem.follows(time, time + size):
             size *= 0.5
         if self._jacobian is None:
             self._renew(time, state)
@@ -298,7 +298,7 @@ class Radau:
             self._renew(end, new)
         else:
             self._current = False
-        if not stale and 1.0 <= factor < 1.2:
+        if not stale and factor < 1.2:
             factor = 1.0  # the factorisation serves once more
         self._size = size * factor
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time as clock
-from typing import TYPE_CHECKING, Any
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..door import (
     SECOND,
-    Assignment,
-    Compilation,
     CompilationFailed,
     Literal,
     Plan,
@@ -18,24 +19,21 @@ from ..door import (
     Scene,
     Source,
     Unsupported,
-    evaluate,
     parse_expression,
-    scale_of,
+    read_unit,
 )
 from ..errors import RunFailed, UsageError
-from ..results import Column, EnergyBalance, Result
-from .energy import energy_balance
-from .integrate import Tolerances, Trajectory, integrate
-from .nominal import nominal_magnitudes
-from .segments import mode_after, segments
-from .start import consistent_start
-from .validity import Watch
+from ..results import Column, LimitLeft, Result
+from .choice import WORST, Handover
+from .energy import added
+from .leg import Leg
 
 if TYPE_CHECKING:
     from ..model import Model
 
 DEFAULT_RTOL = 1e-6
 DEFAULT_POINTS = 501
+MOST_CHOICES = 1000  # of states in one run
 
 
 def simulate(
@@ -65,18 +63,55 @@ def simulate(
     count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
     if count < 2 or count > 10_000_000:
         raise UsageError("--points is a whole number from 2 to 10 000 000")
-    program = compilation.program
-    instants = np.linspace(plan.start, stop, count)
     if atol is None:
         atol = plan.settings.get("atol")
+    instants = left = np.linspace(plan.start, stop, count)
+    legs: list[Leg] = []
+    wishes: dict[str, str] = {}
     with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
-        run = _Run(compilation, model.compilation(scene), program, plan, instants, rtol, atol, energy)
-        values, balance = run.go()
+        begin: Handover | None = None
+        while not legs or begin is not None:
+            chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
+            lean = model.compilation(chosen)
+            leg = Leg(model.compilation(chosen, everything=energy), lean, plan, left, rtol, atol, energy, begin)
+            leg.go()
+            legs.append(leg)
+            begin, left = leg.trajectory.handover, left[len(leg.values) :]
+            if begin is not None:
+                wishes |= {begin.dependent: "integral", begin.state: "derivative"}
+                _check_choice(model, scene, wishes, begin, len(legs))
+    program = legs[0].program
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
+    evaluations: Counter[str] = Counter()
+    for leg in legs:
+        evaluations.update(leg.trajectory.evaluations)
     return Result(
-        model.name, plan.experiment, instants, columns, values, plan.report, _solver(program), run.trajectory.steps,
-        dict(run.trajectory.evaluations), rtol, clock.perf_counter() - began, balance, run.watch.warnings,
+        model.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program),
+        sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
+        added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), compilation.certificate,
     )  # fmt: skip
+
+
+def _check_choice(model: Model, scene: Scene, wishes: Mapping[str, str], begin: Handover, times: int) -> None:
+    """Whether the other choice of states can be made. Raises `RunFailed`."""
+    try:
+        chosen = model.compilation(replace(scene, preferences=tuple(sorted(wishes.items()))))
+        possible = times <= MOST_CHOICES and begin.dependent not in chosen.state_space.dependent
+    except CompilationFailed:
+        possible = False
+    if not possible:
+        raise RunFailed(
+            f"at t = {begin.time:.9g} s `{begin.dependent}` follows from `{begin.state}` so steeply that its error would be "
+            f"{WORST:g} times that of `{begin.state}`, and no other choice of states is possible there"
+        )
+
+
+def _warnings(legs: Sequence[Leg]) -> tuple[LimitLeft, ...]:
+    """Each limit that was left once, at its first instant."""
+    first: dict[tuple[str, str, str], LimitLeft] = {}
+    for item in (w for leg in legs for w in leg.watch.warnings):
+        first.setdefault((item.owner, item.condition, item.place), item)
+    return tuple(first.values())
 
 
 def _solver(program: Program) -> str:
@@ -98,13 +133,16 @@ def _stop(plan: Plan, to: str | float | None) -> float:
 
 def seconds(text: str) -> float:
     """A time as text, `20 ms`, or a bare number of seconds."""
-    tree = parse_expression(Source("--to", text))
-    if isinstance(tree, Literal):
-        if tree.unit is None:
-            return float(tree.number)
-        scale = scale_of(tree.unit)
-        if scale.dimension == SECOND:
-            return scale.to_si(tree.number)
+    try:
+        tree = parse_expression(Source("--to", text))
+        if isinstance(tree, Literal):
+            if tree.unit is None:
+                return float(tree.number)
+            scale = read_unit(Source("--to", tree.unit.span.text))
+            if scale.dimension == SECOND:
+                return scale.to_si(tree.number)
+    except CompilationFailed:
+        pass  # no expression, or no unit: the same answer as for a number of anything but seconds
     raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
 
 
@@ -112,136 +150,3 @@ def _checked(name: str, value: float, low: float, high: float) -> float:
     if not low <= value <= high:
         raise UsageError(f"{name} = {value:g} is outside {low:g} to {high:g}")
     return value
-
-
-class _Run:
-    """What one run holds while it goes."""
-
-    def __init__(
-        self,
-        compilation: Compilation,
-        lean: Compilation,
-        program: Program,
-        plan: Plan,
-        instants: Any,
-        rtol: float,
-        atol: float | None,
-        energy: bool,
-    ) -> None:
-        self.compilation, self.lean, self.program, self.plan = compilation, lean, program, plan
-        self.instants, self.rtol, self.energy = instants, rtol, energy
-        self.parameters = np.array(program.defaults, dtype=float)
-        self.constants = program.constants(self.parameters)
-        self.inputs = np.array(program.input_defaults, dtype=float)
-        self.stretches = segments(program, self.constants, instants[0], instants[-1])
-        self.state, self.moved = self._start(program, compilation)
-        self.needed = self._needed()
-        self.magnitude = self._magnitudes()
-        self.atol = self._tolerances(atol)
-        self.trajectory = Trajectory(np.empty((0, 0)))
-        self.watch = Watch(program, self.constants, self.inputs, rtol)
-
-    def _start(self, program: Program, compilation: Compilation) -> tuple[Any, tuple[str, ...]]:
-        """The state at the start, unknowns of loops included, and what the author's starts moved."""
-        constants = program.constants(np.array(program.defaults, dtype=float))
-        state = np.asarray(program.start(constants), dtype=float)
-        names = program.states.names
-        if not np.isfinite(state).all():
-            bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
-            raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
-        first = self.stretches[0]
-        return consistent_start(program, compilation.state_space, constants, self.inputs, state, first)
-
-    def _tolerances(self, atol: float | None) -> Any:
-        """Absolute tolerances per state: what is given, else rtol times the magnitude."""
-        result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
-        outputs = self.compilation.state_space.outputs
-        space = self.compilation.state_space
-        numbers = {
-            v: i for i, v in enumerate([*(s.variable for s in space.states), *(u.variable for u in space.unknowns)])
-        }
-        variables = {space.variables[v].name: i for v, i in numbers.items()}
-        for name, value in self.plan.tolerances.items():
-            index = variables.get(name, numbers.get(outputs.get(name, -1)))
-            if index is None:
-                raise UsageError(
-                    f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
-                )
-            result[index] = value
-        return result
-
-    def _magnitudes(self) -> Any:
-        """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
-        mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
-        result = nominal_magnitudes(self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches)
-        if not self.needed.all():
-            lean = self.lean.program
-            constants = lean.constants(np.array(lean.defaults, dtype=float))
-            start, _ = self._start(lean, self.lean)
-            result[self.needed] = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
-        return result
-
-    def _needed(self) -> Any:
-        """Which states and unknowns the outputs need; all of them, unless more are there for the energy balance."""
-        names = (*self.program.states.names, *self.program.unknowns.names)
-        if not self.energy:
-            return np.ones(len(names), dtype=bool)
-        lean = self.lean.program
-        known = {*lean.states.names, *lean.unknowns.names}
-        return np.array([n in known for n in names], dtype=bool)
-
-    def go(self) -> tuple[Any, EnergyBalance | None]:
-        """Integrate and evaluate the outputs; shape (points, outputs)."""
-        program = self.program
-        powers = self._powers if self.energy else None
-        tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed)
-        self.trajectory = integrate(
-            program,
-            self.constants,
-            self.inputs,
-            self.state,
-            self.stretches,
-            self.instants,
-            tolerances,
-            powers,
-            self.watch,
-        )
-        values = self._outputs()
-        return values, self._balance() if self.energy else None
-
-    def _outputs(self) -> Any:
-        values = np.empty((len(self.instants), len(self.program.outputs.names)))
-        for stretch in self.stretches:
-            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
-            if chosen.any():
-                values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
-        last = self.stretches[-1]
-        mode = mode_after(self.program, self.constants, last.stop, last)
-        final = self.trajectory.states[-1:]
-        self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
-        values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
-        return values
-
-    def _output(self, times: Any, states: Any, mode: Any) -> Any:
-        return self.program.output(times, states, self.inputs, self.constants, mode)
-
-    def _powers(self, times: Any, states: Any, mode: Any) -> Any:
-        return self.program.powers(times, states, self.inputs, self.constants, mode)
-
-    def _balance(self) -> EnergyBalance:
-        space, first, last = self.compilation.state_space, self.stretches[0], self.stretches[-1]
-        before = self._powers(first.start, self.state, first.mode)
-        after = self._powers(last.stop, self.trajectory.final, last.mode)
-        work = self.trajectory.work if self.trajectory.work is not None else np.zeros(len(before))
-        return energy_balance(space, work, before, after, self._arguments())
-
-    def _arguments(self) -> dict[int, float]:
-        """The values of the storages' parameters."""
-        space = self.compilation.state_space
-        known = dict(zip(self.program.parameters.names, self.parameters, strict=True))
-        parameters = [(i, v) for i, v in enumerate(space.variables) if v.role == "parameter"]
-        values: dict[Any, float] = {i: known.get(v.name, v.value or 0.0) for i, v in parameters}
-        for step in space.steps:
-            if isinstance(step, Assignment) and all(isinstance(a, float) or a in values for a in step.arguments):
-                values[step.target] = evaluate(step.expression, values.__getitem__)
-        return values

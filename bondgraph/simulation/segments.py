@@ -16,6 +16,7 @@ GRID = 256  # places at which a stretch is searched for zeros that have no formu
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
+ROUNDING = 16  # units in the last place of a time
 # Where a step looks, places between, and the weights that a cubic through the former has at the latter.
 SEEN = np.array([0.0, 0.155, 0.645, 1.0])
 LOOKS = np.concatenate([SEEN, [0.075, 0.3, 0.5, 0.85]])
@@ -47,10 +48,13 @@ def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) ->
     grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
     if not grid.shape[-1]:
         return lambda start, stop: True
+    margin = ROUNDING * np.spacing(max(abs(stretch.start), abs(stretch.stop)))
+    inside = stretch.start + margin, stretch.stop - margin  # where a stretch begins and ends is itself rounded
     allowed = SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
 
     def follows(start: float, stop: float) -> bool:
-        values = program.signals(start + (stop - start) * LOOKS, inputs, constants, stretch.mode)
+        times = np.clip(start + (stop - start) * LOOKS, *inside)
+        values = program.signals(times, inputs, constants, stretch.mode)
         off = np.abs(BETWEEN @ values[: len(SEEN)] - values[len(SEEN) :])
         return not bool((off > allowed).any())
 

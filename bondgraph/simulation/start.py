@@ -1,8 +1,8 @@
 """One routine for consistent starts: the unknowns of loops, and the states that the author's starts bind.
 
 What the author said of a state holds. What was said of something computed (a storage in derivative form, an effort) is a claim:
-the states of which nothing was said move by the least amount, in units of their magnitudes, that fulfils all claims (Gauss-Newton
-with the pseudo-inverse; Pantelides, SIAM J. Sci. Stat. Comput. 9, 1988, for the problem). Claims that cannot all hold are an error.
+the states of which nothing was said move by the least amount that fulfils all claims (Pantelides, SIAM J. Sci. Stat. Comput. 9,
+1988, for the problem). Claims that cannot all hold are an error.
 """
 
 from __future__ import annotations
@@ -13,11 +13,14 @@ import numpy as np
 
 from ..door import Program, StateSpace
 from ..errors import RunFailed
+from .branches import other_solutions
+from .claims import fulfil, slopes_of
 from .loops import LoopSolver
 from .segments import Segment
 
-ITERATIONS = 50
 CLOSE = 1e-9  # of the size of what is claimed
+DISTINCT = 1e-6  # relative difference of an unknown in two solutions
+SHOWN = 4  # solutions, and unknowns of each, that a message tells
 
 
 def consistent_start(
@@ -31,46 +34,58 @@ def consistent_start(
     loops = LoopSolver(program, constants, inputs, magnitude)
     time, mode, count = first.start, first.mode, len(program.states.names)
     if not space.claims:
-        return loops.solve(time, state, mode), ()
+        full = loops.solve(time, state, mode)
+        _check_unique(loops, space, full, (time, mode))
+        return full, ()
 
     def missed(x: Any) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
         return np.asarray(program.claims(time, full, inputs, constants, mode)), full
 
-    x = np.array(state[:count])
     movable = np.array([not s.given for s in space.states], dtype=bool)
-    for _ in range(ITERATIONS):
-        value, full = missed(x)
-        slopes = _slopes(lambda y: missed(y)[0], x, movable)
-        if not slopes.size:
-            break
-        size = np.abs(slopes).max(axis=1, initial=0.0)
-        scale = np.where(size > 0, size, 1.0)
-        step, *_ = np.linalg.lstsq(slopes / scale[:, None], -value / scale, rcond=1e-12)
-        x[movable] += step
-        if np.abs(step).max(initial=0.0) <= 1e-13 * np.maximum(np.abs(x[movable]), 1e-300).max(initial=1e-300):
-            break
+    x = fulfil(lambda y: missed(y)[0], state[:count], movable)
     value, full = missed(x)
-    _check(program, space, constants, value, full, (time, inputs, mode))
+    reach = _reach(lambda y: missed(y)[0], x) if value.any() else np.abs(value)
+    _check(program, space, constants, value, reach, full, (time, inputs, mode))
+    _check_unique(loops, space, full, (time, mode))
     moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
     return full, tuple(moved)
 
 
-def _slopes(function: Any, x: Any, movable: Any) -> Any:
-    """Central differences; used at the start only, where a Newton iteration over them goes to round-off."""
-    columns = []
-    for i in np.flatnonzero(movable):
-        step = 1e-6 * max(abs(x[i]), 1e-3)
-        shift = np.zeros(len(x))
-        shift[i] = step
-        columns.append((function(x + shift) - function(x - shift)) / (2 * step))
-    return np.stack(columns, axis=1) if columns else np.zeros((len(function(x)), 0))
+def _check_unique(loops: LoopSolver, space: StateSpace, full: Any, at: Any) -> None:
+    """Raises `RunFailed` if the loops have another solution: nothing in the model says which of them holds."""
+    others = other_solutions(loops, at[0], full, at[1])
+    if not others:
+        return
+    solutions = np.array([full[loops.count :], *others])
+    size = np.abs(solutions).max(axis=0)
+    differ = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
+    unknowns = loops.program.unknowns
+    lines = [
+        ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g} {unknowns.units[i]}" for i in differ[:SHOWN])
+        for z in solutions[:SHOWN]
+    ]
+    if len(solutions) > SHOWN:
+        lines.append(f"and {len(solutions) - SHOWN} more")
+    members = dict.fromkeys(m for i in differ for m in space.unknowns[i].members)
+    elements = ", ".join(f"`{m}`" for m in list(members)[:6])
+    line = space.unknowns[differ[0]].span.line
+    raise RunFailed(
+        f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; '.join(lines)}. "
+        "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in "
+        "line with what gives the effort) and start it near the one that you mean, or write the law so that only one is left"
+    )
 
 
-def _check(program: Program, space: StateSpace, constants: Any, value: Any, full: Any, at: Any) -> None:
+def _reach(function: Any, x: Any) -> Any:
+    """How large the terms are that a claim adds up: what is claimed to be zero has no size of its own."""
+    return np.abs(slopes_of(function, x, np.ones(len(x), dtype=bool))) @ np.abs(x)
+
+
+def _check(program: Program, space: StateSpace, constants: Any, value: Any, reach: Any, full: Any, at: Any) -> None:
     time, inputs, mode = at
     others = program.claims(time, np.zeros(len(full)), inputs, constants, mode)
-    size = np.maximum(np.abs(value - np.asarray(others)), np.abs(np.asarray(others)))
+    size = np.maximum(np.maximum(np.abs(value - np.asarray(others)), np.abs(np.asarray(others))), reach)
     bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]
     if not bad:
         return

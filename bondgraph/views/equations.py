@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from ..door import LinearLoop, StateSpace, to_sympy
+from ..door import LinearLoop, StateSpace, Unknown, to_sympy
 from .tables import visible
 
 
 def state_equations(space: StateSpace) -> dict[str, Any]:
-    """State -> right side in sympy, over parameters, inputs, `time` and states; assignments are put in, in causal order.
+    """State -> right side in sympy, over parameters, inputs, `time`, states and the unknowns of nonlinear loops.
 
-    A linear loop is solved symbolically for its cut variables.
+    Assignments are put in, in causal order; a linear loop is solved symbolically for its cut variables.
     """
+    value = symbolic_values(space)
+    return {space.variables[s.variable].name: value(s.rate) for s in space.states}
+
+
+def algebraic_equations(space: StateSpace) -> dict[str, Any]:
+    """Unknown of a nonlinear loop -> an expression in sympy that vanishes, over what `state_equations` is over."""
+    value = symbolic_values(space)
+    return {space.variables[u.variable].name: value(u.residual) for u in space.unknowns}
+
+
+def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:
+    """What a variable or number is in sympy, with all assignments put in."""
     import sympy
 
     values: dict[int, Any] = {}
@@ -26,33 +38,24 @@ def state_equations(space: StateSpace) -> dict[str, Any]:
             values[entry] = sympy.Symbol(space.variables[entry].name, real=True)
         return values[entry]
 
+    named = _named_parameters(space)
     for step in space.steps:
         if isinstance(step, LinearLoop):
             matrix = sympy.Matrix([[value(e) for e in row] for row in step.matrix])
             solution = matrix.LUsolve(sympy.Matrix([value(e) for e in step.right]))
             values.update(zip(step.targets, solution, strict=True))
-        elif _is_parameter(space, step.target, step.arguments):
-            continue  # what depends on parameters alone keeps its name
-        else:
+        elif step.target not in named:
             values[step.target] = to_sympy(step.expression, value)
-    return {space.variables[s.variable].name: value(s.rate) for s in space.states}
+    return value
 
 
-def _is_parameter(space: StateSpace, target: int, arguments: tuple[int | float, ...]) -> bool:
-    """Whether a variable depends on parameters alone and was named by the author."""
-    return target in space.quantities.values() and all(isinstance(a, float) or _static(space, a) for a in arguments)
-
-
-def _static(space: StateSpace, variable: int) -> bool:
-    role = space.variables[variable].role
-    if role != "computed":
-        return role == "parameter"
-    step = _steps(space).get(variable)
-    return step is not None and all(isinstance(a, float) or _static(space, a) for a in step.arguments)
-
-
-def _steps(space: StateSpace) -> dict[int, Any]:
-    return {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
+def _named_parameters(space: StateSpace) -> set[int]:
+    """What the author named and what depends on parameters alone: it keeps its name."""
+    static = {i for i, v in enumerate(space.variables) if v.role == "parameter"}
+    for step in space.steps:
+        if not isinstance(step, LinearLoop) and all(isinstance(a, float) or a in static for a in step.arguments):
+            static.add(step.target)
+    return static & set(space.quantities.values())
 
 
 def equations_text(space: StateSpace, latex: bool) -> str:
@@ -70,7 +73,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     def symbol(entry: int | float) -> Any:
         return sympy.Symbol(space.variables[entry].name) if isinstance(entry, int) else to_number(entry)
 
-    width = 0
+    unknowns = {u.residual: u for u in space.unknowns}
     rows: list[tuple[str, str]] = []
     for step in space.steps:
         place = f"{PurePath(step.span.source.name).name}:{step.span.line}"
@@ -81,6 +84,9 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
             rows.append((f"solve [{matrix}] [{names}] = [{right}]", f"{place} loop of {', '.join(step.members)}"))
             continue
         right_side = to_sympy(step.expression, symbol)
+        if step.target in unknowns:
+            rows.append((f"0 = {right_side}", f"{place} {_solved_for(space, unknowns[step.target])}"))
+            continue
         rows.append((f"{space.variables[step.target].name} = {right_side}", place))
     for state in space.states:
         rate = space.variables[state.rate].name
@@ -90,6 +96,10 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     width = min(72, max((len(r[0]) for r in rows), default=0))
     for text, place in rows:
         yield f"{text.ljust(width)}  # {place}"
+
+
+def _solved_for(space: StateSpace, unknown: Unknown) -> str:
+    return f"solved for {space.variables[unknown.variable].name}, loop of {', '.join(unknown.members)}"
 
 
 def to_number(value: float) -> Any:
@@ -114,6 +124,7 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
     def text(expression: Any) -> str:
         return str(sympy.latex(expression, symbol_names=names))
 
+    unknowns = {u.residual: u for u in space.unknowns}
     for step in space.steps:
         if isinstance(step, LinearLoop):
             matrix = sympy.Matrix([[symbol(e) for e in row] for row in step.matrix])
@@ -121,6 +132,10 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
             yield f"{text(matrix)} {text(left)} &= {text(sympy.Matrix([symbol(e) for e in step.right]))}"
             continue
         right_side = to_sympy(step.expression, symbol)
+        if step.target in unknowns:
+            solved_for = _latex_name(space.variables[unknowns[step.target].variable].name)
+            yield f"0 &= {text(right_side)} && \\text{{solved for }} {solved_for}"
+            continue
         yield f"{_latex_name(space.variables[step.target].name)} &= {text(right_side)}"
     for state in space.states:
         variable, rate = (_latex_name(space.variables[v].name) for v in (state.variable, state.rate))

@@ -108,6 +108,10 @@ def _equations(compilation: Compilation) -> Iterator[str]:
     yield f"equations {system.name}: {len(system.assignments)} assignments of {len(formulas)} formulas, {len(system.states)} states"
     for assignment in system.assignments:
         right = to_sympy(assignment.expression, symbol)
+        if assignment.implicit:
+            solved_for = f"solved for {system.variables[assignment.target].name}"
+            yield f"  0 = {right}  # {_place(assignment.span)} {assignment.owner}, {solved_for}"
+            continue
         yield f"  {system.variables[assignment.target].name} = {right}  # {_place(assignment.span)} {assignment.owner}"
     for item in system.derivatives:
         yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {_place(item.span)} {item.owner}"
@@ -121,7 +125,9 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
 
     space = compilation.state_space
     loops = sum(type(s).__name__ == "LinearLoop" for s in space.steps)
-    counts = f"{len(space.states)} states, {len(space.steps) - loops} assignments, {loops} linear loops"
+    unknowns = f"{len(space.unknowns)} unknowns of nonlinear loops, " if space.unknowns else ""
+    assignments = len(space.steps) - loops - len(space.unknowns)
+    counts = f"{len(space.states)} states, {unknowns}{assignments} assignments, {loops} linear loops"
     yield f"state space {space.name}: {counts}, outputs {', '.join(space.outputs)}"
     if space.dependent:
         yield f"in derivative form: {', '.join(space.dependent)}"

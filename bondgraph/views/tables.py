@@ -46,6 +46,9 @@ def summary(result: Result) -> str:
     parts = [f"{visible(result.title)}, {_span(result)}"]
     if rows:
         parts.append(_table([("", "final", "minimum", "maximum", "unit"), *rows], "<>>><"))
+    if result.certificate is not None:
+        notes = (f"note: {note}" for note in result.certificate.notes)
+        parts.append("\n".join(map(visible, (result.certificate.line, *notes))))
     parts.append(_work(result))
     if result.energy is not None:
         parts.append(_energy(result.energy))

@@ -16,7 +16,7 @@ from ..errors import CompilationFailed
 from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode
 from .conflict import bond_to_itself, conflict_of, no_strokes
 from .errors import StrokeConflict
-from .laws import has_start, is_linear, wants_effort, written_effort
+from .laws import has_start, is_linear, wants_effort, written_effort, written_stored
 from .matching import Matching
 from .resistance import resistor_wishes
 from .strokes import TAIL, Because, Contradiction, Reason, Stroke, Strokes
@@ -172,6 +172,8 @@ def _against(node: Element) -> int:
 
 def _hardness(graph: BondGraph, node: Element) -> int:
     """Among storages of which only some can be in integral form: the less one can be turned, the earlier it chooses."""
+    if not is_linear(node) and written_stored(node):
+        return 4  # q = f(u): in integral form its inverse would be asked for, which may be steep or not there at all
     if len(node.ports) > 1:
         return 0  # a field has no derivative form
     if has_start(graph, node):

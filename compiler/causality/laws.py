@@ -55,6 +55,18 @@ def written_effort(node: Element, port: int) -> bool:
     return True
 
 
+def written_stored(node: Element) -> bool:
+    """Whether a storage's law is written for what it stores, as in q = C*u, at every port."""
+    sides = [pair for left, right in node.law.equations for pair in ((left, right), (right, left))]
+
+    def alone(own: Own) -> bool:
+        return any(
+            isinstance(side, Symbol) and side.key == own and not depends_on(other, Symbol(own)) for side, other in sides
+        )
+
+    return all(alone(Own(port, stored)) for port, stored in enumerate(node.stored))
+
+
 def wants_effort(node: Element, port: int, word: str) -> bool:
     """Whether `prefer` or `require` of that word means that the element decides the effort of a port."""
     if word in ("effort", "flow"):

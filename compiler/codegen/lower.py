@@ -66,6 +66,10 @@ class Lowered:
     starts: tuple[Expression, ...] = ()
     claims: tuple[Expression, ...] = ()  # by how much a start that the author gave to what is computed is missed
     forced: tuple[Expression, ...] = ()  # what must not jump with time
+    dependents: tuple[Expression, ...] = ()  # what storages in derivative form hold
+    sensitivities: dict[tuple[int, int], Expression] = field(
+        default_factory=dict
+    )  # (dependent, state) -> changing slope
     nominals: tuple[Expression | None, ...] = ()
     outputs: dict[str, Expression] = field(default_factory=dict)
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
@@ -122,6 +126,11 @@ def lower(space: StateSpace) -> Lowered:
                 result.jacobian[row, column] = entry
     result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
     result.claims = tuple(result.values[c.variable] - _entry(result, c.start) for c in space.claims)
+    result.dependents = tuple(result.values[d.variable] for d in space.dependents)
+    for row, dependent in enumerate(space.dependents):
+        for column, slope in slopes.get(dependent.variable, {}).items():
+            if result.dependence(slope) & ~PARAMETER:
+                result.sensitivities[row, column] = slope
     result.forced = tuple(result.values[f.variable] for f in space.forced)
     nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
     result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)

@@ -62,6 +62,12 @@ class Program:
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
     claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> by how much given starts are missed
+    dependents: Names  # of what storages in derivative form hold
+    dependent: Callable[[float, Array, Array, Array, Array], Array]  # the same -> those
+    sensitivity_pattern: tuple[
+        Array, Array
+    ]  # dependents and states, where the slope of one by the other changes in a run
+    sensitivities: Callable[[float, Array, Array, Array, Array], Array]  # the same -> these slopes
     forced: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what must not jump with time
     signals: Callable[
         [Array, Array, Array, Array], Array

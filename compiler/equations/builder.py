@@ -120,9 +120,16 @@ class EquationBuilder:
         self.assignments.append(assignment)
         self.assigned[assignment.target] = assignment
 
-    def state(self, variable: int, rate: int, start: Expression, name: str, span: Span) -> None:
-        """A state with its rate, and its start as an expression of parameters."""
-        self.states.append(State(variable, rate, self.static(start, f"{name} at the start", span), None, span, True))
+    def state(
+        self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True
+    ) -> None:  # fmt: skip
+        """A state with its rate, and its start as an expression of parameters; `given` if the author said it."""
+        self.states.append(State(variable, rate, self.static(start, f"{name} at the start", span), None, span, given))
+
+    def claim(self, value: Expression, start: Expression, name: str, span: Span) -> None:
+        """A start that the author gives to what is computed from states."""
+        variable = self.held(value, name, "", span)
+        self.claims.append(Claim(variable, self.static(start, f"{name} at the start", span), name, span))
 
     def folded(self, bound: Bound) -> Expression:
         """What the text bound, over variable numbers, with known zeros put in."""
@@ -209,6 +216,9 @@ class EquationBuilder:
         found = self.readings.get(reading)
         if found is not None:
             return found
+        through = self.graph.walls.get((reading.node, reading.port))
+        if through is not None:  # of the bond that passes through a port of a model
+            return (self.efforts if reading.variable == "e" else self.flows)[through]
         number = self._node_numbers.get(reading.node, -1)
         if number < 0:  # a transducer of many ports: each is a junction, and its first bond is the one outside
             number = self._node_numbers[f"{reading.node}.{reading.port}"]

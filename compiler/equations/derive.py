@@ -33,6 +33,7 @@ from ..graph.network import (
 from ..multibody import Motion, mechanism_equations
 from .builder import EquationBuilder
 from .errors import NotInvertible
+from .fields import without_energy
 from .laws import GIVEN, paired, ratio, solved
 from .naming import letter_of, port_name, unit_of
 from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
@@ -73,6 +74,8 @@ class _Nodes:
 
     def _junction(self, number: int, node: Junction) -> None:
         """What all bonds share is one variable; what they split is a sum."""
+        if not self.graph.incident[number]:  # all that hung on it gives nothing
+            return
         zero = node.kind is Kind.ZERO
         shared, split = (self.efforts, self.flows) if zero else (self.flows, self.efforts)
         bonds = self.graph.incident[number]
@@ -174,6 +177,10 @@ class _Nodes:
     def _storage(self, number: int, node: Element, bonds: list[int]) -> None:
         """Port by port: in integral form the law gives the effort (or flow) and the rest is a state; in derivative form the
         law gives what is stored, and its rate is the flow (or effort)."""
+        problem = without_energy(node, self.graph)
+        if problem is not None:
+            self.to.diagnostics.append(problem)
+            return
         ports = range(len(node.ports))
         quantities = [self._stored_variable(node, p) for p in ports]
         variables = {"e": self.efforts, "f": self.flows}

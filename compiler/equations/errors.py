@@ -28,3 +28,23 @@ class Undetermined(Diagnostic):
     advice = "Leave out one bond of the ring, or put an element into it."
     node: str
     variable: str
+
+
+@dataclass(frozen=True, slots=True)
+class NotConservative(Diagnostic):
+    """BG405."""
+
+    code = "BG405"
+    title = (
+        "The law of `{element}` creates energy: the slope of `{first}` over `{over_first}` is {value}, "
+        "but that of `{second}` over `{over_second}` is {opposite}{where}"
+    )
+    advice = "A storage gives back what it took only if these are equal: write its law as `energy = …`, and all its efforts follow."
+    element: str
+    first: str
+    over_first: str
+    value: str
+    second: str
+    over_second: str
+    opposite: str
+    where: str

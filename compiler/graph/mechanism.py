@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..algebra.formula import Bound
 from ..source import Span
@@ -20,7 +20,7 @@ class Body:
     inertia: Bound
     position: tuple[Bound, Bound]
     angle: Bound
-    starts: Mapping[str, Bound]  # "x", "x.v", …: displacement of the pose from the reference and its rate
+    starts: Mapping[str, Bound]  # "x", "x.f", …: the pose and its rate
     span: Span
 
 
@@ -32,6 +32,7 @@ class Frame:
     body: str
     position: tuple[Bound, Bound]
     span: Span
+    starts: Mapping[str, Bound] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

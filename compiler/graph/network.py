@@ -44,7 +44,7 @@ class Quantity(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """A reference to `e`, `f`, `q` or `p` at a port of a node (for a junction: what its bonds share)."""
+    """A reference to `e`, `f`, `q` or `p` at a port of a node (for a junction: what its bonds share), or of a model."""
 
     node: str
     port: str
@@ -199,6 +199,7 @@ class BondGraph:
     span: Span
     requirements: tuple[Requirement, ...] = ()
     stands: Mapping[str, Span] = field(default_factory=dict)  # instance -> where it is declared
+    walls: Mapping[tuple[str, str], int] = field(default_factory=dict)  # port of a model, component -> its bond
 
     def definitions(self) -> Iterator[Bound]:
         """Everything that signals, parameters and outputs are computed from."""

@@ -1,7 +1,7 @@
 """What gives nothing leaves the graph: a resistor with r = 0, a source that is off, a spring without stiffness.
 
 It stands before causality, so that no stroke is spent on them. A parameter counts as zero only if this run cannot change it;
-an element whose variables are read somewhere stays.
+an element whose variables are read somewhere stays, with the zero as its law: `p = 0*v` can only be taken in one direction.
 """
 
 from __future__ import annotations
@@ -71,15 +71,18 @@ def fold(bound: Bound, is_zero: object) -> Expression:
 
 def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     """The graph without what gives nothing."""
-    read = {r.node for r in _readings(graph)}
+    read = {name for r in _readings(graph) for name in _read_nodes(graph, r)}
     dropped: set[End] = set()
     changed: dict[int, Element] = {}
     neighbours = _neighbours(graph)
     for number, node in enumerate(graph.nodes):
-        if not isinstance(node, Element) or node.name in read:
+        if not isinstance(node, Element):
             continue
         silent = _silent_ports(node, zeros)
         if not silent:
+            continue
+        if node.name in read:
+            changed[number] = _with_zero(node, silent)
             continue
         removable = {p for p, variable in silent.items() if _absorbs(graph, neighbours.get(End(number, p)), variable)}
         if len(node.ports) == 1 and not removable:
@@ -93,6 +96,16 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     return _rebuild(graph, dropped, changed)
 
 
+def preferring(graph: BondGraph, wishes: Mapping[str, str]) -> BondGraph:
+    """The graph with other wishes for the form of some storages."""
+    if not wishes:
+        return graph
+    nodes = tuple(
+        replace(n, prefer=wishes[n.name]) if isinstance(n, Element) and n.name in wishes else n for n in graph.nodes
+    )
+    return replace(graph, nodes=nodes)
+
+
 def _readings(graph: BondGraph) -> Iterator[Reading]:
     """What is read of elements by quantities, outputs and laws."""
     for definition in graph.definitions():
@@ -100,6 +113,14 @@ def _readings(graph: BondGraph) -> Iterator[Reading]:
     for node in graph.nodes:
         if isinstance(node, Element):
             yield from (a for a in node.arguments if isinstance(a, Reading))
+
+
+def _read_nodes(graph: BondGraph, reading: Reading) -> tuple[str, ...]:
+    """The node that is read; of a port of a model both ends of the bond that passes through it."""
+    number = graph.walls.get((reading.node, reading.port))
+    if number is None:
+        return (reading.node,)
+    return tuple(graph.nodes[end.node].name for end in (graph.bonds[number].tail, graph.bonds[number].head))
 
 
 def _neighbours(graph: BondGraph) -> Mapping[End, int]:
@@ -135,6 +156,15 @@ def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
             variable = {"e": "e", "f": "f", "p": "e", "q": "f"}[left.key.variable]
             silent[left.key.port] = variable
     return silent
+
+
+def _with_zero(node: Element, silent: dict[int, str]) -> Element:
+    """A one-port whose law is `variable = 0`, which decides what is silent and nothing else."""
+    if len(node.ports) > 1 or node.kind in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
+        return node
+    ((left, _),) = node.law.equations or ((Symbol(Own(0, silent[0])), ZERO),)
+    require = node.require if node.require is not None else "effort" if silent[0] == "e" else "flow"
+    return replace(node, law=Law(((left, ZERO),), None, 0), arguments=(), require=require)
 
 
 def _absorbs(graph: BondGraph, other: int | None, variable: str) -> bool:
@@ -189,7 +219,10 @@ def _without_ports(node: Element, removed: set[int]) -> Element:
 
 
 def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]) -> BondGraph:
-    bonds = [b for b in graph.bonds if b.tail not in dropped and b.head not in dropped]
+    kept_bonds = [n for n, b in enumerate(graph.bonds) if b.tail not in dropped and b.head not in dropped]
+    bonds = [graph.bonds[n] for n in kept_bonds]
+    place = {n: i for i, n in enumerate(kept_bonds)}
+    walls = {wall: place[n] for wall, n in graph.walls.items() if n in place}
     gone = {end.node for end in dropped if end.node not in changed}
     numbers: dict[int, int] = {}
     nodes: list[Node] = []
@@ -214,7 +247,7 @@ def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]
         return End(numbers[end.node], end.port)
 
     moved_bonds = tuple(Bond(moved_end(b.tail), moved_end(b.head), b.domain, b.span) for b in bonds)
-    return replace(graph, nodes=tuple(nodes), bonds=moved_bonds)
+    return replace(graph, nodes=tuple(nodes), bonds=moved_bonds, walls=walls)
 
 
 def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tuple[MechanismNode, dict[End, End]]:

@@ -16,7 +16,8 @@ from ..algebra.formula import Bound
 from ..errors import Diagnostic
 from ..graph.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from ..source import Span
-from .errors import NothingMoves, StartOfChord
+from .errors import NothingMoves
+from .starts import claim_starts, claimed_parts
 from .tree import Link, spanning_tree
 
 Vector = tuple[Expression, Expression]
@@ -30,7 +31,8 @@ class Writer(Protocol):
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int: ...
     def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None: ...
     def folded(self, bound: Bound) -> Expression: ...
-    def state(self, variable: int, rate: int, start: Expression, name: str, span: Span) -> None: ...
+    def state(self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True) -> None: ...
+    def claim(self, value: Expression, start: Expression, name: str, span: Span) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,17 +93,18 @@ class _Dynamics:
         self.bodies: list[_State] = []
         self.accelerations: dict[str, int] = {}  # coordinate -> variable of its second rate
         self.owner, self.span = mechanism.name, mechanism.span
+        self.claimed = claimed_parts(mechanism, links)
 
     def write(self) -> MechanismEquations:
         for link in self.links:
             self.bodies.append(self._kinematics(link))
-        self._check_starts()
         for link, body in zip(self.links, self.bodies, strict=True):
             self._body_port(link.body, body)
         for frame in self.mechanism.frames:
             self._frame_port(frame)
         for chord in self.chords:
             self._chord(chord)
+        claim_starts(self.mechanism, self.claimed, self.result.motions, self.builder)
         self._gravity()
         self._accelerations()
         self._energy()
@@ -149,25 +152,26 @@ class _Dynamics:
 
     # ------------------------------------------------------------ outwards: poses and rates
     def _coordinate(
-        self, name: str, letter: str, start: Expression, start_rate: Expression, unit: tuple[str, str]
+        self, name: str, letter: str, part: Joint | Body, reference: Expression, unit: tuple[str, str]
     ) -> tuple[Expression, Expression]:
         """A coordinate and its rate as states; the rate's own rate is filled in by the last recursion."""
         full = f"{self.mechanism.name}.{name}"
+        key = name.rpartition(".")[2]
         coordinate = self.builder.variable(full, "state", unit[0])
         rate = self.builder.variable(f"{full}.{letter}", "state", unit[1])
         acceleration = self.builder.variable(
             f"{full}.{letter} rate", "computed", f"{unit[1]}^2" if unit[1] == "1/s" else "m/s^2"
         )
-        self.builder.state(coordinate, rate, start, full, self.span)
-        self.builder.state(rate, acceleration, start_rate, f"{full}.{letter}", self.span)
+        self._started(coordinate, rate, part, key, reference, full)
+        self._started(rate, acceleration, part, f"{key}.f", ZERO, f"{full}.{letter}")
         self.accelerations[name] = acceleration
         return Symbol(coordinate), Symbol(rate)
 
-    def _starts(self, part: Joint | Body, coordinate: str, reference: Expression) -> tuple[Expression, Expression]:
-        starts = part.starts
-        value = self.builder.folded(starts[coordinate]) if coordinate in starts else reference
-        rate = self.builder.folded(starts[f"{coordinate}.f"]) if f"{coordinate}.f" in starts else ZERO
-        return value, rate
+    def _started(self, state: int, rate: int, part: Joint | Body, key: str, reference: Expression, name: str) -> None:
+        """A state where the author starts it, else as it was drawn: then claims may move it."""
+        given = key in part.starts
+        start = self.builder.folded(part.starts[key]) if given else reference
+        self.builder.state(state, rate, start, name, self.span, given)
 
     def _kinematics(self, link: Link) -> _State:
         body = link.body
@@ -200,8 +204,7 @@ class _Dynamics:
             ("y", at[1], "v", ("m", "m/s")),
             ("phi", angle, "omega", ("1", "1/s")),
         ):
-            start, start_rate = self._starts(body, letter, reference)
-            pose, rate = self._coordinate(f"{body.name}.{letter}", rate_letter, start, start_rate, unit)
+            pose, rate = self._coordinate(f"{body.name}.{letter}", rate_letter, body, reference, unit)
             poses.append(pose)
             rates.append(rate)
         shift = self.let(f"{body.name}.dx", poses[0] - at[0], "m"), self.let(f"{body.name}.dy", poses[1] - at[1], "m")
@@ -238,7 +241,7 @@ class _Dynamics:
         assert joint is not None
         u = self.direction(self.builder.folded(joint.angle), f"{joint.name}.along")
         sign = Number(-1.0 if link.reversed else 1.0)
-        q, rate = self._coordinate(f"{joint.name}.x", "v", *self._starts(joint, "x", ZERO), ("m", "m/s"))
+        q, rate = self._coordinate(f"{joint.name}.x", "v", joint, ZERO, ("m", "m/s"))
         d = self.rotated(turn, u, f"{joint.name}.axis")
         d = (multiply(sign, d[0]), multiply(sign, d[1]))
         carried = self.rotated(turn, (at[0] - parent_at[0], at[1] - parent_at[1]), f"{name}.rest")
@@ -270,7 +273,7 @@ class _Dynamics:
         joint, name = link.joint, link.body.name
         assert joint is not None
         pin = self._point(joint.position, f"{joint.name} at")
-        q, rate = self._coordinate(f"{joint.name}.phi", "omega", *self._starts(joint, "phi", ZERO), ("1", "1/s"))
+        q, rate = self._coordinate(f"{joint.name}.phi", "omega", joint, ZERO, ("1", "1/s"))
         sign = Number(-1.0 if link.reversed else 1.0)
         own_turn = self.let(f"{name}.turn", turn + sign * q, "1")
         own_spin = self.let(f"{name}.spin", spin + sign * rate, "1/s")
@@ -298,17 +301,6 @@ class _Dynamics:
         assert isinstance(coordinate.key, int)
         self.result.motions[port] = Motion(rate, coordinate, coordinate.key)
 
-    def _check_starts(self) -> None:
-        tree_parts = {link.joint.name for link in self.links if link.joint is not None} | {
-            link.body.name for link in self.links if link.joint is None
-        }
-        known = [c for link in self.links for c in link.coordinates]
-        parts: tuple[Joint | Body, ...] = (*self.mechanism.joints, *self.mechanism.bodies)
-        for part in parts:
-            if part.starts and part.name not in tree_parts:
-                shown = ", ".join(known[:8]) + ("…" if len(known) > 8 else "")
-                self.result.diagnostics.append(StartOfChord(part.span, part.name, shown))
-
     # ------------------------------------------------------------ ports of bodies, frames and chords
     def _variable_of(self, expression: Expression, name: str) -> int | None:
         held = expression if isinstance(expression, Symbol) else None
@@ -320,7 +312,9 @@ class _Dynamics:
         return held.key
 
     def _is_used(self, part: str) -> bool:
-        return any(f"{part}.{c}" in self.efforts or f"{part}.{c}" in self.wanted for c in ("x", "y", "phi"))
+        return part in self.claimed or any(
+            f"{part}.{c}" in self.efforts or f"{part}.{c}" in self.wanted for c in ("x", "y", "phi")
+        )
 
     def _body_port(self, body: Body, state: _State) -> None:
         if not self._is_used(body.name):

@@ -29,14 +29,3 @@ class NothingMoves(Diagnostic):
     coordinate: str
     body: str
     what: str
-
-
-@dataclass(frozen=True, slots=True)
-class StartOfChord(Diagnostic):
-    """BG203."""
-
-    code = "BG203"
-    title = "The start of `{part}` follows from other coordinates of the mechanism and cannot be given in this version"
-    advice = "Give the start of one of these: {known}."
-    part: str
-    known: str

@@ -1,7 +1,17 @@
 """Equations to state space: what this run needs, in the order in which it is computed, loops solved."""
 
+from .certificate import Certificate, Loop, certify
 from .reduce import reduce_equations
 from .singular import refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, Unknown
 
-__all__ = ["LinearLoop", "StateSpace", "Unknown", "reduce_equations", "refuse_singular_loops"]
+__all__ = [
+    "Certificate",
+    "LinearLoop",
+    "Loop",
+    "StateSpace",
+    "Unknown",
+    "certify",
+    "reduce_equations",
+    "refuse_singular_loops",
+]

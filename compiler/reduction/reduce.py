@@ -13,7 +13,7 @@ from ..source import Span
 from .differentiate import Differentiator
 from .errors import NothingToCompute, SingularLoop
 from .order import blocks, needed, tear
-from .state_space import Entry, Forced, LinearLoop, StateSpace, Step, Unknown
+from .state_space import Dependent, Entry, Forced, LinearLoop, StateSpace, Step, Unknown
 
 
 def reduce_equations(system: EquationSystem, everything: bool, span: Span) -> StateSpace:
@@ -55,6 +55,8 @@ class _Reduction:
             raise CompilationFailed([NothingToCompute(self.span)])
         used = needed(wanted, reach)
         claims = self._claims(used, inputs, reach)
+        dependents = tuple(Dependent(d.of, d.owner) for d in system.derivatives if d.target in used)
+        used |= needed([d.variable for d in dependents], reach)
         states = [s for s in system.states if s.variable in used]
         for state in states:  # starts and nominals are computed from parameters alone
             extra = [e for e in (state.start, state.nominal) if isinstance(e, int)]
@@ -70,19 +72,20 @@ class _Reduction:
         return StateSpace(
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
-            system.stored if self.everything else {}, tuple(dict.fromkeys(d.owner for d in system.derivatives if d.target in used)),
+            system.stored if self.everything else {}, dependents,
             claims, tuple(forced), self._index(used, steps), system.limits,
         )  # fmt: skip
 
     def _claims(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[Claim, ...]:  # fmt: skip
-        """The claims that bind a state of this run; what they read is used as well."""
+        """The claims that bind a state of this run, or none of the model, which is told; what they read is used as well."""
         kept: list[Claim] = []
         left = list(self.system.claims)
         states = {s.variable for s in self.system.states}
         while left:
-            found = [c for c in left if needed([c.variable], inputs) & used & states or c.variable in used]
+            read = {c: needed([c.variable], inputs) & states for c in left}
+            found = [c for c in left if read[c] & used or not read[c] or c.variable in used]
             if not found:
                 break
             for claim in found:
@@ -120,6 +123,7 @@ class _Reduction:
     def _nonlinear(self, cut: list[int], order: list[int], members: tuple[str, ...]) -> list[Step]:
         """The cut variables are unknowns; what each should be, less what it is, must vanish."""
         inner: list[Step] = [self.assigned[v] for v in order]
+        loop = self.unknowns[-1].loop + 1 if self.unknowns else 0
         for variable in cut:
             assignment = self.assigned[variable]
             old = self.variables[variable]
@@ -129,7 +133,7 @@ class _Reduction:
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
             inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
-            self.unknowns.append(Unknown(variable, number, assignment.span, members))
+            self.unknowns.append(Unknown(variable, number, assignment.span, members, loop))
         return inner
 
     def _linear(

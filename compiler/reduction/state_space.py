@@ -33,6 +33,15 @@ class Unknown:
     residual: int
     span: Span
     members: tuple[str, ...]
+    loop: int  # unknowns with the same number are of one loop
+
+
+@dataclass(frozen=True, slots=True)
+class Dependent:
+    """What a port of a storage in derivative form stores, computed from states."""
+
+    variable: int
+    element: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +70,13 @@ class StateSpace:
     ports: tuple[PowerPort, ...]
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]
-    dependent: tuple[str, ...]  # storages in derivative form
+    dependents: tuple[Dependent, ...]  # what storages in derivative form hold
     claims: tuple[Claim, ...]
     forced: tuple[Forced, ...]
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
+
+    @property
+    def dependent(self) -> tuple[str, ...]:
+        """The storages in derivative form."""
+        return tuple(dict.fromkeys(d.element for d in self.dependents))

@@ -21,7 +21,6 @@ from .errors import (
     UnknownAttribute,
     UnknownName,
     Unsupported,
-    WrongConnection,
     WrongLaw,
     WrongMechanism,
     WrongValue,
@@ -34,7 +33,9 @@ from .mechanisms import build_mechanism, static_bounds
 from .requirements import read_requirements
 from .resolve import MAXIMUM_MISTAKES
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
-from .transducers import TRANSDUCERS, expand_transducers, has_many_ports
+from .starts import read_starts
+from .transducers import expand_transducers
+from .unconnected import unconnected
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,22 +197,24 @@ class _Opened:
             elaborator.guard(elaborator.quantity, pending)
         nodes = _Nodes(elaborator, self.known)
         nodes.build()
+        starts = read_starts(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)
         graph = BondGraph(
             self.definition.name,
-            tuple(nodes.nodes),
+            tuple(starts.nodes(nodes.nodes)),
             tuple(nodes.bonds),
             elaborator.quantities,
             outputs,
-            elaborator.integrals(),
+            starts.memories(elaborator.integrals()),
             self.definition.model.name_span,
             requirements,
             elaborator.stands,
+            nodes.walls,
         )
         if not elaborator.part and not elaborator.structure_broken:
-            elaborator.diagnostics += _unconnected(graph)
+            elaborator.diagnostics += unconnected(graph)
         return Built(graph, plan)
 
 
@@ -251,6 +254,7 @@ class _Nodes:
         self.elaborator = elaborator
         self.nodes: list[Node] = []
         self.bonds: list[Bond] = []
+        self.walls: dict[tuple[str, str], int] = {}
         self.ends: dict[tuple[str, str], End] = {}
         self._laws = known.laws
         self._interned = known.interned
@@ -273,6 +277,7 @@ class _Nodes:
             self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
         self._mechanisms(connector)
         self.bonds = connector.bonds(self.ends)
+        self.walls = connector.passed
         self._share_ports()
         expand_transducers(self.nodes, self.bonds)
 
@@ -476,40 +481,3 @@ def _placeholder(entry: ElementEntry) -> Node:
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
     kind = node_kind(entry.kind)
     return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)
-
-
-def _unconnected(graph: BondGraph) -> list[Diagnostic]:
-    """Every port of an element has exactly one bond, every junction at least one."""
-    bonds: dict[End, list[Span]] = {}
-    for bond in graph.bonds:
-        for end in (bond.tail, bond.head):
-            bonds.setdefault(end, []).append(bond.span)
-    result: list[Diagnostic] = []
-    for number, node in enumerate(graph.nodes):
-        if isinstance(node, Junction):
-            if End(number, 0) not in bonds:
-                result.append(
-                    WrongConnection(
-                        node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."
-                    )
-                )
-            continue
-        if isinstance(node, MechanismNode):
-            continue
-        for port_number, port in enumerate(node.ports):
-            spans = bonds.get(End(number, port_number), [])
-            name = (
-                f"{node.name}.{port.name}"
-                if port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
-                else node.name
-            )
-            if len(spans) > 1:
-                hint = "Every port has one bond; put a 0- or 1-junction between."
-                result.append(
-                    WrongConnection(spans[1], f"`{name}` has {len(spans)} bonds", hint, ((spans[0], "one of them"),))
-                )
-            elif not spans:
-                side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
-                what = f"No bond goes {side} of `{name}`" if side else f"No bond reaches `{name}`"
-                result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
-    return result

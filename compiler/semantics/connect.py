@@ -65,6 +65,7 @@ class Connector:
         ] = []  # junctions in place: name, kind, domain, scope, span
         self.names: dict[str, int] = {}
         self.nests: dict[tuple[int, str, str], str] = {}
+        self.passed: dict[tuple[str, str], int] = {}  # port of a model and component -> the bond through it
 
     def connect(self) -> None:
         """Read every statement; mistakes go to the elaborator."""
@@ -353,11 +354,13 @@ class Connector:
                     holes[terminal.node, terminal.port][terminal.side].append(segment)
         for (node, port), sides in holes.items() if not self.elaborator.structure_broken else ():
             self._check_hole(f"{node}.{port}" if port else node, sides)
-        result = []
+        result: list[Bond] = []
         for segment in self.segments:
             if not segment.tail.side:  # every chain begins at a node, if its arrows agree
-                bond = self._follow(segment, holes, numbers)
-                if bond is not None:
+                chain = self._follow(segment, holes)
+                bond = None if chain is None else self._bond(segment, chain[-1], numbers)
+                if chain is not None and bond is not None:
+                    self.passed.update({(s.head.node, s.head.port): len(result) for s in chain[:-1]})
                     result.append(bond)
         return result
 
@@ -402,21 +405,19 @@ class Connector:
                 )
 
     def _follow(
-        self,
-        segment: Segment,
-        holes: dict[tuple[str, str], dict[str, list[Segment]]],
-        numbers: dict[tuple[str, str], End],
-    ) -> Bond | None:
-        current = segment
+        self, segment: Segment, holes: dict[tuple[str, str], dict[str, list[Segment]]]
+    ) -> list[Segment] | None:  # fmt: skip
+        """The segments of one bond, from its node on."""
+        chain = [segment]
         for _ in range(len(self.segments) + 1):
-            head = current.head
+            head = chain[-1].head
             if not head.side:
-                return self._bond(segment, current, numbers)
+                return chain
             onward = [s for side, all_ in holes[head.node, head.port].items() if side != head.side for s in all_]
             onward = [s for s in onward if s.tail.side and s.tail.node == head.node and s.tail.port == head.port]
             if len(onward) != 1:
                 return None  # told by _check_hole, or open in a part
-            current = onward[0]
+            chain.append(onward[0])
         return None
 
     def _bond(self, first: Segment, last: Segment, numbers: dict[tuple[str, str], End]) -> Bond | None:

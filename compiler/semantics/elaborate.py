@@ -300,7 +300,9 @@ class Elaborator(QuantityResolver):
                 if domain is None:
                     raise self.unknown_domain(scope, item.span, item.name)
                 ports[component] = domain
-            self.enter(scope, item.name, WallEntry(scope.full(item.name), ports, item.span), item.span)
+            wall = WallEntry(scope.full(item.name), ports, item.span)
+            self.enter(scope, item.name, wall, item.span)
+            self.walls[wall.name] = wall
 
     def unknown_domain(self, scope: Scope, span: Span, name: str) -> Exception:
         """A port whose domain nothing tells; if the domains of its model are wrong, that has been told."""

@@ -88,12 +88,18 @@ def read_plan(
                     found = elaborator.guard(_reading, elaborator, reading, root, outputs)
                     if found is not None:
                         report.append(found)
+            case tree.Study(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
+                plan = replace(plan, equilibrium=True)
             case tree.Study():
                 plan = replace(plan, unsupported=(*plan.unsupported, (_study_span(step, experiment), step.role)))
-            case tree.Set(role="start"):
-                plan = replace(plan, unsupported=(*plan.unsupported, (step.span, "start")))
     plan = replace(plan, report=tuple(report))
     return plan, _wanted(elaborator, outputs, plan, scene)
+
+
+def _before_simulate(step: tree.Study, experiment: tree.Experiment | None) -> bool:
+    """Whether a simulation follows the step, which then says where it starts."""
+    steps = experiment.steps if experiment is not None else ()
+    return any(isinstance(s, tree.Simulate) for s in steps[steps.index(step) + 1 :]) if step in steps else False
 
 
 def _study_span(step: tree.Study, experiment: tree.Experiment | None) -> Span:

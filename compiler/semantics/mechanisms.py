@@ -277,9 +277,8 @@ def _read_part(
             raise Wrong(
                 WrongMechanism(span, f"The frame `{name}` is on no body", "Write `frame name : body { at = (x, y) }`.")
             )
-        if reader.starts:
-            raise Wrong(Unsupported(span, "`start` on a frame", "Put it on the body or on a joint."))
-        return Frame(name, _body(elaborator, definition, part.scope, entry), reader.point("at"), span)
+        place = _body(elaborator, definition, part.scope, entry)
+        return Frame(name, place, reader.point("at"), span, reader.start_values())
     if not isinstance(definition, tree.Link):
         raise Wrong(
             WrongMechanism(

@@ -6,7 +6,7 @@ from ..graph.domains import GENERIC, Domain
 from ..graph.network import Reading
 from ..syntax import tree
 from .errors import UnknownName, WrongType
-from .scope import ElementEntry, Entry, InstanceEntry, PartEntry, Scalar, Wrong, suggestion
+from .scope import ElementEntry, Entry, InstanceEntry, PartEntry, Scalar, WallEntry, Wrong, suggestion
 
 
 def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
@@ -77,6 +77,27 @@ def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar:
     raise Wrong(UnknownName(path.span, name, f"`{part.mechanism}.{part.name}`", hint))
 
 
+def wall_member(entry: WallEntry, name: str, path: tree.Path) -> Scalar:
+    """`film.b.S_dot`: effort or flow of the bond that passes through a port of a model; of a multibond its component first."""
+    if "" in entry.ports:
+        return wall_variable(entry, "", name, path)
+    domain = entry.ports.get(name)
+    if domain is None:
+        hint = suggestion(name, list(entry.ports), f"Its components: {', '.join(entry.ports)}.")
+        raise Wrong(UnknownName(path.span, name, f"the port `{entry.name}`", hint))
+    return Scalar(Reading(entry.name, name, "e"), domain.dimension("e"), "port", f"{entry.name}.{name}")
+
+
+def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.Path) -> Scalar:
+    """`ends.phi.M`: what is shared by the whole bond, wherever it is seen from."""
+    domain, name = entry.ports[component], f"{entry.name}.{component}".rstrip(".")
+    variable = domain.variable(letter)
+    if variable not in ("e", "f"):
+        hint = f"It has {domain.letter('e')}, {domain.letter('f')}: a port stores nothing."
+        raise Wrong(UnknownName(path.span, letter, f"the port `{name}`", hint))
+    return Scalar(Reading(entry.name, component, variable), domain.dimension(variable), "reading", f"{name}.{letter}")
+
+
 def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.Path) -> Scalar:
     """`plates.q.u`: a variable of one port of a node."""
     variable = domain.variable(letter)
@@ -105,6 +126,11 @@ def not_a_number(entry: Entry, path: tree.Path) -> Wrong:
             return Wrong(
                 WrongType(path.span, "A number", f"the element `{name}`", f"Read one of its variables: {letters}.")
             )
+        case WallEntry(ports=ports):
+            component, domain = next(iter(ports.items()))
+            full = f"{name}.{component}".rstrip(".")
+            hint = f"Read its effort or flow: `{full}.{domain.letter('e')}`, `{full}.{domain.letter('f')}`."
+            return Wrong(WrongType(path.span, "A number", f"the port `{name}`", hint))
         case InstanceEntry():
             return Wrong(
                 WrongType(

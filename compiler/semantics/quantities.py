@@ -245,6 +245,10 @@ class QuantityResolver(Resolver):
             self._inferring = before
         return None if found is None else found * SECOND
 
+    def is_integral(self, name: str) -> bool:
+        """Whether a quantity is a signal with memory."""
+        return any(name == known for known, *_ in self._memories)
+
     def integrals(self) -> dict[str, Integral]:
         """The signals with memory, their rates read now."""
         result: dict[str, Integral] = {}

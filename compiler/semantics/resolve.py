@@ -27,12 +27,11 @@ from .errors import (
     NoValue,
     TooManyMistakes,
     UnknownName,
-    Unsupported,
     WrongIndex,
     WrongType,
 )
 from .known import Known
-from .members import element_member, not_a_number, part_member, port_variable
+from .members import element_member, not_a_number, part_member, port_variable, wall_member, wall_variable
 from .scales import scale_of
 from .scope import (
     STATIC_ROLES,
@@ -74,6 +73,7 @@ class Resolver(ABC):
         self.quantities: dict[str, Named] = {}
         self.pending: list[Pending] = []
         self.element_names: dict[str, ElementEntry] = {}
+        self.walls: dict[str, WallEntry] = {}  # ports of models
         self._file_constants: dict[str, Pending] = {}
         self._templates = known.templates
         self._keep = known.nodes
@@ -258,7 +258,8 @@ class Resolver(ABC):
         if entry is None:
             entry = self._file_constant(path.head, scope)
         if entry is None:
-            names = chain(_readable(scope), scope.definition.file.constants)
+            here = scope.names() if path.steps else _readable(scope)  # before a point may stand an element
+            names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
@@ -343,11 +344,7 @@ class Resolver(ABC):
             case ElementEntry():
                 return element_member(entry, step.name, path)
             case WallEntry():
-                raise Wrong(
-                    Unsupported(
-                        path.span, "Reading the variables of a port", "Read those of the junction or element behind it."
-                    )
-                )
+                return wall_member(entry, step.name, path)
             case MechanismEntry():
                 part = entry.parts.entries.get(step.name)
                 if part is None:
@@ -356,7 +353,9 @@ class Resolver(ABC):
                 return part
             case PartEntry():
                 return part_member(entry, step.name, path)
-            case Scalar(reference=Reading(node, port, variable)) if variable in "qe" or variable == "p":
+            case Scalar(reference=Reading(node, port), role="port") if node in self.walls:
+                return wall_variable(self.walls[node], port, step.name, path)
+            case Scalar(reference=Reading(node, port, variable), role=role) if role == "port" or variable in "qp":
                 # `stage.platform.x.v`, `spring.x.F`: a port's other variables behind its displacement
                 return port_variable(node, port, self.port_domain(node, port), step.name, path)
             case Array():

@@ -285,6 +285,8 @@ def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.E
     """What to do about a quantity of another unit; `written` is how it stands in the text."""
     if found == ONE and wanted is not None:
         return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."
+    if isinstance(written, tree.Literal) and wanted == ONE:
+        return "Write a bare number; an angle may be in `deg`, a share in `percent`."
     if isinstance(written, tree.Literal) and wanted is not None:
         return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
     return "Check the units of the names in it, and whether a factor is missing."

@@ -49,3 +49,14 @@ class UnwrittenNumber(Diagnostic):
     advice = "Keep numbers finite."
     name: str
     number: float
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrittenPort(Diagnostic):
+    """BG705."""
+
+    code = "BG705"
+    title = "`{name}` cannot be written as text: in a flat text nothing shows `{words}`, which it reads"
+    advice = "Put an element or a junction that has this variable at the end of the bond."
+    name: str
+    words: str

@@ -29,7 +29,8 @@ def mechanism_lines(mechanism: Mechanism, names: Names, text: BoundText) -> Iter
     for body in mechanism.bodies:
         yield part("body", body.name, "", _body(body, text))
     for frame in mechanism.frames:
-        yield part("frame", frame.name, f" : {mapped.get(frame.body, frame.body)}", _at(frame.position, text))
+        attributes = (*_at(frame.position, text), *_starts(frame.starts, text))
+        yield part("frame", frame.name, f" : {mapped.get(frame.body, frame.body)}", attributes)
     for joint in mechanism.joints:
         first, second = (mapped.get(b, b) for b in (joint.first, joint.second))  # `ground` is none of its parts
         yield part(joint.kind, joint.name, f" : {first} to {second}", _joint(joint, text))

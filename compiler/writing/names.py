@@ -15,6 +15,7 @@ from ..graph.network import Bond, BondGraph, Element, End, Kind, MechanismNode, 
 from ..semantics.laws import LAW_VARIABLES
 from ..semantics.scope import RESERVED
 from .literals import word_of
+from .ports import seen_at_a_node
 
 TWO_SIDED = (Kind.TRANSFORMER, Kind.GYRATOR)
 
@@ -63,7 +64,7 @@ def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence
     """Give every name of the graph one of the text; those that are valid stay. `separate` outputs need a name of their own."""
     elements = [n for n in graph.nodes if isinstance(n, Element)]
     always = set(RESERVED) | {"energy"} | _blocked_letters(graph, elements, plain)
-    blocked = _blocked_by_readers(elements)
+    blocked = _blocked_by_readers(graph, elements)
     names = Names()
     wanted = [("quantity", n) for n in graph.quantities] + [("output", n) for n in separate]
     wanted += [("node", n.name) for n in graph.nodes if n.name not in shared]
@@ -90,14 +91,15 @@ def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence
     return names
 
 
-def _blocked_by_readers(elements: Sequence[Element]) -> dict[tuple[str, str], set[str]]:
+def _blocked_by_readers(graph: BondGraph, elements: Sequence[Element]) -> dict[tuple[str, str], set[str]]:
     """What a law reads cannot be called like the law's own variables."""
     blocked: dict[tuple[str, str], set[str]] = {}
     for element in elements:
         words = _own_words(element)
         for argument in element.arguments:
-            if isinstance(argument, Quantity | Reading):
-                key = ("quantity", argument.name) if isinstance(argument, Quantity) else ("node", argument.node)
+            found = seen_at_a_node(graph, argument) if isinstance(argument, Reading) else argument
+            if isinstance(found, Quantity | Reading):
+                key = ("quantity", found.name) if isinstance(found, Quantity) else ("node", found.node)
                 blocked.setdefault(key, set()).update(words)
     return blocked
 

@@ -7,9 +7,11 @@ from ..algebra.formula import Bound
 from ..graph.domains import DOMAINS
 from ..graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Named, Own, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension
+from .errors import UnwrittenPort
 from .expressions import Printer, Word
-from .literals import dimension_of
+from .literals import Refused, dimension_of
 from .names import TWO_SIDED, Names
+from .ports import seen_at_a_node
 
 STORED = {Kind.CAPACITOR: "q", Kind.INERTIA: "p"}
 
@@ -63,6 +65,7 @@ class Words:
         return Word(self.names.quantities[reference.name], self.dimension(self.graph.quantities[reference.name]))
 
     def _reading(self, reading: Reading) -> Word:
+        reading = self._at_a_node(reading)
         node, variable = self._nodes[reading.node], reading.variable
         name = self.names.nodes[node.name]
         if isinstance(node, Junction):
@@ -79,6 +82,15 @@ class Words:
         else:
             path = f"{name}.{port.name}.{letter}" if port.name else f"{name}.{letter}"
         return Word(path, DOMAINS[port.domain].dimension(variable))
+
+    def _at_a_node(self, reading: Reading) -> Reading:
+        """A reading of a model's port as one of a node. Raises `Refused`."""
+        found = seen_at_a_node(self.graph, reading)
+        if found is None:
+            domain = self.graph.bonds[self.graph.walls[reading.node, reading.port]].domain
+            words = (reading.node, reading.port, self.letter(domain, reading.variable))
+            raise Refused(UnwrittenPort, words=".".join(w for w in words if w))
+        return found
 
     def own(self, node: Element, own: Own) -> Word:
         """An element's own variable: by its domain's letter, or by `e f q p` if something else has that name."""

@@ -138,6 +138,22 @@ def test_equations_and_stages() -> None:
         assert run("show", "models/oscillator.bg", "--stage", stage).exit_code == 0
 
 
+def test_certificate() -> None:
+    found = run("certificate", "models/dc_motor.bg")
+    assert found.stdout.splitlines()[0].startswith("Motor: linear-implicit ODE, reduced from index 2; 2 states; linear")
+    told = json.loads(run("certificate", "models/dc_motor.bg", "--json").stdout)
+    assert told["schema"] == "bondgraph-certificate/1"
+    assert (told["form"], told["index"], told["dependent"]) == ("linear-implicit ODE", 2, ["load"])
+    assert run("certificate", "models/mems.bg").exit_code == 1
+
+
+def test_a_run_says_what_it_solved() -> None:
+    """The run of an experiment that drives the model; the outputs need all states."""
+    told = json.loads(run("run", "models/rlc.bg", "--points", "3", "--json").stdout)["certificate"]
+    assert (told["form"], told["driven"], told["unneeded"]) == ("explicit ODE", True, [])
+    assert "explicit ODE; 2 states" in run("run", "models/rlc.bg", "--points", "3").stdout
+
+
 def test_new_and_fmt(tmp_path: Path) -> None:
     path = tmp_path / "first.bg"
     assert run("new", str(path)).exit_code == 0
@@ -152,4 +168,5 @@ def test_new_and_fmt(tmp_path: Path) -> None:
 
 def test_python_m_bondgraph() -> None:
     done = subprocess.run([sys.executable, "-m", "bondgraph", "check", "models/rlc.bg"], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "1 file fine\n")
+    certificate = "SeriesRlc: explicit ODE; 2 states; linear; driven"
+    assert (done.returncode, done.stdout) == (0, f"{certificate}\n1 file fine\n")

@@ -4,12 +4,11 @@ Nothing here knows the compiler. A network is given flat: bonds with an effort a
 quantity each, and residual functions. With B bonds and S storage ports the equations are F(w, s, t) = 0, 2B of them in the
 efforts and flows w (2B) and the stored quantities s, and s' = S w: the flow into a C, the effort on an I.
 
-Some of the s are given (the states that a compiler chose), the others follow. The equations and their derivative in time,
-
-    F(w, s, t) = 0,    F_w w' + F_s S w + F_t = 0,
-
-are solved together for w, w' and what is not given of s, by Newton with least squares. The null space of the Jacobian tells
-what the equations determine; a residual that stays tells that the given s contradict each other.
+Some of the s are given (the states that a compiler chose), the others follow. The equations and their derivatives in time up
+to some order K (the derivative array: Campbell and Gear, Numer. Math. 72, 1995), F = 0, F' = 0, …, with w as a Taylor series in
+time, are solved together for w, w', … and what is not given of s, by Newton with least squares. The null space of the Jacobian
+tells what the equations determine; a residual that stays tells that the given s contradict each other. K = 1 is enough for
+index 2, each index more needs one more.
 """
 
 from __future__ import annotations
@@ -19,6 +18,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg
+
+from tests.equations.time_series import Series
 
 Array = Any
 STEP = 1e-6  # of the difference quotients for Newton's matrix: it only steers, the residual is exact
@@ -82,6 +84,15 @@ class Network:
         shape = np.broadcast_shapes(np.shape(w)[1:], np.shape(s)[1:])
         return np.array([np.broadcast_to(r, shape) for part in self.residuals for r in part(v)])
 
+    def taylor(self, w: Array, s: Array, time: Array) -> Array:
+        """The coefficients in time of all residuals, for those of what they read (first axis)."""
+        series = [Series(w[:, i]) for i in range(w.shape[1])]
+        v = Values(
+            series[: self.bonds], series[self.bonds :], [Series(s[:, i]) for i in range(s.shape[1])], Series(time)
+        )
+        rows = [r.c if isinstance(r, Series) else constant(r, time) for part in self.residuals for r in part(v)]
+        return np.concatenate(np.moveaxis(np.array(rows), 1, 0))
+
     def rates(self, w: Array) -> Array:
         """s' = S w."""
         places = [self.rate_of(i) for i in range(len(self.storages))]
@@ -101,6 +112,13 @@ class Network:
         )
         whole = both.imag / TINY
         return whole[:, :n], whole[:, n : n + m], whole[:, -1]
+
+
+def constant(value: Any, like: Array) -> Array:
+    """The coefficients of what does not change."""
+    result = np.zeros_like(like)
+    result[0] = value
+    return result
 
 
 @dataclass
@@ -126,35 +144,54 @@ class Solution:
         return float(self.w[self.network.bonds + bond])
 
 
-def solve(network: Network, given: dict[int, float], time: float) -> Solution:
-    """All efforts, flows and stored quantities, for given stored quantities (by storage port)."""
+def solve(network: Network, given: dict[int, float], time: float, order: int = 1, guess: Any = None) -> Solution:
+    """All efforts, flows and stored quantities, for given stored quantities (by storage port), with `order` derivatives.
+
+    `guess`: efforts and flows, and all stored quantities, to start from.
+    """
     n, m = 2 * network.bonds, len(network.storages)
     free = [i for i in range(m) if i not in given]
     fixed = np.array([given.get(i, 0.0) for i in range(m)])
+    count = order + 1
+    inside = n + len(free)
 
     def split(z: Array) -> tuple[Array, Array, Array]:
         s = np.empty((m, *z.shape[1:]))
         s[:] = fixed.reshape(m, *[1] * (z.ndim - 1))
-        s[free] = z[n : n + len(free)]
-        return z[:n], s, z[n + len(free) :]
+        s[free] = z[n:inside]
+        return z[:n], s, z[inside:]
 
     def function(z: Array) -> Array:
-        w, s, v = split(z)
-        moving = network.residual(w + 1j * TINY * v, s + 1j * TINY * network.rates(w), time + 1j * TINY)
-        return np.concatenate([moving.real, moving.imag / TINY])
+        """F and its Taylor coefficients, one order after the other."""
+        w, s, higher = split(z)
+        series = np.concatenate([w[None], higher.reshape(order, n, *z.shape[1:])])
+        stored = np.concatenate([s[None], [network.rates(series[k]) / (k + 1) for k in range(order)]])
+        clock = np.zeros((count, *z.shape[1:]))
+        clock[0], clock[1] = time, 1.0
+        return network.taylor(series, stored, clock)
 
-    z = np.zeros(2 * n + len(free))
+    z = np.zeros(inside + order * n)
+    if guess is not None:
+        z[:n], z[n:inside] = guess[0], guess[1][free]
     with np.errstate(all="ignore"):
         for damped in (False, True):  # most networks are monotone: full steps converge; the others get a second try
             found, jacobian, error = _newton(function, z, damped)
             scale = max(1.0, float(np.abs(found).max(initial=0.0)))
             if error < 1e-10 * scale:
                 break
-    _, sizes, vt = np.linalg.svd(jacobian)
+    if not np.isfinite(jacobian).all():
+        jacobian = np.zeros_like(jacobian)
+    _, sizes, vt = np.linalg.svd(jacobian / row_sizes(jacobian)[:, None])
     rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
     w, s, _ = split(found)
     scale = max(1.0, float(np.abs(w).max(initial=0.0)))
     return Solution(network, w, s, error < 1e-10 * scale, error, vt[rank:].T, free)
+
+
+def row_sizes(matrix: Array) -> Array:
+    """The largest magnitude in each row, for scaling; 1 where there is none."""
+    sizes = np.abs(matrix).max(axis=1, initial=0.0)
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple[Array, Array, float]:
@@ -167,7 +204,8 @@ def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple
         jacobian = (function(z[:, None] + eye) - function(z[:, None] - eye)) / (2 * STEP)
         if not np.isfinite(jacobian).all():
             break
-        step = np.linalg.lstsq(jacobian, -value, rcond=RANK)[0]
+        rows = row_sizes(jacobian)  # exponentials make some of them very large
+        step = scipy.linalg.lstsq(jacobian / rows[:, None], -value / rows, cond=RANK, lapack_driver="gelsy")[0]
         length = 1.0
         trial = function(z + step)
         while damped and not np.linalg.norm(trial) < (1 - 1e-4 * length) * np.linalg.norm(value) and length > 1e-10:

@@ -7,6 +7,7 @@ formula of its own, never from what the compiler made of the text.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from tests.equations.network_oracle import Network, Values
+from tests.equations.time_series import exp, sin, sinh
 
 # effort, flow, displacement, momentum: letters and units
 DOMAINS = {
@@ -51,6 +53,16 @@ class Choices:
         return float(self.one(NUMBERS))
 
 
+class ManyChoices(Choices):
+    """The same from a generator of random numbers: hypothesis likes to repeat itself with small changes, which a long run does not."""
+
+    def __init__(self, seed: str) -> None:
+        self._random = random.Random(seed)
+
+    def integer(self, low: int, high: int) -> int:
+        return self._random.randint(low, high)
+
+
 def over(top: str, bottom: str, power: int = 1) -> str:
     """The unit top/bottom^power."""
     return f"({top})/({bottom})^{power}"
@@ -72,6 +84,7 @@ class Parameter:
     unit: str
     value: float
     text: str = ""  # of its default
+    role: str = "parameter"
 
 
 @dataclass
@@ -98,7 +111,7 @@ class Factor:
         base = self.number if self.parameter is None else place.parameters[self.parameter]
         if self.reading is None:
             return base
-        return base * (1 + 0.4 * np.sin(place.read(self.reading, v)))
+        return base * (1 + 0.4 * sin(place.read(self.reading, v)))
 
 
 # ---------------------------------------------------------------- elements
@@ -115,8 +128,12 @@ class Element:
     text: str
     law: Callable[[Place, Values, list[int], list[int]], list[Any]]
     traits: set[str] = field(default_factory=set)
-    starts: dict[int, float] = field(default_factory=dict)
-    stores: bool = False
+    starts: dict[int, float] = field(default_factory=dict)  # of what is stored, by port
+    stored: str = ""  # of a storage, port by port: q or p
+
+    @property
+    def stores(self) -> bool:
+        return bool(self.stored)
 
     def letter(self, port: int, variable: str) -> str:
         return DOMAINS[self.domains[port]][0][VARIABLES.index(variable)]
@@ -127,7 +144,7 @@ class Element:
         if self.ports == [""]:
             return f"{self.name}.{self.letter(port, variable)}"
         if variable in "qp":
-            return f"{self.name}.{self.ports[port]}"
+            return f"{self.name}.{self.ports[port]}" + (f".{variable}" if self.kind == "IC" else "")
         return f"{self.name}.{self.ports[port]}.{self.letter(port, variable)}"
 
 
@@ -169,7 +186,7 @@ class Part:
                 inner = ", ".join(c if self.plain else f"{c}: {d}" for c, d in wall.components.items())
                 ports.append(f"port {wall.name}({inner})")
         defaults = [
-            f"parameter {p.name}{'' if self.plain else ': ' + p.unit} = {p.text}" for p in self.parameters.values()
+            f"{p.role} {p.name}{'' if self.plain else ': ' + p.unit} = {p.text}" for p in self.parameters.values()
         ]
         return (
             f"{head} {self.name} {{\n"
@@ -244,8 +261,10 @@ def _add_element(flat: Flat, place: Place, element: Element) -> None:
     bonds = [flat.bond_at[name, i] for i in range(len(element.ports))]
     stored = []
     for i, bond in enumerate(bonds if element.stores else ()):
-        label = place.path + element.path(i, "q" if element.kind == "C" else "p")
-        stored.append(flat.network.storage(label, bond, element.kind))
+        label = place.path + (
+            f"{element.name}.{element.ports[i]}" if element.kind == "IC" else element.path(i, element.stored[i])
+        )
+        stored.append(flat.network.storage(label, bond, "C" if element.stored[i] == "q" else "I"))
         flat.stored[name, i] = stored[-1]
         if i in element.starts:
             flat.starts[stored[-1]] = element.starts[i]
@@ -326,13 +345,15 @@ class Builder:
         """Something that is there already: mostly what is stored."""
         stores = [e for e in self.part.elements.values() if e.stores]
         element = self.c.one(stores) if stores else None
-        variable = "q" if element is not None and element.kind == "C" else "p"
+        variable = ""
         if self.c.chance(10) and self.part.elements:
             element = self.c.one(list(self.part.elements.values()))
             variable = self.c.one("ef")
+            element.traits.add("read")
         if element is None:
             return None
         port = self.c.integer(0, len(element.ports) - 1)
+        variable = variable or element.stored[port]
         return Reading(
             element.name, port, variable, element.path(port, variable), self.unit(element.domains[port], variable)
         )
@@ -357,9 +378,12 @@ class Builder:
         if element.stores and self.c.chance(25):
             for i, port in enumerate(element.ports):
                 value = self.c.number()
-                letter = element.letter(i, "q" if element.kind == "C" else "p")
+                stored = element.stored[i]
+                letter = element.letter(i, stored)
                 target = letter if not port else self.c.one([port, f"{port}.{letter}"])
-                unit = self.unit(element.domains[i], "q" if element.kind == "C" else "p")
+                if element.kind == "IC":
+                    target = f"{port}.{stored}"
+                unit = self.unit(element.domains[i], stored)
                 parts.append(f"start {target} = {value!r}" + ("" if self.part.plain else f" [{unit}]"))
                 element.starts[i] = value
         if preferences and self.c.chance(6):
@@ -372,44 +396,66 @@ class Builder:
         variable = "e" if kind == "Se" else "f"
         element = Element(self.name("s", domain), kind, [""], [domain], "", lambda *a: [], {kind})
         letter, unit = element.letter(0, variable), self.unit(domain, variable)
-        form = self.c.integer(0, 4)
+        form = self.c.integer(0, 6)
         factor = self.factor(unit, modulate=form == 4)
+        if self.c.chance(4) and factor.reading is None and factor.parameter is None:
+            name = self.bare_name("n")
+            self.part.parameters[name] = Parameter(name, unit, factor.number, factor.text, "input")
+            factor = Factor(name, factor.number, name)
+            element.traits.add("input")
         text, amount = factor.text, factor.value
-        if form == 3:
+        if form in (2, 3, 5):
             frequency = self.c.number()
             time = f"{frequency!r}*time" if self.part.plain else f"{frequency!r}*time/1 s"
             text = f"{text}*sin({time})"
             element.traits.add("time")
-            amount = lambda place, v: factor.value(place, v) * np.sin(frequency * v.time)  # noqa: E731
+            amount = lambda place, v: factor.value(place, v) * sin(frequency * v.time)  # noqa: E731
         element.law = lambda place, v, b, s: [(v.effort if kind == "Se" else v.flow)[b[0]] - amount(place, v)]
         if factor.reading is not None:
             element.traits.add("modulated")
-        return self.add(element, "M" * (factor.reading is not None) + kind, f"{letter} = {text}")
+        modulated = factor.reading is not None or "input" in element.traits
+        return self.add(element, "M" * modulated + kind, f"{letter} = {text}")
 
     def resistor(self, domain: str) -> Element:
         element = Element(self.name("r", domain), "R", [""], [domain], "", lambda *a: [], {"R"})
         e, f = element.letter(0, "e"), element.letter(0, "f")
         ue, uf = self.unit(domain, "e"), self.unit(domain, "f")
-        form = self.c.integer(0, 24)
+        form = self.c.integer(0, 31)
         modulate = self.c.chance(15)
         zero = 20 if form == 24 else 0
         if form in (1, 2, 5, 6, 7):  # f = g e
             factor = self.factor(over(uf, ue), modulate)
             law = f"{f} = {factor.text}*{e}"
             element.law = lambda p, v, b, s: [v.flow[b[0]] - factor.value(p, v) * v.effort[b[0]]]
-        elif form == 3:  # e = r f + c f^3
+        elif form in (
+            25,
+            26,
+            27,
+        ):  # f = g e + a (exp(e) - 1): a diode with a leak, which no formula solves for e; or e so
+            element.traits.add("nonlinear")
+            y, x, uy, ux = (f, e, uf, ue) if form < 27 else (e, f, ue, uf)
+            factor, third = self.factor(over(uy, ux), modulate), self.factor(uy)
+            inner = f"{x}/4" if self.part.plain else f"{x}/4 [{ux}]"
+            law = f"{y} = {factor.text}*{x} + {third.text}*(exp({inner}) - 1)"
+
+            def diode(p: Place, v: Values, b: list[int], s: list[int]) -> list[Any]:
+                out, into = (v.flow[b[0]], v.effort[b[0]]) if form < 27 else (v.effort[b[0]], v.flow[b[0]])
+                return [out - factor.value(p, v) * into - third.value(p, v) * (exp(0.25 * into) - 1)]
+
+            element.law = diode
+        elif form in (3, 28, 29):  # e = r f + c f^3
             element.traits.add("nonlinear")
             factor, third = self.factor(over(ue, uf), modulate), self.factor(over(ue, uf, 3))
             law = f"{e} = {factor.text}*{f} + {third.text}*{f}^3"
             element.law = lambda p, v, b, s: [
                 v.effort[b[0]] - factor.value(p, v) * v.flow[b[0]] - third.value(p, v) * cube(v.flow[b[0]])
             ]
-        elif form == 4:  # f = a sinh(e), which can be solved for e
+        elif form in (4, 30):  # f = a sinh(e), which can be solved for e
             element.traits.add("nonlinear")
             factor = self.factor(uf, modulate)
-            inner = e if self.part.plain else f"{e}/1 [{ue}]"
+            inner = f"{e}/4" if self.part.plain else f"{e}/4 [{ue}]"  # large arguments would only try the oracle
             law = f"{f} = {factor.text}*sinh({inner})"
-            element.law = lambda p, v, b, s: [v.flow[b[0]] - factor.value(p, v) * np.sinh(v.effort[b[0]])]
+            element.law = lambda p, v, b, s: [v.flow[b[0]] - factor.value(p, v) * sinh(0.25 * v.effort[b[0]])]
         elif form == 8:
             factor = self.factor(over(ue, uf), modulate)
             law = f"{factor.text}*{f} = {e}"
@@ -429,8 +475,9 @@ class Builder:
     def storage(self, domain: str, kind: str) -> Element:
         """C: e = k q, or I: f = p / m; written in several ways."""
         element = Element(
-            self.name("c" if kind == "C" else "i", domain), kind, [""], [domain], "", lambda *a: [], {kind}, stores=True
+            self.name("c" if kind == "C" else "i", domain), kind, [""], [domain], "", lambda *a: [], {kind}
         )
+        element.stored = "q" if kind == "C" else "p"
         given, stored = ("e", "q") if kind == "C" else ("f", "p")
         y, x = element.letter(0, given), element.letter(0, stored)
         uy, ux = self.unit(domain, given), self.unit(domain, stored)
@@ -458,9 +505,9 @@ class Builder:
         elif form == 7:
             element.traits.add("nonlinear storage")
             factor = self.factor(uy)
-            inner = x if self.part.plain else f"{x}/1 [{ux}]"
+            inner = f"{x}/4" if self.part.plain else f"{x}/4 [{ux}]"
             law = f"{y} = {factor.text}*sinh({inner})"
-            element.law = lambda p, v, b, s: [power(v, b) - factor.value(p, v) * np.sinh(v.stored[s[0]])]
+            element.law = lambda p, v, b, s: [power(v, b) - factor.value(p, v) * sinh(0.25 * v.stored[s[0]])]
         else:
             factor = self.factor(over(uy, ux), zero=2 if kind == "C" else 0)
             law = f"{y} = {factor.text}*{x}" if self.c.chance(70) else f"{factor.text}*{x} = {y}"
@@ -483,15 +530,17 @@ class Builder:
             "",
             lambda *a: [],
             {f"{kind} field"},
-            stores=True,
         )
-        given, stored = ("e", "q") if kind == "C" else ("f", "p")
+        element.stored = stored = "".join(
+            self.c.one("qp") if kind == "IC" else "q" if kind == "C" else "p" for _ in domains
+        )
+        given = ["e" if x == "q" else "f" for x in stored]
         root = np.array([[self.c.number() if j <= i else 0.0 for j in range(n)] for i in range(n)])
         for i in range(n):
             for j in range(i):
                 root[i, j] *= self.c.one((0.0, 0.3, -0.5))
         matrix = np.round(root @ root.T, 6)
-        form = self.c.integer(0, 3)
+        form = self.c.integer(0, 2 if kind == "IC" else 3)
         weight, direction = 0.0, np.zeros(n)
         if form == 3:  # equations for what is stored, which must be solved
             inverse = np.round(np.linalg.inv(matrix), 6)
@@ -500,24 +549,27 @@ class Builder:
             weight, direction = self.c.number(), np.array([self.c.one((1.0, 0.4, -0.7)) for _ in range(n)])
 
         def law(p: Place, v: Values, b: list[int], s: list[int]) -> list[Any]:
-            y = v.effort if kind == "C" else v.flow
+            y = [(v.effort if g == "e" else v.flow)[b[i]] for i, g in enumerate(given)]
             x = [v.stored[i] for i in s]
             along = sum(d * xi for d, xi in zip(direction, x, strict=True))
-            slope = weight * (cube(along) if form == 1 else np.sin(along)) if weight else 0.0
-            return [y[b[i]] - sum(matrix[i, j] * x[j] for j in range(n)) - slope * direction[i] for i in range(n)]
+            slope = weight * (cube(along) if form == 1 else sin(along)) if weight else 0.0
+            return [y[i] - sum(matrix[i, j] * x[j] for j in range(n)) - slope * direction[i] for i in range(n)]
 
         element.law = law
-        names = [self.c.one((port, f"{port}.{element.letter(i, stored)}")) for i, port in enumerate(element.ports)]
-        units = [self.unit(d, stored) for d in domains]
+        names = [
+            f"{port}.{stored[i]}" if kind == "IC" else self.c.one((port, f"{port}.{element.letter(i, stored[i])}"))
+            for i, port in enumerate(element.ports)
+        ]
+        units = [self.unit(d, x) for d, x in zip(domains, stored, strict=True)]
         joule = "N*m"
 
         def with_unit(number: float, unit: str) -> str:
             return f"{number!r}" if self.part.plain else f"{number!r} [{unit}]"
 
-        if form in (0, 3) and (form == 3 or self.c.chance(50)):
+        if kind != "IC" and form in (0, 3) and (form == 3 or self.c.chance(50)):
             element.traits.add("field equations")
-            y = [f"{port}.{element.letter(i, given)}" for i, port in enumerate(element.ports)]
-            uy = [self.unit(d, given) for d in domains]
+            y = [f"{port}.{element.letter(i, given[i])}" for i, port in enumerate(element.ports)]
+            uy = [self.unit(d, g) for d, g in zip(domains, given, strict=True)]
             left, right, ul, ur = (names, y, units, uy) if form == 3 else (y, names, uy, units)
             table = inverse if form == 3 else matrix
             rows = [
@@ -595,7 +647,7 @@ class Builder:
         side = self.c.one((0, 1))
         right = left if kind == "TF" else ("f" if left == "e" else "e")
         unit = over(self.unit(element.domains[side], left), self.unit(element.domains[1 - side], right))
-        factor = self.factor(unit, modulate=self.c.chance(20))
+        factor = self.factor(unit, modulate=self.c.chance(35))
         if factor.reading is not None:
             element.traits.add("modulated")
 
@@ -663,7 +715,7 @@ class Builder:
         part, c = self.part, self.c
         part.walls = walls
         first = next((d for w in walls for d in w.components.values()), None) or self.domain()
-        self.junction(first)
+        self._furnish(self.junction(first))
         for domain in [d for w in walls for d in w.components.values()][1:]:
             self._grow_junction(domain)
         for _ in range(c.integer(0, 4 if not self.depth else 2)):
@@ -678,10 +730,13 @@ class Builder:
                 inner = ("node", c.one([n for n in names if part.junctions[n][1] == domain]), "")
                 outer = ("wall", wall.name, component)
                 self.connect(*((outer, inner) if wall.inwards[component] else (inner, outer)))
-        for name in names:
-            self._furnish(name)
-        for _ in range(c.integer(0, 2) if c.chance(35) else 0):
-            self._field(names)
+        if c.chance(18):
+            self._ladder(c.one(names))
+        if c.chance(14):
+            self._forced_twice(c.one(names))
+        first = c.integer(0, 3)
+        for number in range(c.integer(1, 3) if c.chance(35) else 0):
+            self._field(names, ("C", "I", "IC", "R")[(first + number) % 4])
         if self.depth == 0:
             for _ in range(c.integer(1, 2) if c.chance(35) else 0):
                 self._instances(names)
@@ -690,13 +745,15 @@ class Builder:
 
     def _grow_junction(self, domain: str) -> None:
         before = self.c.one(list(self.part.junctions))
-        self.link(before, self.junction(domain))
+        name = self.junction(domain)
+        self._furnish(name)
+        self.link(before, name)
 
     def _furnish(self, name: str) -> None:
         kind, domain = self.part.junctions[name]
         c = self.c
         for _ in range(c.integer(0, 3)):
-            form = c.integer(0, 19)
+            form = c.integer(0, 20)
             natural = not c.chance(15)
             if form <= 8:
                 element = self.storage(domain, "C" if (kind == "0") is natural else "I")
@@ -712,11 +769,91 @@ class Builder:
         out = element.kind in ("Se", "Sf") and not self.c.chance(30)
         self.connect(*((outer, inner) if out else (inner, outer)))
 
-    def _field(self, names: list[str]) -> None:
+    def _ladder(self, start: str) -> None:
+        """Sections alike, by `for`: a junction with a storage and a resistor each, one hanging on the other."""
+        c, part, domain = self.c, self.part, self.part.junctions[start][1]
+        count, number = c.integer(2, 4), self.counts.get("l", 0) + 1
+        self.counts["l"] = number
+        kinds = c.one("10"), c.one("CI")
+        junction, storage, resistor = f"lj{number}", f"lc{number}", f"lr{number}"
+        stored, given = ("q", "e") if kinds[1] == "C" else ("p", "f")
+        units = {x: self.unit(domain, x) for x in "efqp"}
+        letters = dict(zip("efqp", DOMAINS[domain][0], strict=True))
+        scale, loss = self.factor(over(units[given], units[stored])), self.factor(over(units["e"], units["f"]))
+        colon = "" if part.plain else f" : {domain}"
+        part.lines.append(
+            f"for k in 1..{count} {{\n    {kinds[0]} {junction}[k]{colon}\n"
+            f"    {kinds[1]} {storage}[k] : {letters[given]} = k*{scale.text}*{letters[stored]}\n"
+            f"    R {resistor}[k] : {letters['e']} = {loss.text}*{letters['f']}\n"
+            f"    {junction}[k] -> {storage}[k], {resistor}[k]\n  }}"
+        )
+        part.lines.append(f"for k in 1..{count - 1} {{ {junction}[k] -> {junction}[k + 1] }}")
+        for k in range(1, count + 1):
+            place = f"{junction}[{k}]"
+            part.junctions[place] = (kinds[0], domain)
+            store = Element(f"{storage}[{k}]", kinds[1], [""], [domain], "", lambda *a: [], {kinds[1], "for"})
+            store.stored = stored
+
+            def law(p: Place, v: Values, b: list[int], s: list[int], k: int = k) -> list[Any]:
+                return [(v.effort if given == "e" else v.flow)[b[0]] - k * scale.value(p, v) * v.stored[s[0]]]
+
+            def drop(p: Place, v: Values, b: list[int], s: list[int]) -> list[Any]:
+                return [v.effort[b[0]] - loss.value(p, v) * v.flow[b[0]]]
+
+            store.law = law
+            part.elements[store.name] = store
+            element = Element(f"{resistor}[{k}]", "R", [""], [domain], "", drop, {"R"})
+            part.elements[element.name] = element
+            for name in (store.name, element.name):
+                self.connect(("node", place, ""), ("node", name, "0"), "")
+            if k > 1:
+                self.connect(("node", f"{junction}[{k - 1}]", ""), ("node", place, ""), "")
+        self.connect(("node", start, ""), ("node", f"{junction}[1]", ""))
+
+    def _forced_twice(self, start: str) -> None:
+        """A flow that time gives to an I, whose effort is then the effort of a C: the second derivative of the source, index 3."""
+        domain = self.part.junctions[start][1]
+        amount, frequency, mass, share = (self.c.number() for _ in range(4))
+        x = dict(zip("efqp", DOMAINS[domain][0], strict=True))
+        unit = {v: "" if self.part.plain else f" [{self.unit(domain, v)}]" for v in "efqp"}
+        mass_unit = "" if self.part.plain else f" [{over(self.unit(domain, 'p'), self.unit(domain, 'f'))}]"
+        second = "" if self.part.plain else "/1 s"
+        one, zero = self.bare_name("jd"), self.bare_name("jz")
+        for kind, name in (("1", one), ("0", zero)):
+            self.part.junctions[name] = (kind, domain)
+            self.part.lines.append(f"{kind} {name}" + ("" if self.part.plain else f" : {domain}"))
+
+        def forced(p: Place, v: Values, b: list[int], s: list[int]) -> list[Any]:
+            return [v.flow[b[0]] - amount * sin(frequency * v.time)]
+
+        def inert(p: Place, v: Values, b: list[int], s: list[int]) -> list[Any]:
+            return [v.stored[s[0]] - mass * v.flow[b[0]]]
+
+        source = Element(self.bare_name("sd"), "Sf", [""], [domain], "", forced, {"Sf", "time"})
+        self.add(source, "Sf", f"{x['f']} = {amount!r}{unit['f']}*sin({frequency!r}*time{second})")
+        inertia = Element(self.bare_name("id"), "I", [""], [domain], "", inert, {"I"}, stored="p")
+        self.add(inertia, "I", f"{x['p']} = {mass!r}{mass_unit}*{x['f']}")
+        reading = Reading(inertia.name, 0, "e", inertia.path(0, "e"), self.unit(domain, "e"))
+
+        def copy(p: Place, v: Values, b: list[int], s: list[int]) -> list[Any]:
+            return [v.effort[b[0]] - share * p.read(reading, v)]
+
+        second_source = Element(self.bare_name("sz"), "Se", [""], [domain], "", copy, {"Se", "modulated"})
+        self.add(second_source, "MSe", f"{x['e']} = {share!r}*{reading.path}")
+        for junction, element in (
+            (one, source),
+            (one, inertia),
+            (zero, second_source),
+            (zero, self.storage(domain, "C")),
+        ):
+            self.hang(junction, element, 0)
+        self.link(start, one)
+        self.link(start, zero)
+
+    def _field(self, names: list[str], kind: str) -> None:
         c = self.c
         chosen = self._distinct(names, c.integer(2, 3))
         domains = [self.part.junctions[n][1] for n in chosen]
-        kind = c.one(("C", "C", "I", "R"))
         element = self.resistor_field(domains) if kind == "R" else self.storage_field(domains, kind)
         if not c.chance(40):
             for port, junction in enumerate(chosen):
@@ -808,7 +945,11 @@ class Example:
 @st.composite
 def examples(draw: Callable[[Any], Any]) -> Example:
     """Random models with their networks."""
-    c = Choices(draw)
+    return example_of(Choices(draw))
+
+
+def example_of(c: Choices) -> Example:
+    """The model that some choices make."""
     plain = not c.chance(50)
     parts: list[Part] = []
     root = Builder(c, "Root", plain, parts, 0).grow([])
@@ -833,7 +974,7 @@ def examples(draw: Callable[[Any], Any]) -> Example:
             (name, port, variable)
             for name, element in flat.elements.items()
             for port in range(len(element.ports))
-            for variable in ("efq" if element.kind == "C" else "efp" if element.kind == "I" else "ef")
+            for variable in "ef" + (element.stored[port] if element.stores else "")
         ]
         first = c.integer(0, len(everything) - 1)
         for number, (name, port, variable) in enumerate((everything[first:] + everything[:first])[: c.integer(1, 12)]):

@@ -1,4 +1,4 @@
-"""Every stage of the compiler as text, for two small models: stable, diff-able, and frozen here."""
+"""Every stage of the compiler as text, for three small models: stable, diff-able, and frozen here."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ from bondgraph.model import STAGES
 from tests.conftest import Golden
 
 HERE = Path(__file__).parent
+MODELS = (
+    "oscillator",
+    "two_masses",
+    "rectifier",
+)  # explicit, a dependent storage, a nonlinear loop and an implicit law
 
 
 @pytest.mark.parametrize("stage", STAGES)
-@pytest.mark.parametrize("model", ["oscillator", "two_masses"])
+@pytest.mark.parametrize("model", MODELS)
 def test_stage(model: str, stage: str, golden: Golden) -> None:
     text = bondgraph.load(HERE / f"{model}.bg").show(stage)
     assert str(HERE) not in text, "the text depends on where the project lies"
@@ -26,7 +31,7 @@ def test_all_stages_are_there() -> None:
 
 
 def test_no_golden_file_is_left_over() -> None:
-    expected = {f"{model}.{stage}.txt" for model in ("oscillator", "two_masses") for stage in STAGES}
+    expected = {f"{model}.{stage}.txt" for model in MODELS for stage in STAGES}
     assert {p.name for p in HERE.glob("*.txt")} - expected == set()
 
 

@@ -166,13 +166,13 @@ class TestNonlinear:
         assert found["i"] == pytest.approx([exact] * 3, rel=1e-13) and found.solver == "Newton"
 
     def test_a_product_of_two_unknowns(self) -> None:
-        """3 i + 2 i 3 i = 12."""
-        text = "model A {\n  Se s : u = 12 V\n  1 loop\n  R series : u = 3 ohm*i\n  MR odd : u = 2 [ohm/V]*i*series.u\n  s -> loop -> series, odd\n  output i = loop.i\n}\n"
+        """3 i + 2 |i| 3 i = 12; without the bars there were two solutions."""
+        text = "model A {\n  Se s : u = 12 V\n  1 loop\n  R series : u = 3 ohm*i\n  MR odd : u = 2 [ohm/V]*abs(i)*series.u\n  s -> loop -> series, odd\n  output i = loop.i\n}\n"
         i = bondgraph.load(text).simulate(to=1, points=2).final("i")
         assert 6 * i * i + 3 * i == pytest.approx(12, rel=1e-14)
 
     def test_a_signal_in_a_loop(self) -> None:
-        text = "model A {\n  MSe s : u = 6 V - 2 [1/V]*r.u^2\n  R r : u = 3 ohm*i\n  R t : u = 4 ohm*i\n  s -> 1(r, t)\n  output i = r.i\n}\n"
+        text = "model A {\n  MSe s : u = 6 V - 2 [1/V]*r.u*abs(r.u)\n  R r : u = 3 ohm*i\n  R t : u = 4 ohm*i\n  s -> 1(r, t)\n  output i = r.i\n}\n"
         i = bondgraph.load(text).simulate(to=1, points=2).final("i")
         assert 6 - 18 * i * i == pytest.approx(7 * i, rel=1e-13)
 

@@ -14,7 +14,7 @@ import numpy as np
 def _select(condition, value, otherwise):
     """`value if condition else otherwise`, for numbers and for arrays."""
     if np.ndim(condition) == 0:
-        return value if condition else otherwise
+        return np.float64(value if condition else otherwise)  # a plain float would raise where it is divided by zero
     return np.where(condition, value, otherwise)
 
 
@@ -27,7 +27,7 @@ def _leading(time, *arrays):
 
 def _pack(values, shape, batch):
     """The values as an array whose last axes have the given shape, after the leading axes of a batch."""
-    if not batch and all(np.ndim(v) == 0 for v in values):
+    if not batch:
         return np.array(values, dtype=float).reshape(shape)
     like = np.zeros(batch[::-1])
     packed = np.array(np.broadcast_arrays(like, *values)[1:], dtype=float)

@@ -27,7 +27,8 @@ def generate_program(lowered: Lowered) -> Program:
         space.name, source, names("STATES"), names("UNKNOWNS"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
         module.constants, module.start, module.nominal, module.derivative,
         module.PATTERN,
-        module.jacobian_entries, module.jacobian, module.output, module.claims, module.forced, module.signals, module.powers, module.instants,
+        module.jacobian_entries, module.jacobian, module.output, module.claims,
+        names("DEPENDENTS"), module.dependent, module.SENSITIVITY_PATTERN, module.sensitivities, module.forced, module.signals, module.powers, module.instants,
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
         count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
@@ -54,6 +55,7 @@ def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
     return [
         ("STATES", rows([s.variable for s in lowered.space.states])),
         ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
+        ("DEPENDENTS", rows([d.variable for d in lowered.space.dependents])),
         ("OUTPUTS", outputs),
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),

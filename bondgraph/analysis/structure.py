@@ -1,0 +1,235 @@
+"""What joins the elements of a bond graph: rates and efforts as linear combinations of what storages and sources give.
+
+Junctions and transducers are linear in their bonds' variables, whatever modulates them; so is a linear resistor, and one of
+one port has the ratio of its effort to its flow at the point. The rows are eliminated one by one, in numbers or in sympy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..door import (
+    DOMAINS,
+    Assignment,
+    Compilation,
+    Element,
+    Junction,
+    Kind,
+    PowerPort,
+    Symbol,
+    affine_parts,
+    blocks,
+    depends_on,
+    derivative,
+)
+from ..errors import UsageError
+
+Row = dict[int, Any]  # variable -> coefficient
+Coefficient = Callable[[Any], Any]  # an expression over variables -> its value, in numbers or sympy
+STORAGES = ("C", "I", "IC")
+
+
+@dataclass(frozen=True, slots=True)
+class StoragePort:
+    """A port of a storage: its element, the variable stored, its rate, and what the storage gives (the slope of its energy)."""
+
+    element: str
+    name: str  # of what is stored, as a state would be called
+    stored: int
+    rate: int
+    slope: int
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """The storages in integral form, those that depend on them, sources, resistors, and every variable over what is given.
+
+    `states` holds displacements that are known from others' too (two springs on one flow): x' is theirs as well.
+    """
+
+    states: tuple[StoragePort, ...]
+    dependent: tuple[StoragePort, ...]
+    sources: tuple[PowerPort, ...]
+    given: tuple[int, ...]  # the variable that each source gives
+    resistors: tuple[PowerPort, ...]
+    rows: Mapping[int, Row] = field(default_factory=dict)
+
+    def row(self, variable: int) -> Row:
+        """A variable over slopes of states, rates of dependent storages and sources."""
+        return self.rows.get(variable, {variable: 1})
+
+
+def network(compilation: Compilation, value: Coefficient, values: Mapping[int, float] | None) -> Network:
+    """The structure with its coefficients; `values` at a point, for resistors that are not linear. Raises `UsageError`."""
+    _check_supported(compilation)
+    system = compilation.equations
+    states, dependent = _storages(compilation)
+    sources = tuple(p for p in system.ports if p.kind in ("Se", "Sf"))
+    given = tuple(p.effort if p.kind == "Se" else p.flow for p in sources)
+    resistors = tuple(p for p in system.ports if p.kind == "R")
+    free = {*(s.slope for s in states), *(d.rate for d in dependent), *given}
+    on_bonds = set(range(2 * len(compilation.graph.bonds)))  # efforts and flows of bonds are the first variables
+    power = on_bonds | {v for p in system.ports for v in (p.effort, p.flow)}
+    joining = {
+        n.name for n in compilation.graph.nodes if isinstance(n, Junction) or n.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
+    }
+    structural = [a for a in system.assignments if a.owner in joining and a.target in on_bonds]
+    rows: dict[int, Row] = {}
+    for assignment in structural:
+        if assignment.target not in free:
+            rows[assignment.target] = _linear(assignment, (power, on_bonds), value)
+    own: dict[str, list[PowerPort]] = {}
+    for port in resistors:
+        own.setdefault(port.element, []).append(port)
+    for assignment in system.assignments:
+        if assignment.owner in own and assignment.target in power and assignment.target not in free:
+            ports = own[assignment.owner]
+            if assignment.target in {v for p in ports for v in (p.effort, p.flow)}:
+                rows[assignment.target] = _resistive(assignment, ports, value, values)
+    return Network(states, dependent, sources, given, resistors, _eliminated(rows))
+
+
+def _check_supported(compilation: Compilation) -> None:
+    for node in compilation.graph.nodes:
+        if node.kind is Kind.MECHANISM:
+            raise UsageError(
+                f"`{node.name}` is a mechanism: its states are coordinates and speeds, not momenta, so that its port-Hamiltonian form "
+                "is not made; write it with C, I and transformers"
+            )
+    for name in compilation.equations.stored:
+        raise UsageError(f"`{name}` stores energy in a form of its own: its port-Hamiltonian form is not made")
+
+
+def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[StoragePort, ...]]:
+    """Ports in integral form, in the order of the states, and those in derivative form."""
+    system = compilation.equations
+    ports: dict[str, list[PowerPort]] = {}
+    for port in system.ports:
+        ports.setdefault(port.element, []).append(port)
+    derivatives = {(d.target, d.of) for d in system.derivatives}
+    order = {s.variable: i for i, s in enumerate(system.states)}
+    nodes = {n.name: n for n in compilation.graph.nodes}
+    states: list[StoragePort] = []
+    dependent: list[StoragePort] = []
+    for storage in system.storages:
+        node = nodes[storage.element]
+        assert isinstance(node, Element)
+        for number, (port, stored) in enumerate(zip(ports[storage.element], storage.stored, strict=True)):
+            rate, slope = (port.flow, port.effort) if node.stored[number] == "q" else (port.effort, port.flow)
+            name = node.ports[number].name or DOMAINS[node.ports[number].domain].letter(node.stored[number])
+            item = StoragePort(storage.element, f"{storage.element}.{name}", stored, rate, slope)
+            (dependent if (rate, stored) in derivatives else states).append(item)
+    unknown = {p.element for p in system.ports if p.kind in STORAGES} - {s.element for s in system.storages}
+    if unknown:
+        raise UsageError(f"the law of `{min(unknown)}` gives no slope of an energy: no port-Hamiltonian form is made")
+    return tuple(sorted(states, key=lambda s: order.get(s.stored, len(order)))), tuple(dependent)
+
+
+def _linear(assignment: Assignment, tries: tuple[set[int], ...], value: Coefficient) -> Row:
+    """A junction's sum, or a transducer's product: what modulates it is no variable of its bonds.
+
+    A source's effort may be a parameter that a ratio reads as well: then what is on bonds alone is tried.
+    """
+    found = (
+        _joint(assignment, [v for v in assignment.arguments if isinstance(v, int) and v in power]) for power in tries
+    )
+    parts = next((p for p in found if p is not None), None)
+    if parts is None:  # a product with something that is a variable of some bond too
+        raise UsageError(
+            f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made"
+        )
+    return {v: value(x) for v, x in parts.items()}
+
+
+def _joint(assignment: Assignment, inputs: list[int]) -> dict[int, Any] | None:
+    """The slopes over some variables of an expression that is linear in them together, without a rest; else None."""
+    rest = assignment.expression
+    slopes: dict[int, Any] = {}
+    for variable in dict.fromkeys(inputs):
+        parts = affine_parts(rest, Symbol(variable))
+        if parts is None:
+            return None
+        slopes[variable], rest = parts
+    if getattr(rest, "value", None) != 0.0:
+        return None
+    if any(depends_on(s, Symbol(v)) for s in slopes.values() for v in inputs):
+        return None
+    return slopes
+
+
+def _resistive(
+    assignment: Assignment, ports: list[PowerPort], value: Coefficient, values: Mapping[int, float] | None
+) -> Row:  # fmt: skip
+    """A resistor: linear in its own variables, or with the ratio that effort and flow have at the point."""
+    name, target = assignment.owner, assignment.target
+    own = {v for p in ports for v in (p.effort, p.flow)} - {target}
+    inputs = [v for v in assignment.arguments if isinstance(v, int) and v in own]
+    linear = None if assignment.implicit else _joint(assignment, inputs)
+    if linear is not None:
+        return {v: value(x) for v, x in linear.items()}
+    if values is None:
+        raise UsageError(f"the law of `{name}` is not linear: there is no form in symbols, but one at each state")
+    if len(ports) > 1:
+        raise UsageError(f"`{name}` has several ports and its law is not linear: no port-Hamiltonian form is made")
+    (other,) = own
+    if values[other] == 0.0:
+        if values[target] != 0.0:
+            raise UsageError(
+                f"`{name}` gives something without being given anything: it is a source as well, no port-Hamiltonian form is made"
+            )
+        return {other: _slope_at_rest(assignment, target, other, value)}
+    return {other: values[target] / values[other]}
+
+
+def _slope_at_rest(assignment: Assignment, target: int, other: int, value: Coefficient) -> Any:
+    slope = value(derivative(assignment.expression, Symbol(other)))
+    return -slope / value(derivative(assignment.expression, Symbol(target))) if assignment.implicit else slope
+
+
+def _eliminated(rows: dict[int, Row]) -> dict[int, Row]:
+    """Each variable over what no row computes: rows are put into each other in order, and loops solved where they close."""
+    inputs: list[list[int]] = [[] for _ in range(1 + max(rows, default=-1))]
+    for target, row in rows.items():
+        inputs[target] = [v for v in row if v in rows]
+    for block in blocks(sorted(rows), inputs):
+        inside = set(block)
+        for target in block:
+            for variable in [v for v in rows[target] if v in rows and v not in inside]:
+                _put(rows[target], variable, rows[variable])
+        _solve(rows, block)
+    return rows
+
+
+def _solve(rows: dict[int, Row], block: list[int]) -> None:
+    """A loop, by elimination with the pivot that is best and, among equals, fills in least."""
+    users = {v: {t for t in block if v in rows[t]} for v in block}
+    left = set(block)
+    while left:
+        target = min(left, key=lambda v: (_gain(rows[v].get(v, 0)), len(rows[v]) * len(users[v]), v))
+        left.remove(target)
+        row = rows[target]
+        own = row.pop(target, 0)
+        if own != 0:
+            for variable in row:
+                row[variable] = row[variable] / (1 - own)
+        for user in users[target] - {target}:
+            _put(rows[user], target, row)
+            for variable in row:
+                if variable in users:
+                    users[variable].add(user)
+
+
+def _put(row: Row, variable: int, known: Row) -> None:
+    """Replace a variable in a row by what it is."""
+    factor = row.pop(variable)
+    for other, coefficient in known.items():
+        row[other] = row.get(other, 0) + factor * coefficient
+
+
+def _gain(own: Any) -> float:
+    """How bad it is to divide by 1 - own: nothing for no loop at all."""
+    if isinstance(own, int | float):
+        return 0.0 if own == 0.0 else 1.0 + 1.0 / max(abs(1.0 - own), 1e-300)
+    return 2.0

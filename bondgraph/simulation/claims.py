@@ -1,0 +1,69 @@
+"""How the states of which nothing was said move so that the author's claims hold: as little as it takes.
+
+Gauss-Newton with the pseudo-inverse; where its step does not bring the claims nearer (a mechanism that is stretched out, a law that bends), it is
+damped (Levenberg and Marquardt) until one does, so that angles do not run off by turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+ITERATIONS = 100
+PRECISION = 1e-13  # of a step, relative to the states
+NOISE = 1e-9  # what central differences leave of a slope that is zero, relative to the claim
+STRONGEST = 1e8  # damping beyond which nothing moves any more
+Missed = Callable[[Any], Any]  # states -> by how much each claim is missed
+
+
+def fulfil(missed: Missed, x: Any, movable: Any) -> Any:
+    """The states, shape (n,), with those that are movable (a mask) where the claims hold, or come nearest."""
+    x, value, damping = np.array(x), missed(x), 0.0
+    for _ in range(ITERATIONS):
+        slopes = _noiseless(slopes_of(missed, x, movable), x[movable], value)
+        bound = np.abs(slopes).max(axis=1, initial=0.0)
+        told = bound > 0  # the claims that depend on what may move
+        if not told.any():
+            return x
+        scaled, miss = slopes[told] / bound[told, None], value[told] / bound[told]
+        while True:
+            step = _step(scaled, miss, damping)
+            trial = x.copy()
+            trial[movable] += step
+            new = missed(trial)
+            if np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss):
+                break
+            if np.abs(step).max() <= PRECISION * np.abs(x[movable]).max() or damping > STRONGEST:
+                return x
+            damping = 10 * damping or 1e-3
+        x, value, damping = trial, new, damping / 10 if damping > 1e-6 else 0.0
+    return x
+
+
+def slopes_of(function: Missed, x: Any, movable: Any) -> Any:
+    """Central differences; used at the start only, where an iteration over them goes to round-off."""
+    columns = []
+    for i in np.flatnonzero(movable):
+        step = 1e-6 * max(abs(x[i]), 1e-3)
+        shift = np.zeros(len(x))
+        shift[i] = step
+        columns.append((function(x + shift) - function(x - shift)) / (2 * step))
+    return np.stack(columns, axis=1) if columns else np.zeros((len(function(x)), 0))
+
+
+def _noiseless(slopes: Any, x: Any, value: Any) -> Any:
+    """Slopes that rounding makes are none: else a claim would seem to move with what it does not depend on."""
+    reach = np.abs(slopes) * np.maximum(np.abs(x), 1e-3)
+    return np.where(reach > NOISE * np.abs(value)[:, None], slopes, 0.0)
+
+
+def _step(slopes: Any, miss: Any, damping: float) -> Any:
+    """The shortest step that makes up for what is missed, or a shorter one if damped."""
+    if damping:
+        count = slopes.shape[1]
+        slopes = np.vstack([slopes, np.sqrt(damping) * np.eye(count)])
+        miss = np.concatenate([miss, np.zeros(count)])
+    step, *_ = np.linalg.lstsq(slopes, -miss, rcond=1e-12)
+    return step

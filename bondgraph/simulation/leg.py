@@ -1,0 +1,171 @@
+"""One leg of a run: a program with one choice of states, from a start or from where the leg before it handed over."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..door import Assignment, Compilation, Plan, Program, evaluate
+from ..errors import RunFailed, UsageError
+from ..results import EnergyBalance
+from .choice import Choice, Handover
+from .energy import energy_balance
+from .finite import check_finite
+from .integrate import Tolerances, Trajectory, integrate
+from .loops import LoopSolver
+from .nominal import nominal_magnitudes
+from .rest import equilibrium
+from .segments import mode_after, segments
+from .start import consistent_start
+from .validity import Watch
+
+
+class Leg:
+    """What one leg of a run holds while it goes: one program, one choice of states."""
+
+    def __init__(
+        self,
+        compilation: Compilation,
+        lean: Compilation,
+        plan: Plan,
+        instants: Any,
+        rtol: float,
+        atol: float | None,
+        energy: bool,
+        begin: Handover | None,
+    ) -> None:
+        self.compilation, self.lean, self.plan, self.begin = compilation, lean, plan, begin
+        self.program = program = compilation.program
+        self.instants, self.rtol, self.energy = instants, rtol, energy
+        self.parameters = np.array(program.defaults, dtype=float)
+        self.constants = program.constants(self.parameters)
+        self.inputs = np.array(program.input_defaults, dtype=float)
+        start = instants[0] if begin is None else begin.time
+        self.stretches = segments(program, self.constants, start, instants[-1])
+        self.state, self.moved = self._start(program, compilation)
+        self.needed = self._needed()
+        self.magnitude = self._magnitudes()
+        self.atol, self.held = self._tolerances(atol)
+        self.trajectory = Trajectory(np.empty((0, 0)))
+        self.watch = Watch(program, self.constants, self.inputs, rtol)
+        self.values: Any = None  # of the outputs, shape (points, outputs)
+        self.balance: EnergyBalance | None = None
+
+    def _start(self, program: Program, compilation: Compilation) -> tuple[Any, tuple[str, ...]]:
+        """The state at the start, unknowns of loops included, and what the author's starts moved."""
+        constants = program.constants(np.array(program.defaults, dtype=float))
+        state = np.asarray(program.start(constants), dtype=float)
+        names = program.states.names
+        if not np.isfinite(state).all():
+            bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
+            raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
+        first = self.stretches[0]
+        if self.begin is not None:
+            held = [self.begin.stored[n] for n in names]
+            loops = LoopSolver(program, constants, self.inputs, np.ones(len(state)))
+            return loops.solve(first.start, np.array([*held, *state[len(names) :]]), first.mode), ()
+        full, moved = consistent_start(program, compilation.state_space, constants, self.inputs, state, first)
+        if self.plan.equilibrium:
+            full = equilibrium(program, constants, self.inputs, full, first)
+        return full, moved
+
+    def _tolerances(self, atol: float | None) -> tuple[Any, Any]:
+        """Absolute tolerances per state: what is given, else rtol times the magnitude; and whether it was given."""
+        result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
+        held = np.full(len(self.state), atol is not None)
+        outputs = self.compilation.state_space.outputs
+        space = self.compilation.state_space
+        numbers = {
+            v: i for i, v in enumerate([*(s.variable for s in space.states), *(u.variable for u in space.unknowns)])
+        }
+        variables = {space.variables[v].name: i for v, i in numbers.items()}
+        for name, value in self.plan.tolerances.items():
+            index = variables.get(name, numbers.get(outputs.get(name, -1)))
+            if index is None:
+                raise UsageError(
+                    f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
+                )
+            result[index], held[index] = value, True
+        return result, held
+
+    def _magnitudes(self) -> Any:
+        """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
+        mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
+        result = nominal_magnitudes(
+            self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, self._choice()
+        )
+        if not self.needed.all():
+            lean = self.lean.program
+            constants = lean.constants(np.array(lean.defaults, dtype=float))
+            start, _ = self._start(lean, self.lean)
+            result[self.needed] = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
+        return result
+
+    def _choice(self) -> Choice:
+        storages = [n.name for n in self.compilation.graph.nodes if n.kind.value in ("C", "I")]
+        return Choice(self.program, self.constants, self.inputs, frozenset(storages), self.begin)
+
+    def _needed(self) -> Any:
+        """Which states and unknowns the outputs need; all of them, unless more are there for the energy balance."""
+        names = (*self.program.states.names, *self.program.unknowns.names)
+        if not self.energy:
+            return np.ones(len(names), dtype=bool)
+        lean = self.lean.program
+        known = {*lean.states.names, *lean.unknowns.names}
+        return np.array([n in known for n in names], dtype=bool)
+
+    def go(self) -> None:
+        """Integrate and evaluate the outputs, up to the end or to where other states should go on."""
+        space, program = self.compilation.state_space, self.program
+        tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed, self.held)
+        self.trajectory = integrate(
+            program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances,
+            self._powers if self.energy else None, self.watch, self._choice(),
+        )  # fmt: skip
+        self.instants = self.instants[: len(self.trajectory.states)]
+        self.values = self._outputs()
+        check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
+        self.balance = self._balance() if self.energy else None
+
+    def _outputs(self) -> Any:
+        """Shape (points, outputs)."""
+        values = np.empty((len(self.instants), len(self.program.outputs.names)))
+        for stretch in self.stretches:
+            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
+            if chosen.any():
+                values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
+        if self.trajectory.handover is not None:
+            return values
+        last = self.stretches[-1]
+        mode = mode_after(self.program, self.constants, last.stop, last)
+        final = self.trajectory.states[-1:]
+        self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
+        values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
+        return values
+
+    def _output(self, times: Any, states: Any, mode: Any) -> Any:
+        return self.program.output(times, states, self.inputs, self.constants, mode)
+
+    def _powers(self, times: Any, states: Any, mode: Any) -> Any:
+        return self.program.powers(times, states, self.inputs, self.constants, mode)
+
+    def _balance(self) -> EnergyBalance:
+        space, first, handover = self.compilation.state_space, self.stretches[0], self.trajectory.handover
+        stop = self.stretches[-1].stop if handover is None else handover.time
+        last = next(s for s in self.stretches if s.start < stop <= s.stop)
+        before = self._powers(first.start, self.state, first.mode)
+        after = self._powers(stop, self.trajectory.final, last.mode)
+        work = self.trajectory.work if self.trajectory.work is not None else np.zeros(len(before))
+        return energy_balance(space, work, before, after, self._arguments())
+
+    def _arguments(self) -> dict[int, float]:
+        """The values of the storages' parameters."""
+        space = self.compilation.state_space
+        known = dict(zip(self.program.parameters.names, self.parameters, strict=True))
+        parameters = [(i, v) for i, v in enumerate(space.variables) if v.role == "parameter"]
+        values: dict[Any, float] = {i: known.get(v.name, v.value or 0.0) for i, v in parameters}
+        for step in space.steps:
+            if isinstance(step, Assignment) and all(isinstance(a, float) or a in values for a in step.arguments):
+                values[step.target] = evaluate(step.expression, values.__getitem__)
+        return values

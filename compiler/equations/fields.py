@@ -1,0 +1,216 @@
+"""What an author cannot see in laws given by equations: whether a storage gives back what it took, and a resistor only takes.
+
+A storage field has an energy exactly if its slopes are symmetric (Maxwell): with x what is stored and y what its law gives
+(effort of a displacement, flow of a momentum), dH = y dx for every port, so dy_i/dx_j = dy_j/dx_i with equal signs for both
+kinds of ports, as all bonds point into it. Without an energy it is no storage: an error. A resistor that gives energy may be
+meant (an amplifier, a tunnel diode): a note.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+
+from ..algebra.expression import Symbol, add, divide, evaluate, multiply
+from ..algebra.formula import Bound
+from ..errors import Diagnostic
+from ..graph.network import STORAGES, BondGraph, Element, Kind, Law, Own
+from .errors import NotConservative
+from .laws import GIVEN
+from .naming import port_name
+from .tangent import Point, Relation, Vector, known_values, parameter_values, points, relation, tangents
+
+UNEQUAL = 1e-6  # slopes that differ by less, in relation to each other, were meant to be equal
+COUPLED = 1e-9  # a difference below this share of the field's own stiffness is round-off
+ROUND_OFF = 1e-12  # of what is summed
+WITNESSES = 2  # points that must agree on what is wrong
+
+
+def without_energy(element: Element, graph: BondGraph) -> Diagnostic | None:
+    """What is wrong with a storage field given by equations: that no energy has these slopes."""
+    values = parameter_values(element, graph) if _by_equations(element) else None
+    if values is None:
+        return None
+    found = _asymmetry(element.law, values, element.stored, _magnitudes(element, graph))
+    return None if found is None else _told(element, *found)
+
+
+def _by_equations(element: Element) -> bool:
+    """Whether a storage is a field whose energy, if it has one, is not written."""
+    return element.law.energy is None and len(element.ports) > 1
+
+
+def _sides(stored: tuple[str, ...]) -> tuple[tuple[Own, ...], tuple[Own, ...]]:
+    """What is stored, and what the law gives for it."""
+    return tuple(Own(p, s) for p, s in enumerate(stored)), tuple(Own(p, GIVEN[s]) for p, s in enumerate(stored))
+
+
+@lru_cache(maxsize=1024)
+def _asymmetry(
+    law: Law, values: tuple[float, ...], stored: tuple[str, ...], base: tuple[tuple[Own, float], ...]
+) -> tuple[Relation, Point, Vector, Vector] | None:
+    """A point at which two directions of a law are not reciprocal; found once for all elements with this law and values."""
+    known = relation(law, values, *_sides(stored))
+    if known is None:
+        return None
+    found = []
+    for point in [{}] if known.linear else points(law, known, values, dict(base)):
+        basis = tangents(known, point) or []
+        pair = next(((a, b) for i, a in enumerate(basis) for b in basis[:i] if not _reciprocal(a, b)), None)
+        if pair is not None:
+            found.append((known, point, *pair))
+        if len(found) >= (1 if known.linear else WITNESSES):
+            return found[0]
+    return None
+
+
+def _reciprocal(a: Vector, b: Vector) -> bool:
+    """Whether dx_a dy_b = dx_b dy_a, summed over the ports, up to round-off and rounded numbers."""
+    one = [x * y for x, y in zip(a.x, b.y, strict=True)]
+    other = [x * y for x, y in zip(b.x, a.y, strict=True)]
+    difference = abs(math.fsum((*one, *(-v for v in other))))
+    own = [abs(math.fsum(x * y for x, y in zip(v.x, v.y, strict=True))) for v in (a, b)]
+    size = max(math.fsum(map(abs, one)), math.fsum(map(abs, other)))
+    return not (difference > UNEQUAL * size and difference > COUPLED * math.sqrt(own[0] * own[1]))
+
+
+def _told(element: Element, law: Relation, point: Point, a: Vector, b: Vector) -> NotConservative:
+    """The two slopes that should be equal, under their names."""
+
+    def dual(of: Vector, over: tuple[int, bool]) -> tuple[str, float]:
+        """The partner of a variable in the energy, and how it changes along a direction."""
+        port, stored = over
+        if stored:
+            return port_name(element, port, law.y[port].variable), of.y[port]
+        return f"-{port_name(element, port, law.x[port].variable)}", -of.x[port]
+
+    def name(of: Vector) -> str:
+        port, stored = of.free
+        return port_name(element, port, (law.x if stored else law.y)[port].variable)
+
+    (first, value), (second, opposite) = dual(b, a.free), dual(a, b.free)
+    where = ", ".join(f"`{port_name(element, v.port, v.variable)}` = {point[v]:.3g}" for v in law.x if v in point)
+    return NotConservative(
+        element.span, element.name, first, name(b), f"{value:.6g}", second, name(a), f"{opposite:.6g}", f" at {where}" * bool(where),
+    )  # fmt: skip
+
+
+def _magnitudes(element: Element, graph: BondGraph) -> tuple[tuple[Own, float], ...]:
+    """The sizes that the author gave, as nominal or start, where they are known."""
+    found: dict[Own, float] = {}
+    for given in (element.starts, element.nominals):
+        for port, (variable, bound) in given.items():
+            size = _size(bound, graph)
+            if size:
+                found[Own(port, variable)] = size
+    return tuple(found.items())
+
+
+def _size(bound: Bound, graph: BondGraph) -> float | None:
+    values = known_values(bound.arguments, graph)
+    try:
+        return None if values is None else abs(evaluate(bound.formula.expression, values.__getitem__))
+    except (ArithmeticError, ValueError):
+        return None
+
+
+# ---------------------------------------------------------------- resistors
+
+
+def notes(graph: BondGraph) -> tuple[str, ...]:
+    """What laws do that one may not expect: resistors that create energy or turn it between ports, fields not checked."""
+    found: list[str] = []
+    for node in graph.nodes:
+        if isinstance(node, Element) and node.kind is Kind.RESISTOR:
+            found += _notes(node, graph)
+        elif isinstance(node, Element) and node.kind in STORAGES and not _checked(node, graph):
+            found.append(
+                f"`{node.name}` may create energy: its law can be solved neither way, so its symmetry is not checked"
+            )
+    return tuple(found)
+
+
+def _checked(element: Element, graph: BondGraph) -> bool:
+    """Whether a storage has an energy for certain, or points at which its slopes were compared."""
+    values = parameter_values(element, graph) if _by_equations(element) else None
+    if values is None:
+        return True
+    known = relation(element.law, values, *_sides(element.stored))
+    return known is None or known.linear or any(True for _ in points(element.law, known, values, {}))
+
+
+def _notes(element: Element, graph: BondGraph) -> Iterator[str]:
+    values = parameter_values(element, graph)
+    if values is None:
+        return
+    count = len(element.ports) - _heats(element)
+    for finding, point in _findings(element.law, values, count):
+        at = ", ".join(f"{port_name(element, v.port, v.variable)} = {x:.3g}" for v, x in point)
+        yield f"`{element.name}` {finding}{at}"
+
+
+@lru_cache(maxsize=1024)
+def _findings(law: Law, values: tuple[float, ...], count: int) -> tuple[tuple[str, tuple[tuple[Own, float], ...]], ...]:
+    """What a resistor of this law does, with a point where it needs one; found once for all elements with it."""
+    flows, efforts = (tuple(Own(p, v) for p in range(count)) for v in "fe")
+    known = relation(law, values, flows, efforts)
+    if known is None:
+        return ()
+    if known.linear and all(_at_rest(known)):
+        basis = tangents(known, {}) or []
+        positive = _positive([[_power(a, b) for a in basis] for b in basis])
+        reciprocal = all(_reciprocal(a, b) for a in basis for b in basis)
+        creates = ("creates energy: its resistance is not positive", ())
+        gyrates = ("gyrates: a part of its law passes power between its ports", ())
+        return (creates,) * (not positive) + (gyrates,) * (not reciprocal)
+    found = [
+        p for p in points(law, known, values, {}) if sum(p[Own(i, "e")] * p[Own(i, "f")] for i in range(count)) < 0
+    ]
+    if len(found) < WITNESSES:
+        return ()
+    return (("creates energy, for example at ", tuple((v, found[0][v]) for v in (*flows, *efforts))),)
+
+
+def _heats(element: Element) -> bool:
+    """Whether the last port takes what the others lose, as in an RS."""
+    last = len(element.ports) - 1
+    if not last:
+        return False
+    power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(last)))
+    return element.law.equations[-1] == (Symbol(Own(last, "f")), divide(power, Symbol(Own(last, "e"))))
+
+
+def _at_rest(law: Relation) -> Iterator[bool]:
+    """Whether nothing comes of nothing, equation by equation."""
+    for rest in law.rests:
+        try:
+            yield evaluate(rest, lambda _: 0.0) == 0.0
+        except (ArithmeticError, ValueError):
+            yield False
+
+
+def _power(a: Vector, b: Vector) -> float:
+    """The bilinear form whose value for a = b is the power; zero where nothing but round-off is left."""
+    terms = [*(x * y for x, y in zip(a.x, b.y, strict=True)), *(x * y for x, y in zip(b.x, a.y, strict=True))]
+    total = math.fsum(terms)
+    return 0.5 * total if abs(total) > ROUND_OFF * math.fsum(map(abs, terms)) else 0.0
+
+
+def _positive(form: list[list[float]]) -> bool:
+    """Whether a symmetric form is positive semidefinite: elimination with the largest pivot, scaled to a unit diagonal."""
+    left = [i for i in range(len(form)) if any(form[i])]
+    if any(form[i][i] <= 0 for i in left):  # a zero on the diagonal beside anything else makes the form indefinite
+        return False
+    rows = [[form[i][j] / math.sqrt(form[i][i]) / math.sqrt(form[j][j]) for j in left] for i in left]
+    left = list(range(len(rows)))
+    while left:
+        pivot = max(left, key=lambda i: rows[i][i])
+        if rows[pivot][pivot] <= COUPLED:
+            return all(rows[i][i] >= -COUPLED for i in left)
+        left.remove(pivot)
+        for i in left:
+            factor = rows[i][pivot] / rows[pivot][pivot]
+            for j in left:
+                rows[i][j] -= factor * rows[pivot][j]
+    return True

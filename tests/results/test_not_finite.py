@@ -1,0 +1,70 @@
+"""What is no number never passes silently; what is no time is told; what is zero has its law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph import RunFailed, UsageError
+
+ROOT = "plain model M {\n  1 j\n  Se s : e = 1\n  I b : p = f\n  s -> j -> b\n  output y = log(b.f - 0.6)\n  output v = b.f\n}\n"
+
+
+def test_an_output_without_a_value_stops_the_run_with_its_name_and_time() -> None:
+    with pytest.raises(RunFailed, match=r"at t = 0 s `y` is not finite: `y`, computed at `y` \(line 6\), has no value"):
+        bondgraph.load(ROOT).simulate(to=1.0, points=3)
+
+
+def test_an_output_that_nobody_asked_for_stops_nothing() -> None:
+    values = bondgraph.load(ROOT).simulate(to=1.0, points=3, outputs=("v",))["v"]
+    np.testing.assert_allclose(values, [0.0, 0.5, 1.0], rtol=1e-12)
+
+
+def test_a_loop_without_a_solution_is_told_with_its_members() -> None:
+    """-3 ohm and 3 ohm in one loop: no current is the current."""
+    text = "model A {\n  input r = 2 ohm\n  Se s : u = 6 V\n  1 a\n  MR q : u = r*i\n  R t : u = 3 ohm*i\n  s -> a -> q, t\n  output i = a.i\n}\n"
+    model = bondgraph.load(text)
+    assert model.simulate(to=1.0, points=2).final("i") == pytest.approx(1.2, rel=1e-14)
+    with pytest.raises(RunFailed, match=r"at t = 0 s `i` is not finite: .*(`q`|`t`|`a`)"):
+        model.simulate(to=1.0, points=2, settings={"r": "-3 ohm"})
+
+
+@pytest.mark.parametrize("text", ["5 foo", "5 kg", "5 )", "soon", "", "-1 s", "1 s + 1 s"])
+def test_what_is_no_time(text: str) -> None:
+    with pytest.raises(UsageError, match="is no time: write `20 ms`"):
+        bondgraph.load(ROOT).simulate(to=text, outputs=("v",))
+
+
+@pytest.mark.parametrize(("text", "end"), [("20 ms", 0.02), ("2 [s]", 2.0), ("0.1", 0.1), ("1 min", 60.0)])
+def test_what_is_a_time(text: str, end: float) -> None:
+    assert bondgraph.load(ROOT).simulate(to=text, points=2, outputs=("v",)).time[-1] == pytest.approx(end, rel=1e-15)
+
+
+# Elements that give nothing and are read: what they hold back, the rest of the circuit does not feel.
+SILENT = {
+    "I a : p = w*f": ("1", "I b : p = f", "p", 0.0),
+    "C a : q = w*e": ("0", "C b : q = e", "q", 0.0),
+    "C a : energy = w*q^2/2": ("1", "I b : p = f", "q", 0.5),
+    "I a : f = w*p": ("0", "C b : q = e", "p", 0.5),
+    "C a : e = w*q": ("1", "I b : p = f", "q", 0.5),
+    "R a : f = w*e": ("0", "C b : q = e", "e", 1.0),
+    "R a : e = w*f": ("1", "I b : p = f", "f", 1.0),
+}
+
+
+@pytest.mark.parametrize("law", SILENT)
+def test_a_law_that_is_zero_and_read(law: str) -> None:
+    """A source of one into a storage of one gives t; the silent element beside it sees t or its integral, or nothing."""
+    junction, other, variable, end = SILENT[law]
+    source, seen = ("Se s : e = 1", "f") if junction == "1" else ("Sf s : f = 1", "e")
+    text = f"plain model M {{\n  parameter w = 0\n  {junction} j\n  {source}\n  {law}\n  {other}\n  s -> j -> a, b\n  output x = a.{variable}\n  output y = b.{seen}\n}}\n"
+    result = bondgraph.load(text).simulate(to=1.0, points=3)
+    np.testing.assert_allclose(result["y"], [0.0, 0.5, 1.0], rtol=1e-12)
+    assert result.final("x") == pytest.approx(end, rel=1e-9, abs=1e-15)
+
+
+def test_a_law_that_is_zero_where_it_cannot_be_is_named() -> None:
+    text = "plain model M {\n  parameter w = 0\n  0 j\n  Se s : e = 1\n  R a : e = w*f\n  s -> j -> a\n  output y = a.f\n}\n"
+    with pytest.raises(bondgraph.CompilationFailed, match="BG301: `a` must decide the effort"):
+        bondgraph.load(text).simulate(to=1.0)

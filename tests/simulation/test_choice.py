@@ -1,0 +1,81 @@
+"""States chosen anew in a run: two capacitors behind a transformer whose ratio runs over many decades, against a closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import RunFailed
+
+A, B = 2.0, 3.0
+
+
+def pair(ratio: str, extra: str = "") -> str:
+    """u_a = n(t) u_b: what a holds follows from what b holds, or the other way round."""
+    return f"""model Pair {{
+      signal n = {ratio}
+      0 left, right : electric
+      C a : q = {A} F*u {{ start u = 1 V }}
+      C b : q = {B} F*u
+      MTF t : u1 = n*u2
+      left -> t -> right
+      left -> a
+      right -> b
+      {extra}
+      output ua = a.u, ub = b.u
+    }}
+    """
+
+
+@pytest.mark.parametrize(
+    ("ratio", "n"),
+    [
+        ("exp(12*sin(time/1 s))", lambda t: np.exp(12 * np.sin(t))),
+        ("exp(-12*sin(time/1 s))", lambda t: np.exp(-12 * np.sin(t))),
+        ("cos(time/1 s)", np.cos),
+        ("1e-3 + time/1 s*1e3", lambda t: 1e-3 + 1e3 * t),
+    ],
+)
+def test_two_capacitors(ratio: str, n: object) -> None:
+    """No power goes in, so u_b^2 (B + A n^2) is constant; where n is nothing a holds nothing, where it is large b does."""
+    assert callable(n)
+    found = bondgraph.load(pair(ratio)).simulate(to=6, points=121, rtol=1e-9, energy=True)
+    ratios = n(found.time)
+    constant = (B + A * ratios[0] ** 2) / ratios[0] ** 2  # u_a starts at 1 V
+    ub = np.sqrt(constant / (B + A * ratios**2)) * np.sign(ratios[0])
+    assert np.abs(found["ub"] - ub).max() < 1e-6 * np.abs(ub).max()
+    assert np.abs(found["ua"] - ratios * ub).max() < 1e-6 * np.abs(ratios * ub).max()
+    assert abs(found.energy.residual) < 1e-7 * 0.5 * constant
+
+
+def test_who_is_the_state_changes() -> None:
+    """At the start a is the state; once n has left its decades behind, b is: seen by the legs that a run has."""
+    from bondgraph.simulation import run
+
+    begun: list[tuple[str, ...]] = []
+    original = run.Leg.go
+
+    def go(leg: run.Leg) -> None:
+        begun.append(leg.program.states.names)
+        original(leg)
+
+    run.Leg.go = go  # type: ignore[method-assign]
+    try:
+        bondgraph.load(pair("exp(12*sin(time/1 s))")).simulate(to=6, points=7)
+    finally:
+        run.Leg.go = original  # type: ignore[method-assign]
+    assert {("a.q",), ("b.q",)} <= set(begun) and 2 <= len(begun) <= 6
+
+
+def test_no_other_choice_is_told() -> None:
+    """b must be in derivative form: where n passes zero the run stops and says so."""
+    text = pair("cos(time/1 s)").replace(f"C b : q = {B} F*u", f"C b : q = {B} F*u {{ require = derivative }}")
+    with pytest.raises(RunFailed, match=r"`b` follows from `a` so steeply"):
+        bondgraph.load(text).simulate(to=6)
+
+
+def test_constant_ratios_cost_nothing() -> None:
+    """A slope that does not change in a run is not looked at."""
+    model = bondgraph.load(pair("2").replace("MTF", "TF").replace("n*u2", "2*u2").replace("signal n = 2", ""))
+    assert model.compilation().program.sensitivity_pattern[0].size == 0
