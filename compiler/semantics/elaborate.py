@@ -30,6 +30,7 @@ from .errors import (
 )
 from .known import Known
 from .mechanisms import declare_mechanism
+from .own_functions import check_function
 from .quantities import QuantityResolver
 from .resolve import indexed
 from .scope import (
@@ -144,6 +145,7 @@ class Elaborator(QuantityResolver):
         chain: tuple[ModelDefinition, ...],
     ) -> None:
         later: list[tree.Node] = []
+        functions: list[tree.Function] = []
         for statement in statements:
             match statement:
                 case tree.Quantities():
@@ -165,11 +167,7 @@ class Elaborator(QuantityResolver):
                         )
                     )
                 case tree.Function():
-                    self.tell(
-                        Unsupported(
-                            statement.span, "A function inside a model", "Define it in the file, outside of models."
-                        )
-                    )
+                    functions.append(statement)
         for statement in later:
             match statement:
                 case tree.Declaration():
@@ -184,6 +182,8 @@ class Elaborator(QuantityResolver):
                     self.guard(self._declare_mechanism, scope, statement)
                 case tree.Loop():
                     self.guard(self._unroll, scope, statement, chain)
+        for function in functions:  # when all names are known
+            self.guard(check_function, scope, function)
 
     def enter(self, scope: Scope, name: str, entry: Entry, span: Span) -> None:
         """Give a name its meaning in a scope. Of two declarations the later one in the text is wrong."""

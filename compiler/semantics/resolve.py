@@ -218,6 +218,7 @@ class Resolver(ABC):
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """What a slot reads in this scope."""
+        scope = scope.base() if slot.base else scope
         if isinstance(slot.path, tree.Call):
             return self.nested_integral(slot.path, scope)
         if slot.words == "time" and scope.find("time") is None:

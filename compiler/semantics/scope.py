@@ -213,6 +213,10 @@ class ModelDefinition:
     model: tree.Model
     file: FileScope
     domains: DomainTable | None = None
+    functions: dict[str, tree.Function] = field(init=False)  # its own, beside those of the file
+
+    def __post_init__(self) -> None:
+        self.functions = {s.name: s for s in self.model.statements if isinstance(s, tree.Function)}
 
     @property
     def name(self) -> str:

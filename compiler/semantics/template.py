@@ -34,6 +34,7 @@ class Slot:
 
     path: tree.Path | tree.Call  # a call is `integral(…)`, a signal of its own
     item: int | None
+    base: bool = False  # read where the model stands, not in a round of a loop: by a function of the model
 
     @property
     def words(self) -> str:

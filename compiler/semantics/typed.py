@@ -38,6 +38,7 @@ from .errors import (
     WrongType,
 )
 from .functions import FUNCTIONS
+from .own_functions import may_read
 from .scales import bare, is_absolute, scale_of
 from .scope import Scope, Wrong, describe, suggestion, unit_hint
 from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
@@ -54,10 +55,11 @@ class ExpressionCompiler:
     ) -> None:
         self.scope, self.resolve, self.own = scope, resolve, own or {}
         self.unit = unit  # what bare numbers stand in, after `name : unit =`
-        self.slots: dict[tuple[str, int | None], int] = {}
+        self.slots: dict[tuple[str, int | None, bool], int] = {}
         self.slot_list: list[Slot] = []
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         self.opening: list[str] = []  # functions being opened, outermost first
+        self.in_model = True  # whether the names of the model can be seen: not from a function of the file
         self.opened = 0
         self.checks: list[Check] = []
         self.lists: dict[str, tuple[tree.Path, int]] = {}
@@ -181,7 +183,7 @@ class ExpressionCompiler:
             if node.head in ("true", "false"):
                 return Typed(call("less", ZERO if node.head == "true" else NUMBER_ONE, Number(0.5)), ONE, truth=True)
         words = node.words
-        if words in self.own:
+        if words in self.own and not self.opening:
             variable = self.own[words]
             return Typed(Symbol(variable.own), variable.dimension)
         if words == "time":
@@ -190,9 +192,14 @@ class ExpressionCompiler:
             return self._item_of_argument(node)
         if self.opening:
             return self._in_function(node)
-        found = self.resolve(node, self.scope)
+        return self._read(node, False)
+
+    def _read(self, node: tree.Path, base: bool) -> Value:
+        """What a path reads in the scope, or (`base`) where its model stands."""
+        found = self.resolve(node, self.scope.base() if base else self.scope)
+        words = f"{node.words} of the model" if base else node.words
         if not found.is_list:
-            symbol = Symbol(self._slot(node, None))
+            symbol = Symbol(self._slot(node, None, base))
             if found.truth:
                 return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
             return Typed(symbol, found.dimensions[0])
@@ -200,7 +207,7 @@ class ExpressionCompiler:
             known = [v for v in found.values if v is not None]
             return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
         self.lists[words] = node, len(found.dimensions)
-        return tuple(Typed(Symbol(self._slot(node, i)), d) for i, d in enumerate(found.dimensions))
+        return tuple(Typed(Symbol(self._slot(node, i, base)), d) for i, d in enumerate(found.dimensions))
 
     def _item_of_argument(self, node: tree.Path) -> Value:
         """`points[2]` in a function, where `points` is one of its parameters."""
@@ -214,10 +221,16 @@ class ExpressionCompiler:
         raise Wrong(WrongType(node.span, "An item of a list, as `points[2]`", f"`{node.words}`"))
 
     def _in_function(self, node: tree.Path) -> Value:
-        """A function reads its parameters and the constants of its file, nothing of the model that calls it."""
+        """A function reads its parameters and the constants of its file, nothing of the model that calls it.
+
+        One of the model itself reads the model's parameters and constants as well.
+        """
+        if self.in_model and may_read(self.scope.base().entries.get(node.head)):
+            return self._read(node, True)
         if self.scope.find(node.head) is not None and node.head not in self.scope.definition.file.constants:
             function = self.opening[-1]
-            hint = f"It reads its parameters and its file's constants; make it one: `{function}(…, {node.head})`."
+            known = " and those of its model, and constants" if self.in_model else " and its file's constants"
+            hint = f"It reads its parameters{known}; make it one: `{function}(…, {node.head})`."
             raise Wrong(UnknownName(node.span, node.head, f"the function `{function}`", hint))
         outside = Scope(self.scope.definition, "")
         found = self.resolve(node, outside)
@@ -229,11 +242,11 @@ class ExpressionCompiler:
         parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
         return parts if found.is_list else parts[0]
 
-    def _slot(self, path: tree.Path | tree.Call, item: int | None) -> int:
-        key = (path.words if isinstance(path, tree.Path) else f"integral at {path.span.start}", item)
+    def _slot(self, path: tree.Path | tree.Call, item: int | None, base: bool = False) -> int:
+        key = (path.words if isinstance(path, tree.Path) else f"integral at {path.span.start}", item, base)
         if key not in self.slots:
             self.slots[key] = len(self.slot_list)
-            self.slot_list.append(Slot(path, item))
+            self.slot_list.append(Slot(path, item, base))
         return self.slots[key]
 
     def _sum(self, node: tree.Sum) -> Value:
@@ -358,7 +371,7 @@ class ExpressionCompiler:
         return Typed(select(condition, value.expression, otherwise.expression), dimension)
 
     def _call(self, node: tree.Call) -> Value:
-        function = self.scope.definition.file.functions.get(node.function)
+        function = self._function(node.function)
         if function is not None:
             return self._open(function, node)
         if node.function == "integral":
@@ -369,7 +382,7 @@ class ExpressionCompiler:
         if rule is None:
             hint = suggestion(
                 node.function,
-                [*FUNCTIONS, *tables.USAGE, *self.scope.definition.file.functions],
+                [*FUNCTIONS, *tables.USAGE, *self.scope.definition.file.functions, *self.scope.definition.functions],
                 "A product is written with `*`.",
             )
             raise Wrong(UnknownFunction(node.span, node.function, hint))
@@ -386,6 +399,12 @@ class ExpressionCompiler:
             return Typed(c * x - s * y, d), Typed(s * x + c * y, d)
         arguments = [self.scalar(a) for a in node.arguments]
         return build(self, node, arguments)
+
+    def _function(self, name: str) -> tree.Function | None:
+        """The author's function of that name; those of the model are not seen from one of the file."""
+        definition = self.scope.definition
+        own = definition.functions.get(name) if self.in_model else None
+        return own or definition.file.functions.get(name)
 
     def _integral(self, node: tree.Call) -> Typed:
         """`integral(rate, start)` is a signal of its own, with memory; here it is only read."""
@@ -414,11 +433,12 @@ class ExpressionCompiler:
             raise Wrong(TooMany(node.span, "Calls of functions in one expression", MAXIMUM_CALLS))
         values = {name: self.value(a) for name, a in zip(function.parameters, node.arguments, strict=True)}
         saved, self.local = self.local, values
+        seen, self.in_model = self.in_model, self.scope.definition.functions.get(function.name) is function
         self.opening.append(function.name)
         try:
             return self.value(function.body)
         finally:
-            self.local = saved
+            self.local, self.in_model = saved, seen
             self.opening.pop()
 
 

@@ -1,0 +1,35 @@
+"""Functions that a model defines for itself: what their names and places must be, and what they may read."""
+
+from __future__ import annotations
+
+from ..syntax import tree
+from .errors import DuplicateName, ReservedName, Unsupported
+from .scope import RESERVED, Array, Entry, Pending, Scope, Wrong
+
+READABLE = ("parameter", "constant")
+
+
+def check_function(scope: Scope, function: tree.Function) -> None:
+    """A function stands in the model itself, under a name that nothing else has. Raises `Wrong`."""
+    if scope.outer is not None:
+        raise Wrong(Unsupported(function.span, "A function in a `for`", "Define it once, outside of the `for`."))
+    if function.name in RESERVED:
+        raise Wrong(ReservedName(function.span, function.name))
+    definition = scope.definition
+    same = next(
+        s for s in definition.model.statements if isinstance(s, tree.Function) and s.name == function.name
+    )  # fmt: skip
+    other = definition.file.functions.get(function.name, same)
+    if other is not function:
+        raise Wrong(DuplicateName(function.span, function.name, other.span))
+    before = scope.entries.get(function.name)
+    if before is not None:
+        first = before.item.span if isinstance(before, Pending) else getattr(before, "span", function.span)
+        raise Wrong(DuplicateName(function.span, function.name, first))
+
+
+def may_read(entry: Entry | None) -> bool:
+    """Whether a function of the model may read what has this entry: a parameter or constant, or an array of them."""
+    if isinstance(entry, Array):
+        return all(may_read(item) for item in entry.items.values())
+    return isinstance(entry, Pending) and entry.role in READABLE
