@@ -78,6 +78,12 @@ def _told() -> Iterator[None]:
             _stop("\n\n".join(render(d) for d in problem.diagnostics), WRONG)
         if os.environ.get("BONDGRAPH_DEBUG"):
             raise
+        missing = problem.name if isinstance(problem, ModuleNotFoundError) else None
+        if missing is not None and missing.partition(".")[0] not in ("bondgraph", "compiler"):
+            _stop(
+                f"bondgraph: the package `{missing}` is not installed; `pip install bondgraph-lang` brings what is needed",
+                USAGE,
+            )
         kind = type(problem).__name__
         advice = "set BONDGRAPH_DEBUG=1 for the traceback and send it with your file"
         _stop(f"bondgraph: a defect of ours, not of your file ({kind}: {problem}); {advice}", DEFECT)

@@ -154,6 +154,7 @@ class Result:
 
         near = get_close_matches(name, self.names, n=1)
         hint = f"did you mean `{near[0]}`?" if near else f"it has: {', '.join(self.names) or 'no outputs'}"
+        hint += f"; what else the model has is asked for: `report {name}` in the experiment, or `outputs=({name!r},)`"
         raise UnknownOutput(f"there is no output `{name}` in the result of {self.title}; {hint}")
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:

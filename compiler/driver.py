@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
 from .source import Source, Span
-from .syntax import SyntaxTree, parse
+from .syntax import SyntaxTree, parse, parse_what_can_be_read
 
 
 @dataclass(eq=False)
@@ -143,17 +144,17 @@ def _examine(
     source: Source, model: str | None, library: Path | None
 ) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
     certificate: Certificate | None = None
+    tree, mistakes = parse_what_can_be_read(source)
+    broken = frozenset[str]() if tree is None else _models_with(mistakes, tree)
+    if tree is None or (mistakes and not broken):
+        return CompilationFailed(mistakes).diagnostics, None
     try:
-        tree = parse(source)
-    except CompilationFailed as failed:
-        return failed.diagnostics, None
-    try:
-        parts = check_parts(tree, library, model)
+        parts = check_parts(tree, library, model, broken)
     except CompilationFailed as failed:  # a limit was passed
-        return failed.diagnostics, None
+        return CompilationFailed([*mistakes, *failed.diagnostics]).diagnostics, None
     except RecursionError:
         return (_too_long(tree),), None
-    found = parts.diagnostics
+    found = [*mistakes, *parts.diagnostics]
     if not found and tree.models:
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
@@ -168,6 +169,24 @@ def _examine(
         except RecursionError:
             found = [_too_long(tree)]
     return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)
+
+
+_NO_BRACES = re.compile(r'"[^"\n]*"|#[^\n]*')  # texts and comments: braces in them open nothing
+
+
+def _models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[str]:
+    """The models that have a line that cannot be read; none if such a line stands outside of all, where it says what names mean."""
+    found = set()
+    for place in [d.span.start for d in mistakes]:
+        before = [m for m in tree.models.values() if m.span.start <= place]
+        if not before:
+            return frozenset()
+        home = max(before, key=lambda m: m.span.start)
+        text = _NO_BRACES.sub("", tree.source.text[home.span.start : place])
+        if text.count("{") <= text.count("}"):
+            return frozenset()
+        found.add(home.name)
+    return frozenset(found)
 
 
 def _too_long(tree: SyntaxTree) -> Diagnostic:

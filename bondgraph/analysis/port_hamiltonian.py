@@ -94,7 +94,7 @@ def port_hamiltonian(compilation: Compilation, state: Mapping[str, float], time:
 
     names = compilation.equations.variables
     return PortHamiltonian(
-        tuple(names[s.stored].name for s in net.states), tuple(names[s.slope].name for s in net.states),
+        tuple(s.name for s in net.states), tuple(names[s.slope].name for s in net.states),
         tuple(p.element for p in net.sources), E, (J - J.T) / 2, R, form.G, np.array([values[s.slope] for s in net.states]),
         np.array([values[v] for v in net.given]), _energy(compilation, values), hamiltonian,
     )  # fmt: skip
@@ -260,28 +260,28 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
     # Rational numbers, as what is added up here must vanish to the last digit.
     net = network(compilation, lambda x: sympy.nsimplify(to_sympy(x, entry), rational=True), None)
     form = _Form(net, object)
-    names = compilation.equations.variables
     A, G = sympy.Matrix(form.A.tolist()), sympy.Matrix(len(net.states), len(net.given), form.G.ravel().tolist())
     R = sympy.Matrix(len(net.states), len(net.states), form.losses().ravel().tolist()) / 2
     R = R.applyfunc(sympy.simplify)
     J = (A + R).applyfunc(sympy.simplify)
     if (J + J.T).applyfunc(sympy.simplify) != sympy.zeros(*J.shape):
         raise InternalError("the junction structure of a port-Hamiltonian form is not skew")
-    H = sum((_symbolic_energy(s, entry) for s in compilation.equations.storages), sympy.Integer(0))
+    stored = {s.stored: sympy.Symbol(s.name, real=True) for s in net.states}
+    H = sum((_symbolic_energy(s, stored, entry) for s in compilation.equations.storages), sympy.Integer(0))
     return SymbolicPortHamiltonian(
-        tuple(names[s.stored].name for s in net.states), tuple(p.element for p in net.sources), J, R,
+        tuple(s.name for s in net.states), tuple(p.element for p in net.sources), J, R,
         G.applyfunc(sympy.simplify), H,
     )  # fmt: skip
 
 
-def _symbolic_energy(storage: Any, entry: Callable[[int | float], Any]) -> Any:
+def _symbolic_energy(storage: Any, stored: Mapping[int, Any], entry: Callable[[int | float], Any]) -> Any:
     """The energy of a storage; of laws that are linear half of slope times stored, else the work from zero as an integral."""
     import sympy
 
     from ..door import to_sympy
 
     count = len(storage.stored)
-    slots = [entry(v) for v in (*storage.stored, *storage.arguments)]
+    slots = [stored[v] for v in storage.stored] + [entry(v) for v in storage.arguments]
     if storage.energy is not None:
         return to_sympy(storage.energy, slots.__getitem__)
     share = sympy.Symbol("share", positive=True)

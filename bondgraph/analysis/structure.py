@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..door import (
+    DOMAINS,
     Assignment,
     Compilation,
     Element,
@@ -35,7 +36,7 @@ class StoragePort:
     """A port of a storage: its element, the variable stored, its rate, and what the storage gives (the slope of its energy)."""
 
     element: str
-    port: str
+    name: str  # of what is stored, as a state would be called
     stored: int
     rate: int
     slope: int
@@ -43,7 +44,10 @@ class StoragePort:
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """The storages that are states, those that depend on them, sources, resistors, and every variable over what is given."""
+    """The storages in integral form, those that depend on them, sources, resistors, and every variable over what is given.
+
+    `states` holds displacements that are known from others' too (two springs on one flow): x' is theirs as well.
+    """
 
     states: tuple[StoragePort, ...]
     dependent: tuple[StoragePort, ...]
@@ -61,19 +65,21 @@ def network(compilation: Compilation, value: Coefficient, values: Mapping[int, f
     """The structure with its coefficients; `values` at a point, for resistors that are not linear. Raises `UsageError`."""
     _check_supported(compilation)
     system = compilation.equations
-    nodes = {node.name: node for node in compilation.graph.nodes}
     states, dependent = _storages(compilation)
     sources = tuple(p for p in system.ports if p.kind in ("Se", "Sf"))
     given = tuple(p.effort if p.kind == "Se" else p.flow for p in sources)
     resistors = tuple(p for p in system.ports if p.kind == "R")
     free = {*(s.slope for s in states), *(d.rate for d in dependent), *given}
-    power = {v for p in system.ports for v in (p.effort, p.flow)}
-    structural = [a for a in system.assignments if isinstance(nodes.get(a.owner), Junction) or _is_transducer(nodes, a)]
-    power |= {a.target for a in structural}
+    on_bonds = set(range(2 * len(compilation.graph.bonds)))  # efforts and flows of bonds are the first variables
+    power = on_bonds | {v for p in system.ports for v in (p.effort, p.flow)}
+    joining = {
+        n.name for n in compilation.graph.nodes if isinstance(n, Junction) or n.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
+    }
+    structural = [a for a in system.assignments if a.owner in joining and a.target in on_bonds]
     rows: dict[int, Row] = {}
     for assignment in structural:
         if assignment.target not in free:
-            rows[assignment.target] = _linear(assignment, power, value)
+            rows[assignment.target] = _linear(assignment, (power, on_bonds), value)
     own: dict[str, list[PowerPort]] = {}
     for port in resistors:
         own.setdefault(port.element, []).append(port)
@@ -83,11 +89,6 @@ def network(compilation: Compilation, value: Coefficient, values: Mapping[int, f
             if assignment.target in {v for p in ports for v in (p.effort, p.flow)}:
                 rows[assignment.target] = _resistive(assignment, ports, value, values)
     return Network(states, dependent, sources, given, resistors, _eliminated(rows))
-
-
-def _is_transducer(nodes: Mapping[str, Any], assignment: Assignment) -> bool:
-    node = nodes.get(assignment.owner)
-    return isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
 
 
 def _check_supported(compilation: Compilation) -> None:
@@ -107,33 +108,34 @@ def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[
     ports: dict[str, list[PowerPort]] = {}
     for port in system.ports:
         ports.setdefault(port.element, []).append(port)
-    rates = {(s.rate, s.variable) for s in system.states}
     derivatives = {(d.target, d.of) for d in system.derivatives}
-    found: dict[int, StoragePort] = {}
-    dependent = []
+    order = {s.variable: i for i, s in enumerate(system.states)}
+    nodes = {n.name: n for n in compilation.graph.nodes}
+    states: list[StoragePort] = []
+    dependent: list[StoragePort] = []
     for storage in system.storages:
-        node = next(n for n in compilation.graph.nodes if n.name == storage.element)
+        node = nodes[storage.element]
         assert isinstance(node, Element)
         for number, (port, stored) in enumerate(zip(ports[storage.element], storage.stored, strict=True)):
             rate, slope = (port.flow, port.effort) if node.stored[number] == "q" else (port.effort, port.flow)
-            item = StoragePort(storage.element, node.ports[number].name, stored, rate, slope)
-            if (rate, stored) in rates:
-                found[stored] = item
-            elif (rate, stored) in derivatives:
-                dependent.append(item)
-            else:
-                raise UsageError(
-                    f"`{storage.element}` reads what it stores from elsewhere: no port-Hamiltonian form is made"
-                )
+            name = node.ports[number].name or DOMAINS[node.ports[number].domain].letter(node.stored[number])
+            item = StoragePort(storage.element, f"{storage.element}.{name}", stored, rate, slope)
+            (dependent if (rate, stored) in derivatives else states).append(item)
     unknown = {p.element for p in system.ports if p.kind in STORAGES} - {s.element for s in system.storages}
     if unknown:
         raise UsageError(f"the law of `{min(unknown)}` gives no slope of an energy: no port-Hamiltonian form is made")
-    return tuple(found[s.variable] for s in system.states if s.variable in found), tuple(dependent)
+    return tuple(sorted(states, key=lambda s: order.get(s.stored, len(order)))), tuple(dependent)
 
 
-def _linear(assignment: Assignment, power: set[int], value: Coefficient) -> Row:
-    """A junction's sum, or a transducer's product: what modulates it is no variable of its bonds."""
-    parts = _joint(assignment, [v for v in assignment.arguments if isinstance(v, int) and v in power])
+def _linear(assignment: Assignment, tries: tuple[set[int], ...], value: Coefficient) -> Row:
+    """A junction's sum, or a transducer's product: what modulates it is no variable of its bonds.
+
+    A source's effort may be a parameter that a ratio reads as well: then what is on bonds alone is tried.
+    """
+    found = (
+        _joint(assignment, [v for v in assignment.arguments if isinstance(v, int) and v in power]) for power in tries
+    )
+    parts = next((p for p in found if p is not None), None)
     if parts is None:  # a product with something that is a variable of some bond too
         raise UsageError(
             f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made"

@@ -25,6 +25,8 @@ STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
+CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
+ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 LARGEST = 200  # states up to which the modes are computed
@@ -138,14 +140,25 @@ class _Coarse:
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
             step = matrix.solve(rest / unit)
-            norm = float(np.abs(step[self.differential]).max(initial=0.0))
+            change = step * scale
+            norm = self._share(x, change, np.abs(size * entries))
             if not np.isfinite(norm) or norm > 2 * before:
                 return None
-            x = x + step * scale
-            if norm <= 1e-2 * float(np.abs(x / scale)[self.differential].max(initial=0.0)):
+            x = x + change
+            if norm <= CLOSE:
                 return x
             before = norm
         return None
+
+    def _share(self, x: Any, change: Any, gain: Any) -> float:
+        """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing.
+
+        Scales of the linear algebra do not serve here: they follow the slopes, which vanish where the iteration ends.
+        """
+        moving = np.zeros(len(x))
+        np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
+        whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
+        return float((np.abs(change) / np.where(whole > 0, whole, 1.0))[self.differential].max(initial=0.0))
 
     def _scale(self, moved: Any, gain: Any) -> Any:
         """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.

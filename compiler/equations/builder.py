@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ..algebra.affine import affine_parts
@@ -25,6 +26,8 @@ from .system import (
     Validity,
     Variable,
 )
+
+_Row = tuple[Iterator[Reference], Callable[[], None]]  # what a quantity reads, and what is to do when that is there
 
 
 class EquationBuilder:
@@ -153,34 +156,60 @@ class EquationBuilder:
         return self.reading(reference)
 
     def quantity(self, name: str) -> Argument:
-        """The variable of a named quantity, with its definition on first use."""
-        if name in self.quantities:
-            return self.quantities[name]
-        if name in self.zeros:
-            return 0.0
+        """The variable of a named quantity, with its definition on first use; zero if it is known to be zero."""
+        if not self._is_new(name):
+            return self.quantities.get(name, 0.0)
+        rows = [self._opened(name)]
+        while rows:  # not by recursion: a row of quantities may be longer than Python nests calls
+            reads, finish = rows[-1]
+            following = self._next_new(reads)
+            if following is None:
+                rows.pop()
+                finish()
+            else:
+                rows.append(self._opened(following))
+        return self.quantities[name]
+
+    def _next_new(self, reads: Iterator[Reference]) -> str | None:
+        """The next quantity among references that has no variable yet; readings are made on the way."""
+        for reference in reads:
+            if isinstance(reference, Reading):
+                self.reading(reference)
+            elif isinstance(reference, Quantity) and self._is_new(reference.name):
+                return reference.name
+        return None
+
+    def _is_new(self, name: str) -> bool:
+        return name not in self.quantities and name not in self.zeros
+
+    def _opened(self, name: str) -> _Row:
+        """A new quantity with its variable: what it reads, and what writes its definition when all of that is there."""
         if name == TIME.name and name not in self.graph.quantities:
             self.quantities[name] = self.variable("time", "time", "s")
-            return self.quantities[name]
+            return iter(()), _nothing
         if name in self.graph.integrals:
             return self._integral(self.graph.integrals[name])
         named = self.graph.quantities[name]
         if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
             value = named.value if named.value is not None else _number(named.definition)
             self.quantities[name] = self.variable(name, named.role, named.unit, value)
-            return self.quantities[name]
+            return iter(()), _nothing
         self.quantities[name] = number = self.variable(name, "computed", named.unit)
-        assert named.definition is not None
-        self.apply(number, named.definition, named.span, name)
-        return number
+        definition = named.definition
+        assert definition is not None
+        return iter(definition.arguments), lambda: self.apply(number, definition, named.span, name)
 
-    def _integral(self, integral: Integral) -> int:
+    def _integral(self, integral: Integral) -> _Row:
         """A signal with memory is a state. It may depend on itself: it is known before its rate is read."""
         unit = self.graph.quantities[integral.name].unit
         self.quantities[integral.name] = variable = self.variable(integral.name, "state", unit)
         rate = self.variable(f"rate of {integral.name}", "computed")
-        self.apply(rate, integral.rate, integral.span, integral.name)
-        self.state(variable, rate, self.folded(integral.start), integral.name, integral.span)
-        return variable
+
+        def finish() -> None:
+            self.apply(rate, integral.rate, integral.span, integral.name)
+            self.state(variable, rate, self.folded(integral.start), integral.name, integral.span)
+
+        return iter(integral.rate.arguments), finish
 
     def reading(self, reading: Reading) -> int:
         """The variable that a reading of a node's port stands for."""
@@ -235,28 +264,43 @@ class EquationBuilder:
     def integral(self, flow: int) -> int | None:
         """A variable whose rate is the given flow, known from coordinates of a mechanism; None if there is none."""
         flow = self.root(flow)
-        if flow in self._integrals:
-            return self._integrals[flow]
-        self._integrals[flow] = None
-        assignment = self.assigned.get(flow)
-        if assignment is not None and not assignment.implicit:
-            self._integrals[flow] = self._linear_integral(flow, assignment)
+        rows = [] if flow in self._integrals else [(flow, self._moving(flow))]
+        while rows:  # not by recursion: a row of transformers may be longer than Python nests calls
+            current, waiting = rows[-1]
+            while waiting and self._integrals.get(waiting[-1]) is not None:
+                waiting.pop()
+            if waiting and waiting[-1] not in self._integrals:
+                rows.append((waiting[-1], self._moving(waiting[-1])))
+                continue
+            rows.pop()
+            if not waiting and self._explicit(current) is not None:
+                self._integrals[current] = self._linear_integral(current)
         return self._integrals[flow]
+
+    def _moving(self, flow: int) -> list[int]:
+        """What a flow is computed from, last first, without what stands still. Until more is known it has no integral."""
+        self._integrals[flow] = None
+        assignment = self._explicit(flow)
+        read = [] if assignment is None else [self.root(s.key) for s in symbols(assignment.expression)]
+        return [v for v in reversed(read) if not self._is_static(v)]
+
+    def _explicit(self, variable: int) -> Assignment | None:
+        assignment = self.assigned.get(variable)
+        return None if assignment is None or assignment.implicit else assignment
 
     def knows_integral(self, flow: int, displacement: int) -> None:
         """A mechanism tells that a displacement (zero in the reference) has this flow as its rate."""
         self._integrals[flow] = displacement
 
-    def _linear_integral(self, flow: int, assignment: Assignment) -> int | None:
-        """The same sum over integrals, if the flow is a sum of known flows with constant factors."""
-        if not self._integrals:
-            return None
+    def _linear_integral(self, flow: int) -> int | None:
+        """The same sum over integrals, if the flow is a sum of flows that have one with constant factors."""
+        assignment = self.assigned[flow]
         rest = assignment.expression
         parts = []
         moving = [s for s in symbols(rest) if not self._is_static(s.key)]
         for symbol in moving:
             found = affine_parts(rest, symbol)
-            inner = self.integral(symbol.key)
+            inner = self._integrals[self.root(symbol.key)]
             if found is None or inner is None or any(depends_on(found[0], other) for other in moving):
                 return None
             parts.append(multiply(found[0], Symbol(inner)))
@@ -268,13 +312,18 @@ class EquationBuilder:
         return variable
 
     def _is_static(self, variable: int) -> bool:
-        variable = self.root(variable)
-        if self.variables[variable].role == "parameter":
-            return True
-        assignment = self.assigned.get(variable)
-        if assignment is None or assignment.implicit or variable in self._bond_variables:
-            return False
-        return all(isinstance(a, float) or self._is_static(a) for a in assignment.arguments)
+        """Whether it is computed from parameters alone."""
+        waiting, seen = [variable], set[int]()
+        while waiting:
+            variable = self.root(waiting.pop())
+            if variable in seen or self.variables[variable].role == "parameter":
+                continue
+            seen.add(variable)
+            assignment = self._explicit(variable)
+            if assignment is None or variable in self._bond_variables:
+                return False
+            waiting += [a for a in assignment.arguments if not isinstance(a, float)]
+        return True
 
     def held(self, expression: Expression, name: str, unit: str, span: Span) -> int:
         """The variable that holds an expression: a new one, unless it is one already."""
@@ -313,3 +362,7 @@ def _number(definition: Bound | None) -> float | None:
     if definition is not None and isinstance(definition.formula.expression, Number):
         return definition.formula.expression.value
     return None
+
+
+def _nothing() -> None:
+    """What is to do for what has no definition."""

@@ -1,7 +1,8 @@
 """State space to certificate: what kind of equations came out, told before anything is run.
 
 Nothing here changes a number. Names appear as the author wrote them and in the order of the text; all else (form, index,
-counts, linear or not) does not depend on the order of declarations.
+counts, linear or not) does not depend on the order of declarations, but for the sizes of loops: where they are cut is a greedy
+choice.
 """
 
 from __future__ import annotations

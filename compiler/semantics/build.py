@@ -66,16 +66,22 @@ class Checked:
     built: Built | None = None
 
 
-def check_parts(syntax: SyntaxTree, library: Path | None = None, wanted: str | None = None) -> Checked:
+def check_parts(
+    syntax: SyntaxTree, library: Path | None = None, wanted: str | None = None, broken: frozenset[str] = frozenset()
+) -> Checked:
     """What is wrong in any model of a file and its experiments, each looked at by itself.
 
     Ports may be open and parameters without value, but not in the model that would be run, if nothing else is wrong.
+    `broken` names models of which lines could not be read: they are not looked at, and their instances tell nothing.
     """
     loader = Loader(library)
     file = loader.load(syntax)
+    for name in broken:
+        file.models.pop(name, None)
+    file.missing |= broken
     diagnostics = list(loader.diagnostics)
     known = Known()
-    main = None if diagnostics else _main(file, wanted)
+    main = None if diagnostics or broken else _main(file, wanted)
     whole: Built | None = None
     for definition in [d for d in file.models.values() if d.file is file]:
         if len(diagnostics) > MAXIMUM_MISTAKES:

@@ -320,6 +320,8 @@ class Elaborator(QuantityResolver):
 
     def _declare_parts(self, scope: Scope, statement: tree.Declaration, chain: tuple[ModelDefinition, ...]) -> None:
         if statement.kind in ELEMENT_KINDS:
+            if statement.kind in scope.definition.file.missing:  # a model has the same name, which has been told
+                raise AlreadyTold
             for declared in statement.names:
                 self.guard(self._declare_element, scope, statement, declared)
             return

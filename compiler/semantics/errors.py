@@ -383,9 +383,10 @@ class TooMany(Diagnostic):
 
     code = "BG160"
     title = "{what}: more than {limit}"
-    advice = "The limit protects against files that never end; split the model."
+    advice = "{hint}"
     what: str
     limit: int
+    hint: str = "The limit protects against files that never end; split the model."
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,6 +44,7 @@ class Loader:
                 case tree.Model():
                     if statement.name in ELEMENT_KINDS:
                         self.diagnostics.append(ReservedName(statement.name_span, statement.name))
+                        scope.missing.add(statement.name)  # whether it or the kind is meant is not known
                     elif self._new(seen, statement.name, statement.name_span):
                         scope.models[statement.name] = ModelDefinition(statement, scope)
                 case tree.Function():

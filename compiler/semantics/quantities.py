@@ -80,7 +80,7 @@ class QuantityResolver(Resolver):
         if pending.state != "waiting":
             return self.quantity(pending)
         if self._waiting >= MAXIMUM_ROW:
-            raise Wrong(TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW))
+            raise Wrong(self._too_long(pending))
         pending.state = "busy"
         self._waiting += 1
         try:
@@ -94,6 +94,14 @@ class QuantityResolver(Resolver):
             self._waiting -= 1
         pending.state = "done"
         return pending.result
+
+    def _too_long(self, pending: Pending) -> TooMany:
+        if self._inferring:  # what an integral reads is not looked at before it, but for its unit
+            hint = f"Say the unit of one of them: `{pending.role} {pending.item.name} : m = …`."
+            return TooMany(
+                pending.item.span, "Integrals in a row that take their units from one another", MAXIMUM_ROW, hint
+            )
+        return TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW)
 
     def _resolve_what_it_reads(self, pending: Pending) -> None:
         """Resolve what a quantity reads, and what that reads, beginning where nothing is left to read.

@@ -200,7 +200,7 @@ class FileScope:
     models: dict[str, ModelDefinition]
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
     functions: dict[str, tree.Function]
-    missing: set[str] = field(default_factory=set)  # models whose import failed, which has been told
+    missing: set[str] = field(default_factory=set)  # models that have no meaning here, which has been told
     root: Path | None = None  # the project folder
     library: Path | None = None
     sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read

@@ -144,6 +144,10 @@ def _special(token: lark.Token, expected: set[str], before: str) -> str:
         return "An `if` needs an `else`: `1 if a > 2 else 0`."
     if re.match(r"\s*import\b", before + " "):
         return "An import stands at the top of the file, outside of models."
+    alone = re.fullmatch(r"\s*[01]\(([^()]+)\)", before)
+    if alone and token.type != "NAME" and len(inside := alone[1].rsplit(",", 1)) == 2:
+        first, last = (part.strip() for part in inside)
+        return f"A junction in place is one end of a bond: `{before.strip()[:2]}{first}) -> {last}`."
     if token.type not in ("NAME", "NUMBER") or "NAME" in expected:
         return ""
     number_with_unit = re.search(r"(?<![A-Za-z0-9_.])[0-9][0-9.]*(?:[eE][+-]?[0-9]+)?[ \t]+([A-Za-z_]\w*)$", before)

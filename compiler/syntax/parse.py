@@ -44,8 +44,17 @@ def _parser() -> tuple[lark.Lark, Builder, Words]:
 
 def parse(source: Source) -> SyntaxTree:
     """Parse one file. Raises `CompilationFailed` with every syntax mistake that could be told apart."""
+    tree, mistakes = parse_what_can_be_read(source)
+    if tree is None or mistakes:
+        raise CompilationFailed(mistakes)
+    return tree
+
+
+def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diagnostic]]:
+    """The tree without the lines that are wrong, and what is wrong in them; no tree if what is left cannot be read either."""
     if len(source.text) > MAXIMUM_SIZE:
-        raise CompilationFailed([TooLarge(Span(source, 0, 0), len(source.text), MAXIMUM_SIZE)])
+        return None, [TooLarge(Span(source, 0, 0), len(source.text), MAXIMUM_SIZE)]
+    statements = None
     mistakes: list[Diagnostic] = []
     text = source.text
     while True:
@@ -67,11 +76,9 @@ def parse(source: Source) -> SyntaxTree:
                 break
         else:
             break
-    if mistakes:
-        if re.search(r"^\s*(components|netlist)\s*:", source.text, re.MULTILINE):
-            mistakes = [ForeignFile(Span(source, 0, min(len(source.text), 1)))]
-        raise CompilationFailed(mistakes)
-    return SyntaxTree(source, statements)
+    if mistakes and re.search(r"^\s*(components|netlist)\s*:", source.text, re.MULTILINE):
+        return None, [ForeignFile(Span(source, 0, min(len(source.text), 1)))]
+    return None if statements is None else SyntaxTree(source, statements), mistakes
 
 
 def parse_expression(source: Source) -> Expression:

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 import bondgraph
 from bondgraph.analysis import PortHamiltonian
 from bondgraph.errors import RunFailed, UsageError
+from tests.compiling import MODELS
 from tests.equations.random_network import Example, examples
 
 MASS = "model A {\n  parameter m = 2 kg, k = 3 [N/m], b = 0.5 [N*s/m]\n  Se push : F = 7 N\n  1 body\n  I mass : p = m*v\n  C spring : F = k*x\n  R damper : F = b*v\n  push -> body -> mass, spring, damper\n}\n"
@@ -230,13 +231,47 @@ class TestRefused:
 def rates_of(
     model: bondgraph.Model, state: dict[str, float], found: PortHamiltonian, values: Any = None, time: float = 0.0
 ) -> Any:
-    """The rates of the compiled program, in the order of the form."""
+    """The rates of the compiled program, in the order of the form; those of the form for what is no state of the program."""
     compilation = model.compilation(model.scene(None, values), everything=True)
     program = compilation.program
     constants = program.constants(np.array(program.defaults))
-    x = np.array([state.get(n, 0.0) for n in program.states.names])
+    start = np.asarray(program.start(constants))
+    x = np.array([state.get(n, start[i]) for i, n in enumerate(program.states.names)])
     rates = program.derivative(time, x, np.array(program.input_defaults), constants, program.switches(time, constants))
-    return np.array([rates[program.states.names.index(n)] for n in found.states])
+    known = dict(zip(program.states.names, rates, strict=True))
+    return np.array([known.get(n, own) for n, own in zip(found.states, found.rates, strict=True)])
+
+
+GALLERY = (
+    "chain", "coupled_coils", "coupled_tanks", "drag", "duffing", "gyrator", "helmholtz", "hydraulic_press", "loudspeaker", "oscillator",
+    "pid_dc_motor", "plates", "quarter_car", "rc_ladder", "rlc", "solenoid", "surge_tank", "transformer", "vibration_absorber",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GALLERY)
+def test_models_of_the_gallery(name: str) -> None:
+    """J skew, R positive semidefinite, and the program's rates, away from the start."""
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    program = model.compilation(everything=True).program
+    start = program.start(program.constants(np.array(program.defaults)))
+    state = {n: (1.1 * x if x else 1e-7) for n, x in zip(program.states.names, start, strict=False)}
+    found = model.port_hamiltonian(state)
+    assert (found.J == -found.J.T).all()
+    scale = 1 / np.sqrt(np.where(np.diag(found.R) > 0, np.diag(found.R), 1.0))
+    assert np.linalg.eigvalsh(found.R * np.outer(scale, scale)).min() > -1e-12
+    expected = rates_of(model, state, found)
+    assert found.rates == pytest.approx(expected, rel=1e-9, abs=1e-12 * float(np.abs(expected).max()))
+
+
+def test_a_displacement_that_is_known_twice() -> None:
+    """Two springs on one flow: both displacements are in the form, whether or not both are states."""
+    text = MASS.replace("R damper", "C other : F = 4 [N/m]*x\n  R damper").replace(
+        "spring, damper", "spring, other, damper"
+    )
+    found = form(text, mass_p=4.0)
+    assert set(found.states) == {"mass.p", "spring.x", "other.x"}
+    J = ordered(found, found.J, "mass.p", "spring.x", "other.x")
+    assert J.tolist() == [[0, -1, -1], [1, 0, 0], [1, 0, 0]]
 
 
 COUNT = {"tried": 0, "made": 0, "dependent": 0}

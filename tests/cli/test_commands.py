@@ -36,6 +36,15 @@ def test_check_tells_the_place(wrong: str) -> None:
     assert found.stdout == ""
 
 
+def test_a_package_that_is_missing() -> None:
+    """No defect, and nothing that is wrong with the file."""
+    code = "import sys; sys.modules['lark'] = None; from bondgraph.cli import commands; commands(['check', 'models/rlc.bg'])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert found.returncode == 2
+    assert "the package `lark` is not installed; `pip install bondgraph-lang`" in found.stderr
+    assert "defect" not in found.stderr
+
+
 def test_check_as_json(wrong: str) -> None:
     found = run("check", "--json", "models/rlc.bg", wrong)
     told = json.loads(found.stdout)

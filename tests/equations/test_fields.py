@@ -76,6 +76,11 @@ class TestMaxwell:
         told = mistake(text.format(factor="-1"), "BG405")
         assert "`plates.q.u` over `plates.x`" in told.sentence and "`plates.x.F` over `plates.q`" in told.sentence
 
+    def test_a_law_that_can_be_solved_neither_way_is_said_to_be_unchecked(self) -> None:
+        text = field("a.e + a.e^3 = a + a^3 + b, b.e + b.e^3 = b + b^3 + a")
+        (note,) = bondgraph.load(text).certificate.notes
+        assert "`c` may create energy" in note and "not checked" in note
+
     def test_it_holds_for_the_values_of_the_run(self) -> None:
         """Symmetric for the values in the text, not for those that are set."""
         text = field("a.e = 3*a + m*b, b.e = n*a + 2*b", more="  parameter m = 0.5, n = 0.5\n")

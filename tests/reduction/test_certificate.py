@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import random
+import re
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, Phase, assume, given, settings
 
 import bondgraph
 from compiler.reduction import Certificate, Loop
 from tests.compiling import MODELS, compiled
+from tests.equations.random_network import Example, examples
 
 
 def certificate(text: str) -> Certificate:
@@ -134,6 +137,29 @@ def test_neither_order_nor_names_matter(name: str) -> None:
             (x.linear, x.size, set(x.members)) for x in first.loops
         ]
         assert set(found.left_out) == set(first.left_out)
+
+
+@settings(max_examples=30, phases=(Phase.explicit, Phase.generate), suppress_health_check=list(HealthCheck))
+@given(examples())
+def test_random_graphs_in_another_order(example: Example) -> None:
+    """Statements of each model shuffled: the same form, index, counts and loops; where these are cut is a greedy choice."""
+    blocks = re.split(r"(?m)^(?=\S)", example.text)  # heads, bodies and ends of models
+    assume(not re.search(r"(?m)^ .*\{\s*$", example.text))  # statements of several lines stay out
+    moved = []
+    for block in blocks:
+        head, *body = block.splitlines() or [""]
+        random.Random(7).shuffle(body)
+        moved += [head, *body]
+    try:
+        first = certificate(example.text + "\n")
+    except bondgraph.CompilationFailed:
+        return
+    found = certificate("\n".join(moved) + "\n")
+    assert told(found)[:2] == told(first)[:2] and told(found)[6:] == told(first)[6:]
+    assert sorted(x.linear for x in found.loops) == sorted(x.linear for x in first.loops)
+    assert (len(found.states), len(found.dependent), found.degrees_of_freedom) == (
+        len(first.states), len(first.dependent), first.degrees_of_freedom,
+    )  # fmt: skip
 
 
 def test_members_of_loops() -> None:

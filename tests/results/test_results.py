@@ -36,6 +36,8 @@ def test_names_units_and_values() -> None:
     assert "x" in result
     with pytest.raises(KeyError, match="did you mean `x`"):
         result["xx"]
+    with pytest.raises(KeyError, match=r"`report speed` in the experiment, or `outputs=\('speed',\)`"):
+        result["speed"]
 
 
 def test_csv_quotes_and_keeps_seventeen_digits(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ LARGE = {
     "deep hierarchy": (models("", "M{0} a", 300), "BG160"),
     "functions": ("function f0(x) = x*x\n" + rows("function f{1}(x) = f{0}(f{0}(x))", 59) + "\n" + body("output y = f59(time/1 s)"), "BG160"),
     "ring of quantities": (body(rows("parameter a{0} = a{1}", 2000) + "\nparameter a2000 = a0"), "BG160"),
-    "row of signals": (body(rows("signal a{0} = sin(a{1})", 2000) + "\nsignal a2000 = time/1 s\noutput y = a0"), "BG162"),
+    "row of units to find": (body("output y = u[60]\nsignal u[0] = time\nfor i in 1..60 { signal u[i] = integral((u[i-1] - u[i])/1 s, 0) }"), "BG160"),
     "long list": (body("parameter a = (" + ",".join(["1"] * 20_000) + ")"), "BG160"),
     "nul": ("model A {\x00}", "BG002"),
     "calls of python": (body("output y = __import__('os').system('touch canary')"), "BG001"),
@@ -100,9 +100,7 @@ def test_a_product_that_doubles_is_no_bomb(counted: None) -> None:
 
 def test_a_long_row_of_quantities_is_read() -> None:
     """What a quantity reads is resolved first, so that rows need not nest."""
-    text = body(rows("parameter a{0} = a{1} + 1", 1000) + "\nparameter a1000 = 1\noutput y = a0")
-    assert {d.code for d in check(Source("row.bg", text))} <= {"BG162"}
-    text = body("parameter n = 80\nsignal u[0] = time/1 s\nfor i in 1..n { signal u[i] = u[i-1] + 1 }\noutput y = u[n]")
+    text = body(rows("parameter a{0} = a{1} + 1", 3000) + "\nparameter a3000 = 1\noutput y = a0")
     assert check(Source("row.bg", text)) == ()
 
 

@@ -7,7 +7,7 @@ states and batches: every array is turned so that its last axis comes first, and
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import PurePath
 
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
@@ -127,111 +127,86 @@ class Writer:
         input_defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.inputs)
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
         parts.append(f"INPUT_DEFAULTS = ({input_defaults}{',' if lowered.inputs else ''})\n")
-        n = len(lowered.rates)
         parts.append(self._constants())
-        constant_arguments = "constants"
-        parts.append(
-            self._function(
-                "start", constant_arguments, "The state at the start, from the constants.", lowered.starts, (n,)
-            )
-        )
-        zero = Number(0.0)
-        nominals = [x or zero for x in lowered.nominals]
-        parts.append(
-            self._function(
-                "nominal",
-                constant_arguments,
-                "Nominal magnitudes that the author gave; 0 where there is none.",
-                nominals,
-                (n,),
-            )
-        )
-        full = "time, state, inputs, constants, mode"
-        rates_note = "The rates of the states" + (
-            ", then what the unknowns make vanish." if lowered.space.unknowns else "."
-        )
-        parts.append(self._function("derivative", full, rates_note, lowered.rates, (n,)))
-        places = sorted(lowered.jacobian)
-        about = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
-        entries = [lowered.jacobian[place] for place in places]
-        parts.append(self._function("jacobian_entries", full, about, entries, (len(entries),)))
-        parts.append(_jacobian(places, n))
-        outputs = list(lowered.outputs.values())
-        parts.append(self._function("output", full, "The outputs.", outputs, (len(outputs),)))
-        claims, forced = lowered.claims, lowered.forced
-        doc = "By how much the starts that the author gave to computed quantities are missed."
-        parts.append(self._function("claims", full, doc, claims, (len(claims),)))
-        doc = "What time alone moves and a storage in derivative form differentiates: it must not jump."
-        parts.append(self._function("forced", full, doc, forced, (len(forced),)))
-        parts.append(
-            self._function(
-                "dependent",
-                full,
-                "What storages in derivative form hold.",
-                lowered.dependents,
-                (len(lowered.dependents),),
-            )
-        )
-        where = sorted(lowered.sensitivities)
-        parts.append(_pattern("SENSITIVITY_PATTERN", where, "dependents, states"))
-        slopes = [lowered.sensitivities[place] for place in where]
-        doc = "Slopes of what storages in derivative form hold by the states, where they change in a run."
-        parts.append(self._function("sensitivities", full, doc, slopes, (len(slopes),)))
-        doc = "What the rates read of time alone."
-        signals = lowered.signals
-        parts.append(self._function("signals", "time, inputs, constants, mode", doc, signals, (len(signals),)))
-        powers = self._power_nodes()
-        parts.append(
-            self._function(
-                "powers",
-                full,
-                "Power into each port, energies of mechanisms, stored quantities: for an energy balance.",
-                powers,
-                (len(powers),),
-            )
-        )
-        parts.append(
-            self._function(
-                "instants",
-                constant_arguments,
-                "Known instants at which an expression of time jumps or bends.",
-                lowered.instants,
-                (len(lowered.instants),),
-            )
-        )
-        parts.append(
-            self._function(
-                "periods",
-                constant_arguments,
-                "No step may be longer than any of these, or it would miss what changes with time.",
-                lowered.periods,
-                (len(lowered.periods),),
-            )
-        )
-        limits = [limit.condition for limit in lowered.limits]
-        parts.append(self._function("holds", full, "The truth of the limits of the model.", limits, (len(limits),)))
-        shown = [value.expression for limit in lowered.limits for value in limit.values]
-        parts.append(
-            self._function("limit_values", full, "What the limits of the model are about.", shown, (len(shown),))
-        )
-        crossings = lowered.crossings
-        shape = (len(lowered.switches),)
-        parts.append(
-            self._function(
-                "crossings",
-                "time, constants, mode",
-                "Functions of time at whose zeros an expression jumps or bends.",
-                crossings,
-                (len(crossings),),
-            )
-        )
-        parts.append(
-            self._function(
-                "switches", "time, constants", "The truth of the conditions on time.", lowered.switches, shape
-            )
-        )
+        for name, arguments, doc, roots in self._functions():
+            if name == "sensitivities":
+                parts.append(_pattern("SENSITIVITY_PATTERN", sorted(lowered.sensitivities), "dependents, states"))
+            parts.append(self._function(name, arguments, doc, roots))
+            if name == "jacobian_entries":
+                parts.append(_jacobian(sorted(lowered.jacobian), len(lowered.rates)))
         arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.arrays.items())
         return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
+
+    def _functions(self) -> Iterator[tuple[str, str, str, Sequence[Expression]]]:
+        """Name, arguments, what it is, and what it returns."""
+        lowered, zero = self.lowered, Number(0.0)
+        fixed, full = "constants", "time, state, inputs, constants, mode"
+        unknowns = ", then what the unknowns make vanish" * bool(lowered.space.unknowns)
+        entries = [lowered.jacobian[place] for place in sorted(lowered.jacobian)]
+        slopes = [lowered.sensitivities[place] for place in sorted(lowered.sensitivities)]
+        limits = lowered.limits
+        yield "start", fixed, "The state at the start, from the constants.", lowered.starts
+        yield (
+            "nominal",
+            fixed,
+            "Nominal magnitudes that the author gave; 0 where there is none.",
+            [x or zero for x in lowered.nominals],
+        )
+        yield "derivative", full, f"The rates of the states{unknowns}.", lowered.rates
+        yield (
+            "jacobian_entries",
+            full,
+            "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns).",
+            entries,
+        )
+        yield "output", full, "The outputs.", list(lowered.outputs.values())
+        yield (
+            "claims",
+            full,
+            "By how much the starts that the author gave to computed quantities are missed.",
+            lowered.claims,
+        )
+        yield (
+            "forced",
+            full,
+            "What time alone moves and a storage in derivative form differentiates: it must not jump.",
+            lowered.forced,
+        )
+        yield "dependent", full, "What storages in derivative form hold.", lowered.dependents
+        yield (
+            "sensitivities",
+            full,
+            "Slopes of what storages in derivative form hold by the states, where they change in a run.",
+            slopes,
+        )
+        yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
+        yield (
+            "powers",
+            full,
+            "Power into each port, energies of mechanisms, stored quantities: for an energy balance.",
+            self._power_nodes(),
+        )
+        yield "instants", fixed, "Known instants at which an expression of time jumps or bends.", lowered.instants
+        yield (
+            "periods",
+            fixed,
+            "No step may be longer than any of these, or it would miss what changes with time.",
+            lowered.periods,
+        )
+        yield "holds", full, "The truth of the limits of the model.", [limit.condition for limit in limits]
+        yield (
+            "limit_values",
+            full,
+            "What the limits of the model are about.",
+            [v.expression for limit in limits for v in limit.values],
+        )
+        yield (
+            "crossings",
+            "time, constants, mode",
+            "Functions of time at whose zeros an expression jumps or bends.",
+            lowered.crossings,
+        )
+        yield "switches", "time, constants", "The truth of the conditions on time.", lowered.switches
 
     def array(self, values: tuple[float, ...]) -> str:
         """The name of a list of numbers, written once for the module."""
@@ -255,9 +230,7 @@ class Writer:
         ]
         return "\n" + "\n".join(lines) + "\n"
 
-    def _function(
-        self, name: str, arguments: str, note: str, roots: Sequence[Expression], shape: tuple[int, ...]
-    ) -> str:
+    def _function(self, name: str, arguments: str, note: str, roots: Sequence[Expression]) -> str:
         body = _Body(self, dict(self.constant_names), set(self.taken))
         for position, leaf_name in enumerate(self.state_names):
             body.known[Symbol(Leaf("state", position))] = leaf_name
@@ -270,7 +243,7 @@ class Writer:
         lines = [f"def {name}({arguments}):", f'    """{note}"""']
         lines += _indented(self._prelude(body.used, arguments))
         lines += _indented(body.lines)
-        lines.append(_return(results, shape))
+        lines.append(_return(results, (len(roots),)))
         return "\n" + "\n".join(lines) + "\n"
 
     def _prelude(self, used: set[str], arguments: str) -> list[str]:

@@ -1,0 +1,33 @@
+"""A chain in which each state is moved by the square of the one before: from rest the coarse run finds how large each gets."""
+
+from __future__ import annotations
+
+from bondgraph.simulation.nominal import nominal_magnitudes
+from bondgraph.simulation.segments import segments
+from tests.compiling import Running, compiled
+
+TEXT = """model Plates {
+  "Plates far below pull-in, on a voltage that rises slowly: the charge moves first, then the force, then the place."
+  Se supply : u = 1 V*smoothstep5(time, 0 s, 10 ms)
+  R lead : u = 1 kohm*i
+  C plates(q: electric, x: translation) : energy = q^2*(2 um - x)/(2*8e-20 [F*m])
+  I mass : p = 1 ug*v
+  C spring : F = 1 [N/m]*x
+  R air : F = 6e-5 [N*s/m]*v
+  supply -> 1(lead) -> plates.q
+  1(mass, spring, air) -> plates.x
+  output x = spring.x
+}
+"""
+
+
+def test_what_is_pulled_by_a_square_has_its_own_size() -> None:
+    """k x = V^2 eps A/(2 (g - x)^2) and q = V eps A/(g - x): 1e-8 m and 4e-14 C, in a factor of ten; never one, for want of better."""
+    running = Running(compiled(TEXT))
+    program = running.program
+    stretches = segments(program, running.constants, 0.0, 12e-3)
+    found = nominal_magnitudes(program, (), running.constants, running.start, running.inputs, stretches)
+    size = dict(zip(program.states.names, found.tolist(), strict=True))
+    x = 8e-20 / (2 * 2e-6**2)
+    assert x < size["spring.x"] < 10 * x and x < size["plates.x"] < 10 * x
+    assert 4e-14 < size["plates.q"] < 4e-13 and 1e-16 < size["mass.p"] < 1e-11
