@@ -150,6 +150,8 @@ def _statement(node: Any, margin: str) -> str:
             return f"import {names} from " + (f'"{node.place}"' if node.is_file else node.place)
         case tree.Description():
             return f'"{node.text}"'
+        case tree.Requirement():
+            return f'require {expression(node.condition)} "{node.text}"'
         case tree.Quantities():
             return f"{node.role} " + ", ".join(map(_item, node.items))
         case tree.Function():
