@@ -148,7 +148,7 @@ class _Stepper:
             self._sample(solver, stretch)
             self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
-                self._add_work(*solver.last_step, lambda times: solver.sample(times) * magnitude, stretch)
+                self._add_work(*solver.last_step, lambda times: solver.collocation(times) * magnitude, stretch)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
             solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)

@@ -175,15 +175,23 @@ class Radau:
         bent within the steps that it spans.
         """
         times = np.asarray(times)
-        before, after = self._ends[-2:]
-        s = (times - before.time) / (after.time - before.time)
-        cubic = before.state + (np.stack([s, s**2, s**3]).T @ P.T) @ self._stages
+        after, cubic = self._ends[-1], self.collocation(times)
         if len(self._ends) < 3:
             return cubic
         quintic = _hermite(self._ends, times)
         problem = self.problem
         limit = 10 * (problem.absolute + problem.relative * np.abs(after.state))
         return np.where((np.abs(quintic - cubic) <= limit) & np.isfinite(limit), quintic, cubic)
+
+    def collocation(self, times: Any) -> Any:
+        """The collocation polynomial of the last step; shape (times, n).
+
+        Its integral is what the step adds to a state: what is summed up along it agrees with the states, stiff parts included.
+        """
+        before, after = self._ends[-2:]
+        s = (np.asarray(times) - before.time) / (after.time - before.time)
+        value: Any = before.state + (np.stack([s, s**2, s**3]).T @ P.T) @ self._stages
+        return value
 
     # ------------------------------------------------------------ the step
     def _function(self, time: float, state: Any) -> Any:

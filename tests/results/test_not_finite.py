@@ -27,7 +27,7 @@ def test_a_loop_without_a_solution_is_told_with_its_members() -> None:
     model = bondgraph.load(text)
     assert model.simulate(to=1.0, points=2).final("i") == pytest.approx(1.2, rel=1e-14)
     with pytest.raises(RunFailed, match=r"at t = 0 s `i` is not finite: .*(`q`|`t`|`a`)"):
-        model.simulate(to=1.0, points=2, settings={"r": "-3 ohm"})
+        model.simulate(to=1.0, points=2, settings={"r": "-3 ohm + 1 ohm*time/1 s"})
 
 
 @pytest.mark.parametrize("text", ["5 foo", "5 kg", "5 )", "soon", "", "-1 s", "1 s + 1 s"])
@@ -66,5 +66,5 @@ def test_a_law_that_is_zero_and_read(law: str) -> None:
 
 def test_a_law_that_is_zero_where_it_cannot_be_is_named() -> None:
     text = "plain model M {\n  parameter w = 0\n  0 j\n  Se s : e = 1\n  R a : e = w*f\n  s -> j -> a\n  output y = a.f\n}\n"
-    with pytest.raises(bondgraph.CompilationFailed, match="BG301: `a` must decide the effort"):
+    with pytest.raises(bondgraph.CompilationFailed, match=r"BG301: The 0-junction `j` takes its effort.*`a`"):
         bondgraph.load(text).simulate(to=1.0)

@@ -43,7 +43,7 @@ def _solve(count, *entries):
     matrix = matrix / rows
     columns = np.abs(matrix).max(axis=-2, keepdims=True)
     matrix = matrix / columns
-    # The second right side has the solution 1 … 1: how well that is found tells how nearly singular the matrix is.
+    # The other right side has the solution 1 … 1: how well that is found tells how nearly singular the matrix is.
     rights = np.stack([entries[..., count * count :] / rows[..., 0], matrix.sum(axis=-1)], axis=-1)
     try:
         solution = np.linalg.solve(matrix, rights)
