@@ -381,9 +381,11 @@ class Connector:
             if side in ("inside", "outside") and len(sides) < 2 and not self.elaborator.part:
                 where = "inside its model" if side == "outside" else "outside"
                 hint = "Connect it on both sides; a port that is not needed is left out."
-                self.elaborator.tell(
-                    WrongConnection(segments[0].span, f"The port `{name}` is not connected {where}", hint)
-                )
+                inner = segments[0].span
+                place = self.elaborator.stands.get(name.rpartition(".")[0]) if side == "inside" else None
+                others = () if place is None else ((inner, "what waits for it inside"),)
+                what = f"The port `{name}` is not connected {where}"
+                self.elaborator.tell(WrongConnection(place or inner, what, hint, others))
             if side in ("single", "many") and len(sides) < 2:
                 hint = "A splitter passes every bond through: `name =>` on one side, `name.x` on the other."
                 self.elaborator.tell(
