@@ -142,17 +142,16 @@ def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because
 
 
 def _choices(strokes: Strokes) -> Iterator[Stroke]:
-    """All choices, what matters most first: wishes, storages, nonlinear laws, linear resistors, what is left."""
+    """All choices, what matters most first: wishes for storages, storages, wishes for others, nonlinear laws, linear
+    resistors, what is left. The wish of a resistor does not deny a storage its integral form: nothing might decide that then."""
     graph = strokes.graph
     elements = [(n, node) for n, node in enumerate(graph.nodes) if isinstance(node, Element)]
-    for number, node in sorted(elements, key=lambda item: _against(item[1])):
-        if node.prefer is not None:
-            wanted = [wants_effort(node, port, node.prefer) for port in range(len(node.ports))]
-            yield from _of_ports(strokes, number, wanted, Because.WISHED)
     storages = [(n, node) for n, node in elements if node.kind in STORAGES]
+    yield from _wishes(strokes, sorted(storages, key=lambda item: _against(item[1])))
     for number, node in sorted(storages, key=lambda item: _hardness(graph, item[1])):
         integral = [stored == "q" for stored in node.stored]  # a displacement gives the effort, a momentum the flow
         yield from _of_ports(strokes, number, integral, Because.INTEGRAL)
+    yield from _wishes(strokes, [(n, node) for n, node in elements if node.kind not in STORAGES])
     resistors = [(n, node) for n, node in elements if node.kind is Kind.RESISTOR]
     yield from (s for n, node in resistors if not is_linear(node) for s in _as_written(strokes, n, node))
     for wish in resistor_wishes(graph):
@@ -160,6 +159,13 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
     yield from (s for n, node in resistors if is_linear(node) for s in _as_written(strokes, n, node))
     for number, bond in enumerate(graph.bonds):
         yield Stroke(number, bond.tail, True, Reason(Because.FREE, bond.tail.node))
+
+
+def _wishes(strokes: Strokes, elements: list[tuple[int, Element]]) -> Iterator[Stroke]:
+    for number, node in elements:
+        if node.prefer is not None:
+            wanted = [wants_effort(node, port, node.prefer) for port in range(len(node.ports))]
+            yield from _of_ports(strokes, number, wanted, Because.WISHED)
 
 
 def _against(node: Element) -> int:

@@ -109,10 +109,12 @@ def _element(name: str, kind: str, prefer: str | None) -> Element:
 
 
 class Best(NamedTuple):
-    """The most wishes that any strokes fulfil, and with these the most storages in integral form."""
+    """The most wishes for storages that any strokes fulfil, with these the most storages in integral form, with these the most
+    wishes for resistors."""
 
     wishes: int
     integral: int
+    others: int
 
 
 def best_of(small: Small, wishes: dict[tuple[int, int], str] | None = None) -> Best | None:
@@ -136,7 +138,7 @@ def best_of(small: Small, wishes: dict[tuple[int, int], str] | None = None) -> B
 
 def _value(small: Small, decided: list[int], wishes: dict[tuple[int, int], str]) -> Best | None:
     """What one-ports can do best at junctions that links have decided so many times."""
-    total = Best(0, 0)
+    total = Best(0, 0, 0)
     for number, count in enumerate(decided):
         options = []
         for places in [()] if count == 1 else [(p,) for p in range(len(small.leaves[number]))] if count == 0 else []:
@@ -146,13 +148,13 @@ def _value(small: Small, decided: list[int], wishes: dict[tuple[int, int], str])
         if not options:
             return None
         best = max(options)
-        total = Best(total.wishes + best.wishes, total.integral + best.integral)
+        total = Best(*(a + b for a, b in zip(total, best, strict=True)))
     return total
 
 
 def _one_ports(small: Small, number: int, deciding: tuple[int, ...], wishes: dict[tuple[int, int], str]) -> Best | None:
     """The value of one junction if these of its one-ports decide it; None if a source does not let them."""
-    fulfilled = integral = 0
+    fulfilled = integral = others = 0
     for place, kind in enumerate(small.leaves[number]):
         effort = (place in deciding) is (small.types[number] == "0")
         if kind in ("Se", "Sf") and effort is not (kind == "Se"):
@@ -162,5 +164,6 @@ def _one_ports(small: Small, number: int, deciding: tuple[int, ...], wishes: dic
         wish = wishes.get((number, place))
         if wish is not None:
             wanted = wish == "effort" if wish in ("effort", "flow") else (wish == "integral") is (kind == "C")
-            fulfilled += effort is wanted
-    return Best(fulfilled, integral)
+            fulfilled += kind in "CI" and effort is wanted
+            others += kind not in "CI" and effort is wanted
+    return Best(fulfilled, integral, others)

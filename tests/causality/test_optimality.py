@@ -31,7 +31,7 @@ def strokes_of(graph: BondGraph) -> CausalGraph | None:
 def value_of(causal: CausalGraph) -> Best:
     """Wishes fulfilled and storages in integral form; the rules are checked on the way."""
     graph = causal.graph
-    fulfilled = integral = 0
+    fulfilled = integral = others = 0
     for number, node in enumerate(graph.nodes):
         efforts = [causal.decides_effort(b, number) for b in graph.incident[number]]
         if isinstance(node, Junction):
@@ -47,11 +47,11 @@ def value_of(causal: CausalGraph) -> Best:
                 assert efforts == [node.kind is Kind.EFFORT_SOURCE]
             case Kind.CAPACITOR | Kind.INERTIA:
                 integral += efforts == [node.kind is Kind.CAPACITOR]
-        if node.prefer in ("effort", "flow"):
-            fulfilled += efforts == [node.prefer == "effort"]
+        if node.prefer in ("effort", "flow"):  # only resistors say it so here
+            others += efforts == [node.prefer == "effort"]
         elif node.prefer is not None:
             fulfilled += efforts == [(node.prefer == "integral") is (node.kind is Kind.CAPACITOR)]
-    return Best(fulfilled, integral)
+    return Best(fulfilled, integral, others)
 
 
 @pytest.mark.parametrize("size", range(2, SIZE + 1))
@@ -83,7 +83,7 @@ def a_graph(rng: random.Random, junctions: int) -> Small:
 
 
 def test_larger_graphs_with_wishes() -> None:
-    """Wishes count before storages, each class by its number."""
+    """Wishes for storages count before storages, those before wishes for resistors, each class by its number."""
     rng, counts = random.Random(5), Counter[str]()
     for _ in range(300):
         small = a_graph(rng, rng.randrange(3, 8))
