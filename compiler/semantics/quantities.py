@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..algebra.expression import ZERO, Number, select
+from ..algebra.expression import ZERO, Number, select, substitute, symbols
 from ..algebra.formula import Bound, Formula
 from ..graph.network import Integral, Named, Quantity
 from ..graph.units import ONE, SECOND, Dimension
@@ -314,7 +314,7 @@ class QuantityResolver(Resolver):
                     )
                 bound = self.bind(template, template.formulas[0], self.root)
         value = self.value_of(bound, span) if role in ("parameter", "constant") else None
-        if role == "constant" and value is not None and all(isinstance(a, float) for a in bound.arguments):
+        if role == "constant" and value is not None and _reads_nothing(bound):
             return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
         self.quantities[name] = Named(
             name, role, str(dimension or ONE), bound, value, pending.item.span, pending.item.description or ""
@@ -324,3 +324,11 @@ class QuantityResolver(Resolver):
 
 def _constant(value: float) -> Formula:
     return Formula(0, Number(value))
+
+
+def _reads_nothing(bound: Bound) -> bool:
+    """Whether only numbers are left of it: `a*sin(0)` does not read `a`, as a text of the graph would not."""
+    if all(isinstance(a, float) for a in bound.arguments):
+        return True
+    arguments = [Number(a) if isinstance(a, float) else None for a in bound.arguments]
+    return not any(symbols(substitute(bound.formula.expression, lambda s: arguments[s.key] or s)))

@@ -119,7 +119,8 @@ def _part_names(mechanism: Mechanism, names: Names, always: set[str]) -> None:
 
 def _blocked_letters(graph: BondGraph, elements: Sequence[Element], plain: bool) -> set[str]:
     """Letters that no quantity may have: a law could not name its own variable otherwise, or would not tell its domain."""
-    read = {n for n, q in graph.quantities.items() if q.role != "output"}
+    # An output that an experiment does not report is written as a signal, which a law could read.
+    read = {n for n, q in graph.quantities.items() if q.role != "output" or n not in graph.outputs}
     blocked: set[str] = set()
     for element in elements:
         if element.kind in TWO_SIDED:

@@ -128,3 +128,21 @@ def test_a_singular_member_spoils_no_other() -> None:
         found = module._solve(2, *np.array([regular, singular, regular]).T)
     assert found[:, 0].tolist() == found[:, 2].tolist() == pytest.approx([1.0, 2.0])
     assert not np.isfinite(found[:, 1]).any()
+
+
+def test_units_of_unknowns_make_no_loop_singular() -> None:
+    """A voltage beside currents, in volts or in any other unit: the solution is the same, and what is singular stays so."""
+    module = load_module("solve", compiled(OSCILLATOR).program.source)
+    matrix = np.array([[1.0179, -561.1, 0.0], [1.788e-3, 1.0, -1.0], [0.0, 0.255, 1.0005]])
+    singular = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [5.0, 7.0, 9.0]])
+    solution = np.array([3.0, -0.25, 7.0])
+    for rows, columns in (([1e-18, 1.0, 1.0], [1e18, 1.0, 1.0]), ([1e9, 1e-7, 1e12], [1e-9, 1e5, 1e-12])):
+        scale = np.array(rows)[:, None] * np.array(columns)
+        right = (matrix @ solution) * rows
+        with np.errstate(all="ignore"):
+            found = module._solve(3, *(matrix * scale).ravel(), *right)
+            none = module._solve(3, *(singular * scale).ravel(), *right)
+            both = module._solve(3, *np.array([[*(m * scale).ravel(), *right] for m in (singular, matrix)]).T)
+        np.testing.assert_allclose(found * columns, solution, rtol=1e-12)
+        assert not np.isfinite(none).any() and not np.isfinite(both[:, 0]).any()
+        assert both[:, 1].tolist() == found.tolist()

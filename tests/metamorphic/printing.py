@@ -97,6 +97,8 @@ def expression(node: Any) -> str:
             return number(node.number) + ("" if node.unit is None else f" [{unit_text(node.unit)}]")
         case tree.Path():
             return path_text(node)
+        case tree.Text():
+            return f'"{node.value}"'
         case tree.Call():
             return f"{node.function}({', '.join(map(expression, node.arguments))})"
         case tree.Vector():

@@ -190,7 +190,7 @@ class Place:
                 return replace(node, terms=tuple((s, self.value(t, own)) for s, t in node.terms))
             case tree.Product():
                 return replace(node, factors=tuple((s, self.value(f, own)) for s, f in node.factors))
-            case tree.Literal() | None:
+            case tree.Literal() | tree.Text() | None:
                 return node
             case tree.Index() | tree.Vector():
                 return replace(node, items=self.value(node.items, own))
@@ -252,6 +252,8 @@ class Place:
                 return replace(node, places=tuple(tuple(map(self._bonded, g)) for g in node.places))
             case tree.Setting():
                 return replace(node, value=self.value(node.value))
+            case tree.Requirement():
+                return replace(node, condition=self.value(node.condition))
             case tree.Loop():
                 return replace(
                     node,

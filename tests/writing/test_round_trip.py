@@ -387,6 +387,43 @@ def test_what_an_experiment_sets_and_reports() -> None:
     assert "  signal unused: N = c.F\n" in flat
 
 
+def test_an_output_that_is_not_reported_leaves_no_letter_to_a_law() -> None:
+    """It is written as a signal: `v` is no longer the law's, so `f` must be, and the parameter of that name gives way."""
+    model = bondgraph.load("""
+      model M {
+        parameter f = 9 Hz, r = 2 [N*s/m]
+        input push = 0 N
+        MSe s : F = push
+        I m : p = 3 kg*v
+        R loss : F = r*v
+        s -> 1(m, loss)
+        output v = m.v, out = 2*m.v
+        experiment run { set push = 1 N*sin(2*pi*f*time); simulate 0 .. 1 s; report out }
+      }
+    """)
+    original = model.compilation(model.scene(), everything=True)
+    flat = write_text(original.whole_graph)
+    assert "  parameter f_2: 1/s = 9  # f\n" in flat and "  R loss : F = r*f\n" in flat
+    reread = bondgraph.load(flat).compilation(everything=True)
+    Same(original.whole_graph, reread.whole_graph).check()
+    same_motion(original, reread)
+
+
+def test_constants_of_which_only_a_number_is_left() -> None:
+    """What `a*sin(0)` leaves reads nothing: in the graph it is the number that it is in the text."""
+    flat = there_and_back("""
+      model M {
+        parameter a = 2 m
+        for i in 1..2 {
+          constant foot = polar(a, 90 deg*(i - 1))
+          input x[i] = 1 m
+          output y[i] = x[i] - foot[2]
+        }
+      }
+    """)
+    assert "foot_1_2" not in flat and "  output y[1]: m = x[1]\n" in flat and "y[2]: m = x[2] - foot_2_2\n" in flat
+
+
 def test_what_is_set_from_outside_can_still_be_set() -> None:
     flat = bondgraph.load(write_text(bondgraph.load(MODELS / "manipulator.bg").compilation().whole_graph))
     original = bondgraph.load(MODELS / "manipulator.bg")

@@ -35,25 +35,43 @@ def _pack(values, shape, batch):
     return np.moveaxis(packed.T, range(-1, -len(shape) - 1, -1), range(-len(shape), 0))
 
 
-def _solve(count, *entries):
-    """The solution of a linear system; the matrix by rows, then the right side. Without one solution it is not a number."""
-    entries = np.array(np.broadcast_arrays(*entries), dtype=float).T
-    matrix = entries[..., : count * count].reshape(*entries.shape[:-1], count, count)
+def _solution(matrix, right):
+    """The solution of a linear system, and how far that of 1 … 1 is missed."""
     rows = np.abs(matrix).max(axis=-1, keepdims=True)
     matrix = matrix / rows
     columns = np.abs(matrix).max(axis=-2, keepdims=True)
     matrix = matrix / columns
     # The other right side has the solution 1 … 1: how well that is found tells how nearly singular the matrix is.
-    rights = np.stack([entries[..., count * count :] / rows[..., 0], matrix.sum(axis=-1)], axis=-1)
+    rights = np.stack([right / rows[..., 0], matrix.sum(axis=-1)], axis=-1)
     try:
         solution = np.linalg.solve(matrix, rights)
     except np.linalg.LinAlgError:  # one of a batch at least has no solution: the others keep theirs
         solution = np.full(rights.shape, np.nan)
         for index in np.ndindex(*matrix.shape[:-2]):
-            if np.isfinite(matrix[index]).all() and np.linalg.matrix_rank(matrix[index]) == count:
+            if np.isfinite(matrix[index]).all() and np.linalg.matrix_rank(matrix[index]) == len(matrix[index]):
                 solution[index] = np.linalg.solve(matrix[index], rights[index])
-    sound = np.abs(solution[..., 1] - 1).max(axis=-1, keepdims=True) < 1e-3
-    return np.where(sound, solution[..., 0] / columns[..., 0, :], np.nan).T
+    return solution[..., 0] / columns[..., 0, :], np.abs(solution[..., 1] - 1).max(axis=-1, keepdims=True)
+
+
+def _solve(count, *entries):
+    """The solution of a linear system; the matrix by rows, then the right side. Without one solution it is not a number."""
+    entries = np.array(np.broadcast_arrays(*entries), dtype=float).T
+    matrix = entries[..., : count * count].reshape(*entries.shape[:-1], count, count)
+    right = entries[..., count * count :]
+    solution, missed = _solution(matrix, right)
+    if not (missed < 1e-11).all():
+        # Unknowns of several units may make it look singular: means of magnitudes bring it to a scale without units.
+        present = matrix != 0
+        logarithms = np.log2(np.where(present, np.abs(matrix), 1.0))
+        columns = np.zeros((*matrix.shape[:-2], 1, count))
+        for _ in range(12):
+            rows = np.where(present, logarithms - columns, 0.0).sum(-1, keepdims=True) / present.sum(-1, keepdims=True)
+            columns = np.where(present, logarithms - rows, 0.0).sum(-2, keepdims=True) / present.sum(-2, keepdims=True)
+        rows, columns = 2.0 ** np.rint(rows), 2.0 ** np.rint(columns)
+        other, better = _solution(matrix / rows / columns, right / rows[..., 0])
+        closer = ~(missed < 1e-11) & ~(better > missed)
+        solution, missed = np.where(closer, other / columns[..., 0, :], solution), np.where(closer, better, missed)
+    return np.where(missed < 1e-3, solution, np.nan).T
 '''
 
 TABLES = '''def _points(values):
