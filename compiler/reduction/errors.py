@@ -13,7 +13,10 @@ class SingularLoop(Diagnostic):
 
     code = "BG502"
     title = "The algebraic loop through {members} has no unique solution"
-    advice = "Nothing in it decides its flow: it has no loss and no storage, or they add up to nothing. Put a resistor or a storage into it."
+    advice = (
+        "Nothing in it decides its flow or its effort: no loss, no storage, or they add up to nothing, or no node has a potential. "
+        "Put a resistor or a storage into it; a circuit that floats needs an earth, `Se earth : u = 0 V`."
+    )
     members: str
 
 
