@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.network import Element, Junction, Kind
     from compiler.graph.units import SECOND
+    from compiler.memory import uncollected
     from compiler.reduction.certificate import Certificate
     from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
@@ -48,7 +49,7 @@ _HOMES = {
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "read_text": "source",
-    "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
+    "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
@@ -61,7 +62,7 @@ __all__ = [
     "LinearLoop", "Literal", "Override", "Path", "Plan", "PowerPort", "Program", "Reported", "Scene", "Source", "Span", "StateSpace",
     "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "blocks", "bond_lines", "braces", "check_source", "dependences",
     "depends_on", "derivative", "evaluate", "examine", "format_text", "number_text", "parse_expression", "parse_law", "read_text",
-    "read_unit", "render", "scale_of", "to_sympy", "write_text",
+    "read_unit", "render", "scale_of", "to_sympy", "uncollected", "write_text",
 ]  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from .door import (
     examine,
     parse_expression,
     read_text,
+    uncollected,
     write_text,
 )
 from .errors import UsageError
@@ -143,7 +144,8 @@ class Model:
         """
         from .views.equations import state_equations
 
-        return state_equations(self._with_inputs().state_space)
+        with uncollected():
+            return state_equations(self._with_inputs().state_space)
 
     def algebraic_equations(self) -> Any:
         """The equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""

@@ -45,7 +45,8 @@ class Compilation:
 
     @cached_property
     def _built(self) -> tuple[BondGraph, Plan]:
-        built = build_graph(self.tree, self.scene, self.library)
+        with uncollected():
+            built = build_graph(self.tree, self.scene, self.library)
         return built.graph, built.plan
 
     @property
@@ -102,7 +103,8 @@ class Compilation:
         from .codegen.numpy import generate_program
 
         try:
-            return generate_program(self.lowered)
+            with uncollected():
+                return generate_program(self.lowered)
         except RecursionError:
             raise CompilationFailed([_too_long(self.tree)]) from None
 
@@ -110,7 +112,8 @@ class Compilation:
     def _instances(self) -> Iterator[None]:
         """What is wrong inside an instance is told with the line where the instance stands: the part may be another's."""
         try:
-            yield
+            with uncollected():
+                yield
         except CompilationFailed as failed:
             stands = self.whole_graph.stands
             raise CompilationFailed([standing(item, stands) for item in failed.diagnostics]) from None
