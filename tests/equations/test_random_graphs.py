@@ -67,6 +67,8 @@ def test_many_more() -> None:
     wrong = {}
     for number in range(MORE):
         example = example_of(ManyChoices(f"{SEED}/{number}"))
+        if not example.flat.network.bonds:  # a graph without a bond says nothing, as above
+            continue
         try:
             with _no_hanging():
                 check_example(example)
