@@ -1,38 +1,64 @@
-"""A mechanism as it was drawn: bodies and joints placed in one world frame, in the reference configuration."""
+"""A mechanism as it was drawn: bodies and joints placed in one world frame, in the reference configuration.
+
+Vectors have three components (m, in world axes); those of a planar mechanism have z = 0 and turn about (0, 0, 1).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..algebra.formula import Bound
+from ..algebra.expression import ONE, ZERO
+from ..algebra.formula import Bound, Formula
 from ..source import Span
 
 GROUND = "ground"
+NOTHING = Bound(Formula(0, ZERO), ())
+UNITY = Bound(Formula(0, ONE), ())
+
+Vector = tuple[Bound, Bound, Bound]
+ORIGIN: Vector = (NOTHING, NOTHING, NOTHING)
+UPRIGHT: Vector = (NOTHING, NOTHING, UNITY)  # the axis about which everything planar turns
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """About the centre of mass, in the body's own axes (kg m^2). A planar body has `zz` alone."""
+
+    xx: Bound = NOTHING
+    yy: Bound = NOTHING
+    zz: Bound = NOTHING
+    xy: Bound = NOTHING
+    xz: Bound = NOTHING
+    yz: Bound = NOTHING
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A planar rigid body: mass (kg), inertia about its centre of mass (kg m^2), where that centre is (m) and its angle."""
+    """A rigid body: mass (kg), inertia, where its centre of mass is, and how its own axes are turned in the reference.
+
+    `turn` is a rotation vector (rad); in the plane its z is the angle.
+    """
 
     name: str
     mass: Bound
-    inertia: Bound
-    position: tuple[Bound, Bound]
-    angle: Bound
+    inertia: Inertia
+    position: Vector
+    turn: Vector
     starts: Mapping[str, Bound]  # "x", "x.f", …: the pose and its rate
     span: Span
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A point that is fixed to a body."""
+    """A point that is fixed to a body. `axes`: world or body, in which its port and its starts are."""
 
     name: str
     body: str
-    position: tuple[Bound, Bound]
+    position: Vector
     span: Span
     starts: Mapping[str, Bound] = field(default_factory=dict)
+    axes: str = "world"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,31 +66,56 @@ class Joint:
     """What two bodies leave each other: `second` seen from `first`, in a frame given in the reference configuration."""
 
     name: str
-    kind: str  # slide, hinge, free or weld
+    kind: str  # a key of FREEDOMS
     first: str
-    second: str
-    position: tuple[Bound, Bound]
-    angle: Bound
-    axes: str  # from, to or middle: in whose axes a free joint measures
+    second: str  # bodies, frames or ground; of a gear or rack: joints
+    position: Vector
+    axis: Vector  # of slide, hinge, cylinder, screw, universal (its first); need not be of length 1
+    turn: Vector  # of a free or planar joint: how its axes are turned, a rotation vector (rad)
     starts: Mapping[str, Bound]
     span: Span
+    axes: str = "from"  # from, to, middle or world: in whose axes a free joint measures
+    other_axis: Vector = ORIGIN  # the second of a universal joint
+    ratio: Bound = NOTHING  # gear: turn of the second by that of the first; rack: m by rad; screw: m by turn (2 pi)
+    rest: Mapping[str, Bound] = field(default_factory=dict)  # what a coordinate reads in the reference, if not zero
+    locked: bool = False  # it leaves nothing in this run
+    planar: bool = True  # whether it stands in a planar mechanism
 
     @property
     def freedoms(self) -> tuple[str, ...]:
         """The names of its coordinates."""
-        return FREEDOMS[self.kind]
+        return FREEDOMS[self.kind] if self.planar or self.kind != "free" else POSE
 
 
-FREEDOMS: Mapping[str, tuple[str, ...]] = {"slide": ("x",), "hinge": ("phi",), "free": ("x", "y", "phi"), "weld": ()}
+POSE = ("x", "y", "z", "rx", "ry", "rz")  # of a body in space
+PLANAR_POSE = ("x", "y", "phi")
+
+# The freedoms that each kind leaves. A distance measures and a rod, a gear or a rack only ties.
+FREEDOMS: Mapping[str, tuple[str, ...]] = {
+    "slide": ("x",),
+    "hinge": ("phi",),
+    "free": PLANAR_POSE,
+    "weld": (),
+    "cylinder": ("x", "phi"),
+    "screw": ("phi",),
+    "planar": PLANAR_POSE,
+    "universal": ("phi1", "phi2"),
+    "ball": ("rx", "ry", "rz"),
+    "distance": ("d",),
+    "rod": (),
+    "gear": (),
+    "rack": (),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A planar mechanism."""
+    """Bodies and joints, in the plane or in space."""
 
     name: str
     bodies: tuple[Body, ...]
     frames: tuple[Frame, ...]
     joints: tuple[Joint, ...]
-    gravity: tuple[Bound, Bound]
+    gravity: Vector
     span: Span
+    planar: bool = True

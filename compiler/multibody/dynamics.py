@@ -15,6 +15,7 @@ from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, cal
 from ..algebra.formula import Bound
 from ..errors import Diagnostic
 from ..graph.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from ..graph.mechanism import Vector as Place
 from ..source import Span
 from .errors import NothingMoves
 from .starts import claim_starts, claimed_parts
@@ -193,11 +194,11 @@ class _Dynamics:
         arm = self.rotated(turn, (at[0] - parent_at[0], at[1] - parent_at[1]), f"{body.name}.arm")
         return self._carried(body.name, arm, at, parent, turn, spin)
 
-    def _point(self, position: tuple[Bound, Bound], name: str) -> Vector:
+    def _point(self, position: Place, name: str) -> Vector:
         return self.geometry(position[0], f"{name}.x"), self.geometry(position[1], f"{name}.y")
 
     def _free_body(self, body: Body, at: Vector) -> _State:
-        angle = self.geometry(body.angle, f"{body.name} angle")
+        angle = self.geometry(body.turn[2], f"{body.name} angle")
         poses, rates = [], []
         for letter, reference, rate_letter, unit in (
             ("x", at[0], "v", ("m", "m/s")),
@@ -239,7 +240,7 @@ class _Dynamics:
     ) -> _State:
         joint, name = link.joint, link.body.name
         assert joint is not None
-        u = self.direction(self.builder.folded(joint.angle), f"{joint.name}.along")
+        u = self.direction(self.builder.folded(joint.turn[2]), f"{joint.name}.along")
         sign = Number(-1.0 if link.reversed else 1.0)
         q, rate = self._coordinate(f"{joint.name}.x", "v", joint, ZERO, ("m", "m/s"))
         d = self.rotated(turn, u, f"{joint.name}.axis")
@@ -319,7 +320,7 @@ class _Dynamics:
     def _body_port(self, body: Body, state: _State) -> None:
         if not self._is_used(body.name):
             return
-        angle = self.geometry(body.angle, f"{body.name} angle")
+        angle = self.geometry(body.turn[2], f"{body.name} angle")
         poses = (state.position[0], state.position[1], self.let(f"{body.name}.phi", angle + state.turn, "1"))
         self._pose_ports(body.name, poses, (*state.velocity, state.spin), (*state.shift, state.turn))
         for i, letter in ((1, "x"), (2, "y"), (0, "phi")):
@@ -393,7 +394,7 @@ class _Dynamics:
         share = {"from": ZERO, "middle": HALF, "to": ONE}[joint.axes]  # whose turn the axes follow
         axes_turn = add(multiply(ONE - share, turns[0]), multiply(share, turns[1]))
         axes_spin = add(multiply(ONE - share, spins[0]), multiply(share, spins[1]))
-        c, s = self.direction(self.builder.folded(joint.angle) + axes_turn, f"{name}.axes")
+        c, s = self.direction(self.builder.folded(joint.turn[2]) + axes_turn, f"{name}.axes")
         slip = (
             velocities[1][0] - velocities[0][0] + axes_spin * gap[1],
             velocities[1][1] - velocities[0][1] - axes_spin * gap[0],
@@ -447,7 +448,7 @@ class _Dynamics:
         bias: list[Wrench] = []
         for link, state in zip(self.links, self.bodies, strict=True):
             mass = self.geometry(link.body.mass, f"{link.body.name} mass")
-            turning = self.geometry(link.body.inertia, f"{link.body.name} inertia")
+            turning = self.geometry(link.body.inertia.zz, f"{link.body.name} inertia")
             inertia.append([[turning, ZERO, ZERO], [ZERO, mass, ZERO], [ZERO, ZERO, mass]])
             bias.append([self.let(f"{link.body.name}.load{i}", negate(f)) for i, f in enumerate(state.force)])
         steps: list[list[tuple[Wrench, Expression, Expression]]] = [[] for _ in range(count)]
@@ -534,7 +535,7 @@ class _Dynamics:
         g = self.builder.folded(self.mechanism.gravity[0]), self.builder.folded(self.mechanism.gravity[1])
         terms = []
         for link, state in zip(self.links, self.bodies, strict=True):
-            mass, turning = (self.builder.folded(b) for b in (link.body.mass, link.body.inertia))
+            mass, turning = (self.builder.folded(b) for b in (link.body.mass, link.body.inertia.zz))
             vx, vy = state.velocity
             terms += [HALF * mass * (vx * vx + vy * vy), HALF * turning * state.spin * state.spin]
             terms.append(negate(mass * (g[0] * state.position[0] + g[1] * state.position[1])))

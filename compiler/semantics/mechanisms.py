@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..algebra.expression import ZERO
+from ..algebra.expression import call
 from ..algebra.formula import Bound, Formula
 from ..graph.domains import BUNDLES, DOMAINS, Domain
-from ..graph.mechanism import FREEDOMS, GROUND, Body, Frame, Joint, Mechanism
+from ..graph.mechanism import FREEDOMS, GROUND, NOTHING, ORIGIN, UPRIGHT, Body, Frame, Inertia, Joint, Mechanism, Vector
 from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
 from ..syntax import tree
 from .errors import (
@@ -39,8 +39,6 @@ ATTRIBUTES = {
     "free": ("at", "angle", "along", "axes", "start"),
     "weld": ("at", "angle"),
 }
-NONE = Bound(Formula(0, ZERO), ())
-POINT = (NONE, NONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +148,7 @@ def build_mechanism(
             frames.append(found)
         elif isinstance(found, Joint):
             joints.append(found)
-    gravity = POINT
+    gravity = ORIGIN
     for setting in _settings(statement.statements):
         if setting.name != "gravity":
             hint = suggestion(setting.name, ["gravity"], "A setting of a mechanism is `gravity = (x, y)`.")
@@ -185,14 +183,14 @@ class _Attributes:
     def scalar(self, name: str, dimension: Dimension) -> Bound:
         attribute = self.given.get(name)
         if attribute is None:
-            return NONE
+            return NOTHING
         (bound,) = static_bounds(self.elaborator, attribute.value, self.part.scope, dimension, f"`{name}`", 1)
         return bound
 
-    def point(self, name: str) -> tuple[Bound, Bound]:
+    def point(self, name: str) -> Vector:
         attribute = self.given.get(name)
         if attribute is None:
-            return POINT
+            return ORIGIN
         return _vector(self.elaborator, attribute.value, self.part.scope, METRE, f"`{name}`")
 
     def start_values(self) -> Mapping[str, Bound]:
@@ -215,11 +213,9 @@ class _Attributes:
         return result
 
 
-def _vector(
-    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str
-) -> tuple[Bound, Bound]:
+def _vector(elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str) -> Vector:
     x, y = static_bounds(elaborator, value, scope, dimension, what, 2)
-    return x, y
+    return x, y, NOTHING
 
 
 def static_bounds(
@@ -271,7 +267,8 @@ def _read_part(
                         "Masses and inertias are zero or positive.",
                     )
                 )
-        return Body(name, mass, inertia, reader.point("at"), reader.scalar("angle", ONE), reader.start_values(), span)
+        turn = (NOTHING, NOTHING, reader.scalar("angle", ONE))
+        return Body(name, mass, Inertia(zz=inertia), reader.point("at"), turn, reader.start_values(), span)
     if kind == "frame":
         if not isinstance(definition, tree.Path):
             raise Wrong(
@@ -301,9 +298,24 @@ def _read_part(
                 part.declaration.span, f"The slide `{name}` has no direction", "Give it: `{ along = 90 deg }`."
             )
         )
+    axis = (_applied("cos", angle), _applied("sin", angle), NOTHING) if kind == "slide" else UPRIGHT
+    turn = (NOTHING, NOTHING, angle)
     return Joint(
-        name, kind, first, second, reader.point("at"), angle, _axes(elaborator, reader), reader.start_values(), span
+        name,
+        kind,
+        first,
+        second,
+        reader.point("at"),
+        axis,
+        turn,
+        reader.start_values(),
+        span,
+        _axes(elaborator, reader),
     )
+
+
+def _applied(function: str, bound: Bound) -> Bound:
+    return Bound(Formula(bound.formula.arity, call(function, bound.formula.expression)), bound.arguments)
 
 
 def _axes(elaborator: Elaborator, reader: _Attributes) -> str:

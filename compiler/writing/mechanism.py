@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from ..algebra.formula import Bound
 from ..graph.domains import DOMAINS
-from ..graph.mechanism import Body, Joint, Mechanism
+from ..graph.mechanism import Body, Joint, Mechanism, Vector
 from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
 from .literals import braces, former_name
 from .names import Names
@@ -41,12 +41,12 @@ NOWHERE = "(0, 0)"  # the default of a point
 
 
 def _body(body: Body, text: BoundText) -> Iterator[str]:
-    for word, bound, dimension in (("mass", body.mass, KILOGRAM), ("inertia", body.inertia, KILOGRAM * METRE**2)):
+    for word, bound, dimension in (("mass", body.mass, KILOGRAM), ("inertia", body.inertia.zz, KILOGRAM * METRE**2)):
         value = text(bound, dimension)
         if value != "0":
             yield f"{word} = {value}"
     yield from _at(body.position, text)
-    angle = text(body.angle, ONE)
+    angle = text(body.turn[2], ONE)
     if angle != "0":
         yield f"angle = {angle}"
     yield from _starts(body.starts, text)
@@ -54,7 +54,7 @@ def _body(body: Body, text: BoundText) -> Iterator[str]:
 
 def _joint(joint: Joint, text: BoundText) -> Iterator[str]:
     yield from _at(joint.position, text)
-    angle = text(joint.angle, ONE)
+    angle = text(joint.turn[2], ONE)
     if joint.kind == "slide" or angle != "0":
         yield f"{'along' if joint.kind == 'slide' else 'angle'} = {angle}"
     if joint.axes != "from":
@@ -62,14 +62,14 @@ def _joint(joint: Joint, text: BoundText) -> Iterator[str]:
     yield from _starts(joint.starts, text)
 
 
-def _at(point: tuple[Bound, Bound], text: BoundText) -> Iterator[str]:
+def _at(point: Vector, text: BoundText) -> Iterator[str]:
     where = _point(point, METRE, text)
     if where != NOWHERE:
         yield f"at = {where}"
 
 
-def _point(point: tuple[Bound, Bound], dimension: Dimension, text: BoundText) -> str:
-    return f"({', '.join(text(b, dimension) for b in point)})"
+def _point(point: Vector, dimension: Dimension, text: BoundText) -> str:
+    return f"({', '.join(text(b, dimension) for b in point[:2])})"
 
 
 def _starts(starts: Mapping[str, Bound], text: BoundText) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from compiler.algebra.expression import Expression, Number, Symbol, substitute
 from compiler.algebra.formula import Bound
 from compiler.driver import Compilation
+from compiler.graph.mechanism import Body
 from compiler.graph.network import BondGraph, Element, End, Junction, MechanismNode, Own, Quantity, Reading
 
 
@@ -124,15 +126,20 @@ class Same:
     def mechanism(self, a: MechanismNode, b: MechanismNode) -> None:
         assert {self._port(a, p.name) for p in a.ports} == {p.name for p in b.ports}
         for x, y in zip(_parts(a), _parts(b), strict=True):
-            for field in ("mass", "inertia", "angle"):
-                self.bounds(getattr(x, field, None), getattr(y, field, None))
+            if isinstance(x, Body):
+                self.bounds(x.mass, y.mass)
+            vectors = [
+                (getattr(x, n), getattr(y, n)) for n in ("position", "turn", "axis", "other_axis") if hasattr(x, n)
+            ]
+            if isinstance(x, Body):
+                vectors.append(tuple(tuple(getattr(b.inertia, f.name) for f in fields(b.inertia)) for b in (x, y)))
+            for p, q in ((p, q) for mine, theirs in vectors for p, q in zip(mine, theirs, strict=True)):
+                self.bounds(p, q)
             for field in ("kind", "axes"):
                 assert getattr(x, field, None) == getattr(y, field, None)
             for field in ("body", "first", "second"):
                 mine = getattr(x, field, None)
                 assert self.parts.get((a.name, str(mine)), mine) == getattr(y, field, None)
-            for p, q in zip(x.position, y.position, strict=True):
-                self.bounds(p, q)
             starts = getattr(x, "starts", {}), getattr(y, "starts", {})
             assert starts[0].keys() == starts[1].keys()
             for key in starts[0]:
