@@ -193,6 +193,8 @@ def run(
         )
         for left in result.warnings:
             click.echo(f"warning: {left}", err=True)
+        for note in result.notes:
+            click.echo(f"note: {note}", err=True)
         if write is not None:
             write(result)
         if plot is not None:

@@ -106,7 +106,8 @@ class Result:
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report` says what the experiment shows, in
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
-    left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved. Raises
+    left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
+    `notes` what became known of the run on its way. Raises
     ValueError if the shapes do not fit.
     """
 
@@ -124,6 +125,7 @@ class Result:
     energy: EnergyBalance | None = None
     warnings: tuple[LimitLeft, ...] = ()
     certificate: Certificate | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -251,6 +253,7 @@ class Result:
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
                          elements: {name: {kind, stored, supplied, dissipated}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
+            notes        what became known of the run on its way: sentences
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
         """
@@ -270,6 +273,7 @@ class Result:
             "wall_time": _finite(self.wall_time),
         }
         told["warnings"] = [_warning_json(item) for item in self.warnings]
+        told["notes"] = list(self.notes)
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:

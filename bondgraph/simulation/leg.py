@@ -92,14 +92,16 @@ class Leg:
     def _magnitudes(self) -> Any:
         """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
         mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
-        result = nominal_magnitudes(
+        found = nominal_magnitudes(
             self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, self._choice()
         )
+        result, self.notes = found.values, () if found.note is None else (found.note,)
         if not self.needed.all():
             lean = self.lean.program
             constants = lean.constants(np.array(lean.defaults, dtype=float))
             start, _ = self._start(lean, self.lean)
-            result[self.needed] = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
+            lean_found = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
+            result[self.needed] = lean_found.values
         return result
 
     def _choice(self) -> Choice:

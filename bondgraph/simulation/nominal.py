@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,16 +35,40 @@ SHARE = 1e-2  # of the largest state of the same unit in the same array or mecha
 SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
 
 
+@dataclass(frozen=True, slots=True)
+class Magnitudes:
+    """`values`, shape (n,), in SI; the time at which the coarse run gave up, if it did; the states that it then knew nothing
+    of, which are measured by 1 SI."""
+
+    values: Any
+    stopped: float | None
+    unknown: tuple[str, ...]
+
+    @property
+    def note(self) -> str | None:
+        """What a user should know of them."""
+        if not self.unknown:
+            return None
+        names = ", ".join(f"`{n}`" for n in self.unknown[:6]) + ("…" if len(self.unknown) > 6 else "")
+        return (
+            f"how large {names} will be is not known: the first look ahead ended at t = {self.stopped:.6g} s; "
+            "the absolute tolerance there is rtol times 1 in SI units, unless the author gives `nominal`"
+        )
+
+
 def nominal_magnitudes(
     program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
     choice: Choice | None = None,
-) -> Any:  # fmt: skip
-    """A positive magnitude for every state and unknown, in SI; shape (n,). `mechanisms`: their names; `choice` says where
-    these states will be no longer the right ones."""
+) -> Magnitudes:  # fmt: skip
+    """A positive magnitude for every state and unknown. `mechanisms`: their names; `choice` says where these states will be
+    no longer the right ones."""
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.abs(state)
+    stopped = None
     if len(program.states.names):
-        peak = np.maximum(peak, _Coarse(program, constants, inputs, state).peak(stretches, choice))
+        coarse = _Coarse(program, constants, inputs, state)
+        peak = np.maximum(peak, coarse.peak(stretches, choice))
+        stopped = coarse.stopped
     result = np.where(given > 0, given, peak)
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
@@ -53,8 +78,10 @@ def nominal_magnitudes(
             result[same] = np.maximum(result[same], share * result[same].max(initial=0.0))
     bare = np.array([u in ("1", "1/s") for u in units], dtype=bool)
     result[bare] = np.maximum(result[bare], SMALLEST_ANGLE)
-    result[(result == 0) | ~np.isfinite(result)] = 1.0
-    return result
+    unknown = (result == 0) | ~np.isfinite(result)
+    result[unknown] = 1.0
+    names = (*program.states.names, *program.unknowns.names)
+    return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
 
 
 def _kind(name: str, mechanisms: Sequence[str]) -> str:
@@ -68,6 +95,7 @@ class _Coarse:
     def __init__(self, program: Program, constants: Any, inputs: Any, state: Any) -> None:
         self.program, self.constants, self.inputs = program, constants, inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
+        self.stopped: float | None = None  # where it gave up
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.rows, self.columns = program.pattern
         kind = sparse if is_large(len(state), len(self.rows)) else dense
@@ -93,6 +121,7 @@ class _Coarse:
                 if found is None:
                     size *= 0.25
                     if size < SMALLEST_STEP * whole:
+                        self.stopped = time
                         return self.largest
                     continue
                 time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
@@ -103,6 +132,9 @@ class _Coarse:
                     return self.largest
                 if reach is not None:
                     self.largest = np.maximum(self.largest, reach(found))
+            if time < stretch.stop:
+                self.stopped = time
+                break
         return self.largest
 
     def _sure_step(self, time: float, size: float, mode: Any) -> Any:

@@ -89,6 +89,7 @@ def simulate(
         model.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program),
         sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
         added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), compilation.certificate,
+        tuple(dict.fromkeys(note for leg in legs for note in leg.notes)),
     )  # fmt: skip
 
 

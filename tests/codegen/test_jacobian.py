@@ -46,7 +46,9 @@ def test_jacobian(path: Path, name: str, experiment: str | None) -> None:
     stop = compilation.plan.stop or 1.0
     stretches = segments(running.program, running.constants, 0.0, stop)
     with np.errstate(all="ignore"):
-        magnitude = nominal_magnitudes(running.program, (), running.constants, running.start, running.inputs, stretches)
+        magnitude = nominal_magnitudes(
+            running.program, (), running.constants, running.start, running.inputs, stretches
+        ).values
     angles = np.array([u == "1" for u in (*running.program.states.units, *running.program.unknowns.units)])
     magnitude = np.where(
         angles, np.minimum(magnitude, 1.0), magnitude

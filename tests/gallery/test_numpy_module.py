@@ -58,7 +58,7 @@ def sizes(path: Path, name: str) -> dict[str, tuple[float, float]]:
     inputs = inputs if stop is not None else np.full(len(inputs), 1e-9)
     stretches = segments(program, constants, 0.0, stop or 1.0)
     with np.errstate(all="ignore"):
-        magnitude = nominal_magnitudes(program, (), constants, start, inputs, stretches)
+        magnitude = nominal_magnitudes(program, (), constants, start, inputs, stretches).values
     return dict(zip(program.states.names, zip(start.tolist(), magnitude.tolist(), strict=True), strict=True))
 
 

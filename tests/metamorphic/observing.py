@@ -125,7 +125,7 @@ class Text:
     def magnitudes(self) -> Any:
         """Of the states, as a run would take them."""
         stretches = segments(self.program, self.constants, 0.0, self.horizon)
-        return nominal_magnitudes(self.program, (), self.constants, self.start, self.inputs, stretches)
+        return nominal_magnitudes(self.program, (), self.constants, self.start, self.inputs, stretches).values
 
     def at(self, times: Any, states: Any) -> tuple[Any, Any]:
         """Rates and outputs at instants and states; (samples, n) and (samples, m)."""

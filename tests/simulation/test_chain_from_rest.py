@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from bondgraph.simulation.nominal import nominal_magnitudes
 from bondgraph.simulation.segments import segments
 from tests.compiling import Running, compiled
@@ -26,8 +28,36 @@ def test_what_is_pulled_by_a_square_has_its_own_size() -> None:
     running = Running(compiled(TEXT))
     program = running.program
     stretches = segments(program, running.constants, 0.0, 12e-3)
-    found = nominal_magnitudes(program, (), running.constants, running.start, running.inputs, stretches)
+    found = nominal_magnitudes(program, (), running.constants, running.start, running.inputs, stretches).values
     size = dict(zip(program.states.names, found.tolist(), strict=True))
     x = 8e-20 / (2 * 2e-6**2)
     assert x < size["spring.x"] < 10 * x and x < size["plates.x"] < 10 * x
     assert 4e-14 < size["plates.q"] < 4e-13 and 1e-16 < size["mass.p"] < 1e-11
+
+
+GIVING_UP = """model TwoParts {
+  "The upper part cannot be followed beyond 10 ms; the lower one is moved only after that."
+  Se early : F = 1 N*sqrt(10 ms - time)/sqrt(1 s)
+  I first : p = 1 kg*v
+  early -> 1(first)
+  Se late : F = 1 N*step(time - 0.5 s)
+  I second : p = 1 kg*v
+  late -> 1(second, air)
+  R air : F = 1 [N*s/m]*v
+  output a = first.v, b = air.v
+}
+"""
+MOMENTUM, DISPLACEMENT = "I second : p = 1 kg*v", "C second : F = 1 [N/m]*x"
+
+
+def test_what_the_first_look_ahead_did_not_see_is_told() -> None:
+    """A momentum is supported by another of its unit; a displacement by none, and its measure is told to be a guess."""
+    for text, unknown in ((GIVING_UP, ()), (GIVING_UP.replace(MOMENTUM, DISPLACEMENT), ("second.x",))):
+        running = Running(compiled(text))
+        stretches = segments(running.program, running.constants, 0.0, 1.0)
+        with np.errstate(all="ignore"):
+            found = nominal_magnitudes(running.program, (), running.constants, running.start, running.inputs, stretches)
+        assert found.stopped is not None and abs(found.stopped - 10e-3) < 1e-4
+        assert found.unknown == unknown
+        assert (found.note is None) == (not unknown)
+        assert found.note is None or "`second.x`" in found.note
