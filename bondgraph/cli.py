@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|certificate|run|causality|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|certificate|run|explain|causality|show|equations|compile|fmt|new`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -97,6 +97,13 @@ def commands() -> None:
 
 _model = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
 _file = click.argument("file", metavar="FILE")
+_outputs = click.option(
+    "--output",
+    "outputs",
+    multiple=True,
+    metavar="NAME",
+    help="Only this output (several times: these); what they do not need is left out.",
+)
 _experiment = click.option(
     "-e", "--experiment", default="", metavar="NAME", help="Which experiment (`none` for none); the first if left out."
 )
@@ -158,6 +165,7 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @commands.command()
 @_file
 @_experiment
+@_outputs
 @_model
 @click.option(
     "--set",
@@ -179,7 +187,7 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
-    file: str, experiment: str, model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
+    file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
     atol: float | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
@@ -189,7 +197,14 @@ def run(
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
         chosen = _load(file, model)
         result = chosen.simulate(
-            None if experiment == "none" else experiment, dict(map(_setting, settings)), to, points, rtol, atol, energy
+            None if experiment == "none" else experiment,
+            dict(map(_setting, settings)),
+            to,
+            points,
+            rtol,
+            atol,
+            energy,
+            tuple(outputs) or None,
         )
         for left in result.warnings:
             click.echo(f"warning: {left}", err=True)
@@ -265,6 +280,23 @@ def causality(file: str, experiment: str, model: str | None, as_json: bool) -> N
         click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.text())
         if found.diagnostics:
             _stop(told(found.diagnostics), WRONG)
+
+
+@commands.command()
+@_file
+@_experiment
+@_outputs
+@_model
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-explanation/1).")
+def explain(file: str, experiment: str, outputs: Sequence[str], model: str | None, as_json: bool) -> None:
+    """Tell what a run leaves out and why, what remains, and what is expensive."""
+    with _told():
+        from .views.explanation import explain as explanation
+
+        chosen = _load(file, model)
+        scene = chosen.scene(None if experiment == "none" else experiment, outputs=tuple(outputs) or None)
+        found = explanation(chosen.compilation(scene))
+        click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.text())
 
 
 @commands.command()

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from compiler.algebra.expression import Symbol, depends_on, evaluate
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
+    from compiler.codegen.cost import Cost, cost
     from compiler.codegen.program import LimitNote, Program
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
@@ -53,14 +54,14 @@ _HOMES = {
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
-    "dependences": "causality", "EquationSystem": "equations.system", "blocks": "reduction.order",
+    "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip
 
 __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Certificate", "Compilation",
-    "CompilationFailed", "Dependence", "Diagnostic", "Element", "EquationSystem", "InternalError", "Junction", "Kind", "LimitNote",
+    "CompilationFailed", "Cost", "Dependence", "Diagnostic", "Element", "EquationSystem", "InternalError", "Junction", "Kind", "LimitNote",
     "LinearLoop", "Literal", "Override", "Path", "Plan", "PowerPort", "Program", "Reported", "Scene", "Source", "Span", "StateSpace",
-    "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "blocks", "bond_lines", "braces", "check_source", "dependences",
+    "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences",
     "depends_on", "derivative", "evaluate", "examine", "format_text", "number_text", "parse_expression", "parse_law", "read_text",
     "read_unit", "render", "scale_of", "to_sympy", "uncollected", "write_text",
 ]  # fmt: skip

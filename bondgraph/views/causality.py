@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from ..door import Because, Compilation, CompilationFailed, blocks, dependences, render
-from .tables import visible
+from .tables import columns, counted, visible
 
 if TYPE_CHECKING:
     from ..door import CausalGraph, Dependence, Diagnostic, EquationSystem, Span
@@ -86,21 +86,21 @@ class Explanation:
 
     def _lines(self) -> Iterator[str]:
         yield (
-            f"causality of {self.model}: {_count(len(self.strokes), 'bond')}, "
-            f"{_count(len(self.derivative), 'storage')} in derivative form, {_count(len(self.loops), 'algebraic loop')}"
+            f"causality of {self.model}: {counted(len(self.strokes), 'bond')}, "
+            f"{counted(len(self.derivative), 'storage')} in derivative form, {counted(len(self.loops), 'algebraic loop')}"
         )
         if self.left_out:
-            yield f"left out because they give nothing in this run: {_count(self.left_out, 'node')}"
+            yield f"left out because they give nothing in this run: {counted(self.left_out, 'node')}"
         if self.strokes:
             yield ""
             rows = [
                 ("bond", "effort from", "flow from", "why", "line"),
                 *((r.bond, r.effort_from, r.flow_from, r.why, r.place) for r in self.strokes),
             ]
-            yield from _columns(rows)
+            yield from columns(rows)
         for row in self.derivative:
             yield from ("", f"`{row.storage}` ({row.place}) is in derivative form: {row.why}")
-            yield from (f"    {line}" for line in _columns(row.chain))
+            yield from (f"    {line}" for line in columns(row.chain))
             yield f"  what you can do: {row.advice}"
         for loop in self.loops:
             more = f" ({loop.variables} variables in all)" if loop.variables > len(loop.cycle) else ""
@@ -108,7 +108,7 @@ class Explanation:
             cycle = [
                 (f"{before[0]} gives {here[0]}", f"by `{here[1]}`", here[2]) for before, here in _around(loop.cycle)
             ]
-            yield from (f"    {line}" for line in _columns(cycle))
+            yield from (f"    {line}" for line in columns(cycle))
             yield f"  what you can do: {loop.advice}"
 
 
@@ -313,15 +313,3 @@ def _loop_advice(junctions: Sequence[Any]) -> str:
 
 def _around(cycle: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
     return zip((cycle[-1], *cycle[:-1]), cycle, strict=True)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    if not rows:
-        return
-    widths = [min(72, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
-    for row in rows:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

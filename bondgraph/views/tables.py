@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ..results import extremes
@@ -26,6 +26,20 @@ def time_unit(largest: float) -> tuple[str, float]:
 def visible(text: str) -> str:
     """The text with control and bidirectional characters spelt out, so that a name cannot rewrite a terminal or a plot."""
     return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
+
+
+def counted(number: int, what: str) -> str:
+    """`1 loop`, `2 loops`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Rows as lines with aligned columns; what is very long is not waited for."""
+    if not rows:
+        return
+    widths = [min(72, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
 def short(name: str, longest: int = LONGEST_NAME) -> str:

@@ -1,0 +1,148 @@
+"""`bondgraph explain`: what a run leaves out and why, what remains, how often it is computed, and which lines are expensive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+from ..door import Compilation, cost
+from .tables import columns, counted, short, visible
+
+if TYPE_CHECKING:
+    from ..door import Certificate, Cost, Span
+
+SCHEMA = "bondgraph-explanation/1"
+SHOWN = 10  # lines of the table of what is expensive
+LISTED = 6  # names of one line of the text
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A node that gives nothing in this run, and the quantities that make it so."""
+
+    name: str
+    place: str
+    because: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What `bondgraph explain` tells of one scene."""
+
+    model: str
+    experiment: str | None
+    outputs: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+    certificate: Certificate
+    cost: Cost
+    arguments: tuple[str, ...]  # parameters that stay arguments of the program
+
+    def to_json(self) -> dict[str, Any]:
+        """`bondgraph-explanation/1`."""
+        count = self.cost
+        return {
+            "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "outputs": list(self.outputs),
+            "gives_nothing": [{"name": x.name, "place": x.place, "because": list(x.because)} for x in self.left_out],
+            "unneeded": list(self.certificate.unneeded),
+            "certificate": self.certificate.to_json(),
+            "operations": {
+                "once": count.once, "with_time": count.with_time, "rates": count.rates, "jacobian": count.jacobian,
+                "jacobian_entries": count.entries, "outputs": count.outputs,
+            },
+            "functions": dict(count.functions),
+            "lines": [{"place": _place(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
+        }  # fmt: skip
+
+    def text(self) -> str:
+        """For people."""
+        return "\n".join(visible(line) for line in self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        title = self.model if self.experiment is None else f"{self.model}, {self.experiment}"
+        yield f"{title}: {counted(len(self.outputs), 'output')} asked for: {_some(self.outputs)}"
+        yield self.certificate.line
+        yield from ("", "left out")
+        if not self.left_out and not self.certificate.unneeded:
+            yield "  nothing: all of the model is needed"
+        for item in self.left_out:
+            yield f"  {item.name} ({item.place}) gives nothing" + (
+                f": {_some(item.because)} = 0" if item.because else ""
+            )
+        if self.certificate.unneeded:
+            yield f"  no output needs {counted(len(self.certificate.unneeded), 'state')}: {_some(self.certificate.unneeded)}"
+        yield from ("", "what remains")
+        yield from self._remaining()
+        yield from ("", "most operations in an evaluation")
+        yield from self._expensive()
+
+    def _remaining(self) -> Iterator[str]:
+        count, order = (
+            self.cost,
+            len(self.certificate.states) + sum(x.size for x in self.certificate.loops if not x.linear),
+        )
+        rows = [
+            ("once in a run, of parameters", count.once, ""),
+            ("with each new time, of time and inputs", count.with_time, ""),
+            ("in each evaluation, of states", count.rates, ", ".join(f"{n} {f}" for f, n in count.functions)),
+            ("more for the Jacobian", count.jacobian, f"{count.entries} of {order * order} entries are not zero"),
+            ("more for the outputs, at reported instants", count.outputs, ""),
+        ]
+        yield from (
+            f"  {line}" for line in columns([(name, f"{number} operations", note) for name, number, note in rows])
+        )
+
+    def _expensive(self) -> Iterator[str]:
+        whole = max(1, self.cost.rates)
+        rows = [
+            (f"{100 * x.operations / whole:3.0f} %", f"{_place(x.span)}", _some(x.owners))
+            for x in self.cost.lines[:SHOWN]
+        ]
+        yield from (f"  {line}" for line in columns(rows))
+
+
+def explain(compilation: Compilation) -> Explanation:
+    """The explanation of a scene. Raises `CompilationFailed`."""
+    certificate = compilation.certificate
+    lowered = compilation.lowered
+    names = [lowered.space.variables[v].name for v in lowered.parameters]
+    return Explanation(
+        certificate.model, compilation.plan.experiment, tuple(lowered.space.outputs), tuple(_left_out(compilation)),
+        certificate, cost(lowered), tuple(names),
+    )  # fmt: skip
+
+
+def _left_out(compilation: Compilation) -> Iterator[LeftOut]:
+    kept = {node.name for node in compilation.graph.nodes}
+    for node in compilation.whole_graph.nodes:
+        if node.name not in kept:
+            yield LeftOut(
+                node.name, _place(node.span), tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
+            )
+
+
+def _zeros_behind(compilation: Compilation, references: Iterable[Any]) -> dict[str, None]:
+    """The parameters and inputs that are zero behind what is read, in the order of reading."""
+    found: dict[str, None] = {}
+    waiting, seen = list(references), set[str]()
+    while waiting:
+        name = getattr(waiting.pop(0), "name", None)
+        if name not in compilation.zeros or name in seen:
+            continue
+        seen.add(name)
+        definition = compilation.whole_graph.quantities[name].definition
+        inner = [a for a in definition.arguments if getattr(a, "name", None) in compilation.zeros] if definition else []
+        if inner:
+            waiting += inner
+        else:
+            found[name] = None
+    return found
+
+
+def _place(span: Span) -> str:
+    return f"{PurePath(span.source.name).name}:{span.line}"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(map(short, names[:LISTED])) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")

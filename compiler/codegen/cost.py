@@ -1,0 +1,113 @@
+"""What a program computes and how often: operations counted on the shared graph, before anything is printed.
+
+An operation is counted where it is first needed: what depends on parameters alone once in a run, what time and inputs alone
+move with each new time, the rest with each evaluation of the rates; then what the Jacobian and the outputs ask beyond that.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ..algebra.expression import Apply, Expression
+from ..source import Span
+from .lower import INPUT, MODE, STATE, TIME, Lowered
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What one line of the text costs in each evaluation of the rates, over all instances of it."""
+
+    span: Span
+    owners: tuple[str, ...]  # the elements, junctions or quantities that stand there
+    operations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Operations by how often they are done."""
+
+    once: int  # of parameters alone
+    with_time: int  # of time and inputs
+    rates: int  # of states: in each evaluation
+    jacobian: int  # more, for the Jacobian
+    entries: int  # of the Jacobian that are not zero
+    outputs: int  # more, for the outputs at reported instants
+    functions: tuple[tuple[str, int], ...]  # of the rates: sin, exp and their like, most frequent first
+    lines: tuple[Line, ...]  # of the rates, most expensive first
+
+
+PLAIN = frozenset(["add", "multiply", "divide", "negate", "power", "item", "less", "less_equal", "equal", "select"])
+
+
+def cost(lowered: Lowered) -> Cost:
+    """Count what a lowered state space asks for."""
+    counter = _Counter(lowered)
+    counter.visit(lowered.rates)
+    rates = Counter(counter.found)
+    functions = Counter(node.operator for node in counter.own if node.operator not in PLAIN)
+    lines = counter.lines()
+    counter.visit(lowered.jacobian.values())
+    jacobian = counter.found - rates
+    before = Counter(counter.found)
+    counter.visit(lowered.outputs.values())
+    outputs = counter.found - before
+    return Cost(
+        counter.found["once"], counter.found["time"], rates["state"], jacobian["state"], len(lowered.jacobian), outputs["state"],
+        tuple(functions.most_common()), lines,
+    )  # fmt: skip
+
+
+class _Counter:
+    """Walks the graph; each operation counts once, for the line whose value first needs it."""
+
+    def __init__(self, lowered: Lowered) -> None:
+        self.lowered = lowered
+        self.seen: set[Expression] = set()
+        self.found: Counter[str] = Counter()
+        self.own: list[Apply] = []  # operations that depend on states
+        self.by_line: Counter[Span] = Counter()
+        self.owners: dict[Span, dict[str, None]] = {}
+
+    def visit(self, roots: Iterable[Expression]) -> None:
+        """Count what is behind some expressions and was not counted yet."""
+        stack: list[tuple[Expression, Span | None]] = [(root, None) for root in roots]
+        while stack:
+            node, span = stack.pop()
+            if not isinstance(node, Apply) or node in self.seen:
+                continue
+            self.seen.add(node)
+            label = self.lowered.labels.get(node)
+            if label is not None and label.span is not None:
+                span = label.span
+                self.owners.setdefault(span, {})[label.owner] = None
+            count = _operations(node)
+            often = self._often(node)
+            self.found[often] += count
+            if often == "state":
+                self.own.append(node)
+                if span is not None:
+                    self.by_line[span] += count
+            stack += [(operand, span) for operand in node.operands]
+
+    def _often(self, node: Expression) -> str:
+        bits = self.lowered.dependence(node)
+        if bits & STATE:
+            return "state"
+        return "time" if bits & (TIME | INPUT | MODE) else "once"
+
+    def lines(self) -> tuple[Line, ...]:
+        """The lines, most expensive first; among equals in the order of the text."""
+        order = sorted(self.by_line.items(), key=lambda item: (-item[1], item[0].start))
+        return tuple(Line(span, tuple(self.owners.get(span, ())), count) for span, count in order)
+
+
+def _operations(node: Apply) -> int:
+    """Additions and multiplications of one node; a linear system costs what elimination does."""
+    if node.operator == "item":
+        return 0
+    if node.operator == "solve":
+        size = int((len(node.operands) + 0.25) ** 0.5)  # n^2 + n operands
+        return (2 * size**3 + 3 * size**2 - 5 * size) // 6 + size**2
+    return max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1

@@ -1,0 +1,60 @@
+"""Operations counted by how often they are done: they fall with what is asked, and those of the manipulator are held."""
+
+from __future__ import annotations
+
+import pytest
+
+from compiler.codegen.cost import cost
+from tests.compiling import MODELS, compiled
+
+HANDFUL = """
+model A {
+  parameter m = 2 kg, k = 8 [N/m], r = 1 [N*s/m]
+  input push = 0 N
+  for i in 1..2 {
+    1 body[i]
+    MSe drive[i] : F = push*sin(3 [1/s]*time)
+    I mass[i]   : p = m*v
+    C spring[i] : F = k*x
+    R damper[i] : F = r*v^3/1 [m^2/s^2]
+    drive[i] -> body[i] -> mass[i], spring[i], damper[i]
+  }
+  output x1 = spring[1].x, x2 = spring[2].x, power = damper[1].F*damper[1].v
+}
+"""
+
+
+def test_each_operation_counts_once_where_it_is_first_needed() -> None:
+    """What time alone moves is no work of an evaluation, nor is what a parameter decides."""
+    found = cost(compiled(HANDFUL, {"push": "1 N*exp(-time/1 s)"}, outputs=("x1",)).lowered)
+    assert found.with_time == 5  # -time, exp, 3*time, sin, product: what time alone moves
+    assert dict(found.functions) == {}  # of states: neither exp nor sin is
+    assert found.entries == 3  # of x' = v(p), p' = F(p, x)
+    more = cost(compiled(HANDFUL, {"push": "1 N*exp(-time/1 s)"}, outputs=("x1", "power")).lowered)
+    assert (more.rates, more.outputs) == (found.rates, 2)  # F without the sign that it has in the rate, and F v
+
+
+def test_less_is_computed_where_less_is_asked() -> None:
+    one, two, all_of_it = (
+        cost(compiled(HANDFUL, {"push": 1.0}, outputs=names).lowered) for names in (("x1",), ("x1", "x2"), None)
+    )
+    assert 2 * one.rates == two.rates  # two oscillators that know nothing of each other
+    assert one.rates < two.rates <= all_of_it.rates + all_of_it.outputs
+    assert one.with_time == two.with_time  # one push for both
+    assert cost(compiled(HANDFUL, outputs=("x1",)).lowered).with_time == 0  # no push
+
+
+def test_the_lines_add_up() -> None:
+    found = cost(compiled(HANDFUL, {"push": 1.0}).lowered)
+    assert sum(line.operations for line in found.lines) == found.rates
+    assert list(found.lines) == sorted(found.lines, key=lambda line: -line.operations)
+
+
+@pytest.mark.parametrize(
+    "settings, most", [({}, (273, 767)), ({"fx": 1e-5, "push1": 3.0, "r_phi": 1e-12, "r_x": 1e-6, "r_y": 1e-6}, (334, 951))]
+)  # fmt: skip
+def test_counts_of_the_manipulator(settings: dict[str, float], most: tuple[int, int]) -> None:
+    """What stands here may only fall: operations of the rates, and those that the Jacobian adds."""
+    found = cost(compiled(MODELS / "manipulator.bg", settings, experiment="push_x" if not settings else None).lowered)
+    assert found.rates <= most[0] and found.jacobian <= most[1], (found.rates, found.jacobian)
+    assert found.functions[0] == ("sin", 3)
