@@ -9,7 +9,7 @@ from tests.compiling import MODELS, compiled
 
 TEXT = """
 model A {
-  parameter loss = 0, friction: N*s/m = 2*loss
+  parameter loss = 0, friction = loss*2 [N*s/m]
   input push = 0 N
   for i in 1..2 {
     1 body[i]
