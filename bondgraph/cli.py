@@ -182,7 +182,7 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option(
     "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
 )
-@click.option("--energy", is_flag=True, help="Add the energy balance; it changes no step.")
+@click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")

@@ -5,15 +5,16 @@ States are divided by their magnitudes before the solver sees them, which keeps 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from . import exponential
 from .choice import Choice, Handover
 from .factorise import dense, is_large, sparse
 from .loops import LoopSolver
@@ -36,26 +37,17 @@ class Tolerances:
     """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,).
 
     `held` marks the absolute tolerances that the author gave; others grow with a state that exceeds its magnitude.
-    `needed` marks the states that the outputs need. Others are only there for an energy balance: they have no part in the
-    error control, so that asking for the balance changes no step.
     """
 
     relative: float
     absolute: Any
     magnitude: Any
-    needed: Any
     held: Any
-
-    @property
-    def share(self) -> float:
-        """The solver divides norms by the root of the number of all states; this restores that of the needed ones."""
-        share: float = max(1, int(np.count_nonzero(self.needed))) / max(1, len(self.needed))
-        return float(share**0.5)
 
     @property
     def scaled(self) -> Any:
         """Absolute tolerances of the states divided by their magnitudes, as the solver is to see them."""
-        return np.where(self.needed, self.absolute / self.magnitude * self.share, np.inf)
+        return self.absolute / self.magnitude
 
 
 @dataclass(slots=True)
@@ -64,10 +56,11 @@ class Trajectory:
 
     states: Any  # (points, n)
     steps: int = 0
-    evaluations: dict[str, int] = field(default_factory=lambda: {"derivative": 0, "jacobian": 0, "factorisation": 0})
+    evaluations: dict[str, int] = field(default_factory=dict)
     work: Any = None  # integral of the powers, if asked
     final: Any = None
     handover: Handover | None = None  # the run stops there: other states should go on
+    solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
 
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -80,17 +73,20 @@ def integrate(
     state: Any,
     stretches: Sequence[Segment],
     instants: Any,
-    tolerances: Tolerances,
+    tolerances: Callable[[], Tolerances],
     powers: Powers | None,
     watch: Watch,
     choice: Choice | None,
+    linear: bool,
 ) -> Trajectory:
     """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
-    `powers` are integrated along the solution, outside the error control: asking for them changes no step.
+    `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
+
+    `powers` are integrated along the solution, outside the error control.
     """
     stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch)
-    stepper.choice = choice
+    stepper.choice, stepper.linear = choice, linear
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
         if number:
@@ -113,19 +109,29 @@ class _Stepper:
         constants: Any,
         inputs: Any,
         instants: Any,
-        tolerances: Tolerances,
+        tolerances: Callable[[], Tolerances],
         powers: Powers | None,
         watch: Watch,
     ) -> None:
         self.watch = watch
         self.choice: Choice | None = None
+        self.linear = False
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
-        self.instants, self.tolerances, self.powers = instants, tolerances, powers
-        self.loops = LoopSolver(program, constants, inputs, tolerances.magnitude)
+        self.instants, self.powers, self._tolerances = instants, powers, tolerances
         self.traffic = 0.0  # the work at all ports so far, whatever its sign
         self.position = 0  # the next instant to be reported
-        self.result = Trajectory(np.empty((len(instants), len(tolerances.magnitude))))
+        self.result = Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
+
+    @cached_property
+    def tolerances(self) -> Tolerances:
+        return self._tolerances()
+
+    @cached_property
+    def loops(self) -> LoopSolver:
+        unknowns = len(self.program.unknowns.names)
+        magnitude = self.tolerances.magnitude if unknowns else np.ones(len(self.program.states.names))
+        return LoopSolver(self.program, self.constants, self.inputs, magnitude)
 
     def run(self, stretch: Segment, x: Any) -> Any:
         """One stretch from state x; returns the state at its end."""
@@ -136,7 +142,65 @@ class _Stepper:
         if not len(self.program.states.names):
             return self._without_states(stretch, x)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
+        end = self._exactly(stretch, x) if self.linear else None
+        return self._by_steps(stretch, x) if end is None else end
+
+    def _exactly(self, stretch: Segment, x: Any) -> Any | None:
+        """One stretch of a linear model by the matrix exponential; None if that cannot be done."""
+        form = exponential.linear_form(self.program, self.inputs, self.constants, stretch)
+        if form is None:
+            return None
+        looked_at = self.powers is not None or bool(self.program.limits)
+        longest = exponential.fastest(form) if looked_at else np.inf
+        while True:
+            cut = exponential.intervals(form, self.instants[self.position :], longest)
+            states = None if cut is None else exponential.march(form, cut, x)
+            if cut is None or states is None:
+                return None
+            work = None if self.powers is None else self._work_within(form, cut, states, stretch)
+            if work is None or work[1]:
+                break
+            longest = 0.5 * float(cut.lengths.max())
+        self._look_within(form, cut, states, stretch)
+        ends = states[1:][cut.reported][:-1]
+        self.result.states[self.position : self.position + len(ends)] = ends
+        self.position += len(ends)
+        if work is not None:
+            self._add(*work[0])
+        self.result.steps += len(cut.starts)
+        self._count({"exponential": len(form.known)})
+        self.result.solvers["matrix exponential"] = None
+        return states[-1]
+
+    def _count(self, evaluations: Mapping[str, int]) -> None:
+        for name, count in evaluations.items():
+            self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
+
+    def _work_within(
+        self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+    ) -> tuple[tuple[Any, float], bool]:
+        """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
+        assert self.powers is not None
+        times, inside = exponential.between(form, cut, states, PLACES)
+        values = self.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
+        values = values.reshape(*times.shape, -1)
+        work = np.einsum("k,p,kpq->kq", cut.lengths, KRONROD, values)
+        coarse = np.einsum("k,p,kpq->kq", cut.lengths, GAUSS, values)
+        traffic = float(np.abs(work).sum())
+        doubt = (200 * np.abs(coarse - work).max(initial=0.0) / max(traffic, 1e-300)) ** 1.5
+        return (work.sum(axis=0), traffic), doubt <= 0.1 * self.tolerances.relative
+
+    def _look_within(self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment) -> None:
+        """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
+        if self.program.limits:
+            inner, _ = exponential.between(form, cut, states, PLACES)
+            times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))
+            self.watch.look(times, stretch.mode, exponential.at(form, cut, states))
+
+    def _by_steps(self, stretch: Segment, x: Any) -> Any:
+        """One stretch by a method that chooses its steps."""
         solver = self._solver(stretch, x)
+        self.result.solvers["Radau IIA 5"] = None
         magnitude = self.tolerances.magnitude
         relative = self.tolerances.scaled
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
@@ -157,8 +221,7 @@ class _Stepper:
                 if self.result.handover is not None:
                     break
         self.result.steps += steps
-        for name, count in solver.evaluations.items():
-            self.result.evaluations[name] += count
+        self._count(solver.evaluations)
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
 
     def _without_states(self, stretch: Segment, x: Any) -> Any:
@@ -212,7 +275,7 @@ class _Stepper:
         slope = derivative(stretch.start, x / magnitude)
         if not np.isfinite(slope).all():
             raise RunFailed(_not_finite(program, stretch.start, slope, x))
-        relative = self.tolerances.relative * self.tolerances.share
+        relative = self.tolerances.relative
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
         problem = Problem(
@@ -267,9 +330,7 @@ class _Stepper:
             states = sample(times)
             values = powers(times, states, stretch.mode)
             work = (b - a) * (KRONROD @ values)
-            if not depth:
-                self.traffic += float(np.abs(work).sum())
-            doubt = np.abs((b - a) * (GAUSS @ values) - work) / max(self.traffic, 1e-300)
+            doubt = np.abs((b - a) * (GAUSS @ values) - work) / max(self.traffic + float(np.abs(work).sum()), 1e-300)
             # The difference is the error of the coarser rule; that of the finer is about (200 of it)^1.5, as QUADPACK has it.
             if depth >= DEEPEST or not ((200 * doubt) ** 1.5 > 0.1 * self.tolerances.relative).any():
                 return work
@@ -277,6 +338,10 @@ class _Stepper:
             return over(a, middle, depth + 1) + over(middle, b, depth + 1)
 
         work = over(start, stop, 0)
+        self._add(work, float(np.abs(work).sum()))
+
+    def _add(self, work: Any, traffic: float) -> None:
+        self.traffic += traffic
         self.result.work = work if self.result.work is None else self.result.work + work
 
 

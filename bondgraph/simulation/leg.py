@@ -27,7 +27,6 @@ class Leg:
     def __init__(
         self,
         compilation: Compilation,
-        lean: Compilation,
         plan: Plan,
         instants: Any,
         rtol: float,
@@ -35,18 +34,17 @@ class Leg:
         energy: bool,
         begin: Handover | None,
     ) -> None:
-        self.compilation, self.lean, self.plan, self.begin = compilation, lean, plan, begin
+        self.compilation, self.plan, self.begin = compilation, plan, begin
         self.program = program = compilation.program
-        self.instants, self.rtol, self.energy = instants, rtol, energy
+        self.instants, self.rtol, self.atol, self.energy = instants, rtol, atol, energy
         self.parameters = np.array(program.defaults, dtype=float)
         self.constants = program.constants(self.parameters)
         self.inputs = np.array(program.input_defaults, dtype=float)
         start = instants[0] if begin is None else begin.time
         self.stretches = segments(program, self.constants, start, instants[-1])
         self.state, self.moved = self._start(program, compilation)
-        self.needed = self._needed()
-        self.magnitude = self._magnitudes()
-        self.atol, self.held = self._tolerances(atol)
+        self.told = self._told_tolerances()
+        self.notes: tuple[str, ...] = ()
         self.trajectory = Trajectory(np.empty((0, 0)))
         self.watch = Watch(program, self.constants, self.inputs, rtol)
         self.values: Any = None  # of the outputs, shape (points, outputs)
@@ -70,60 +68,52 @@ class Leg:
             full = equilibrium(program, constants, self.inputs, full, first)
         return full, moved
 
-    def _tolerances(self, atol: float | None) -> tuple[Any, Any]:
-        """Absolute tolerances per state: what is given, else rtol times the magnitude; and whether it was given."""
-        result = np.full(len(self.state), atol) if atol is not None else self.rtol * self.magnitude
-        held = np.full(len(self.state), atol is not None)
+    def _tolerances(self) -> Tolerances:
+        """Absolute tolerances per state: what is given, else rtol times the magnitude."""
+        magnitude = self._magnitudes()
+        absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
+        held = np.full(len(self.state), self.atol is not None)
+        for index, value in self.told.items():
+            absolute[index], held[index] = value, True
+        return Tolerances(self.rtol, absolute, magnitude, held)
+
+    def _told_tolerances(self) -> dict[int, float]:
+        """The absolute tolerances that the experiment gives, by state or unknown. Raises `UsageError`."""
         outputs = self.compilation.state_space.outputs
         space = self.compilation.state_space
         numbers = {
             v: i for i, v in enumerate([*(s.variable for s in space.states), *(u.variable for u in space.unknowns)])
         }
         variables = {space.variables[v].name: i for v, i in numbers.items()}
+        result: dict[int, float] = {}
         for name, value in self.plan.tolerances.items():
             index = variables.get(name, numbers.get(outputs.get(name, -1)))
             if index is None:
                 raise UsageError(
                     f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
                 )
-            result[index], held[index] = value, True
-        return result, held
+            result[index] = value
+        return result
 
     def _magnitudes(self) -> Any:
-        """Magnitudes of all states; those of the needed ones as in a run without an energy balance."""
+        """Magnitudes of all states and unknowns."""
         mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
         found = nominal_magnitudes(
             self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, self._choice()
         )
-        result, self.notes = found.values, () if found.note is None else (found.note,)
-        if not self.needed.all():
-            lean = self.lean.program
-            constants = lean.constants(np.array(lean.defaults, dtype=float))
-            start, _ = self._start(lean, self.lean)
-            lean_found = nominal_magnitudes(lean, mechanisms, constants, start, self.inputs, self.stretches)
-            result[self.needed] = lean_found.values
-        return result
+        self.notes = () if found.note is None else (found.note,)
+        return found.values
 
     def _choice(self) -> Choice:
         storages = [n.name for n in self.compilation.graph.nodes if n.kind.value in ("C", "I")]
         return Choice(self.program, self.constants, self.inputs, frozenset(storages), self.begin)
 
-    def _needed(self) -> Any:
-        """Which states and unknowns the outputs need; all of them, unless more are there for the energy balance."""
-        names = (*self.program.states.names, *self.program.unknowns.names)
-        if not self.energy:
-            return np.ones(len(names), dtype=bool)
-        lean = self.lean.program
-        known = {*lean.states.names, *lean.unknowns.names}
-        return np.array([n in known for n in names], dtype=bool)
-
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to where other states should go on."""
         space, program = self.compilation.state_space, self.program
-        tolerances = Tolerances(self.rtol, self.atol, self.magnitude, self.needed, self.held)
         self.trajectory = integrate(
-            program, self.constants, self.inputs, self.state, self.stretches, self.instants, tolerances,
-            self._powers if self.energy else None, self.watch, self._choice(),
+            program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
+            self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
         )  # fmt: skip
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()

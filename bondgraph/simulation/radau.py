@@ -76,7 +76,7 @@ class Problem:
     shifted: Callable[[complex, Any], Factorised]  # (mu/h, J) -> mu/h M - J, factorised
     differential: Any
     relative: float
-    absolute: Any  # per state; infinite for what has no part in the error control
+    absolute: Any  # per state
     follows: Callable[[float, float], bool]  # whether a step from here to there would see what time alone moves
     longest: float = np.inf  # no step is longer
 

@@ -72,8 +72,7 @@ def simulate(
         begin: Handover | None = None
         while not legs or begin is not None:
             chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
-            lean = model.compilation(chosen)
-            leg = Leg(model.compilation(chosen, everything=energy), lean, plan, left, rtol, atol, energy, begin)
+            leg = Leg(model.compilation(chosen, everything=energy), plan, left, rtol, atol, energy, begin)
             leg.go()
             legs.append(leg)
             begin, left = leg.trajectory.handover, left[len(leg.values) :]
@@ -86,7 +85,7 @@ def simulate(
     for leg in legs:
         evaluations.update(leg.trajectory.evaluations)
     return Result(
-        model.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program),
+        model.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program, legs),
         sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
         added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), compilation.certificate,
         tuple(dict.fromkeys(note for leg in legs for note in leg.notes)),
@@ -115,9 +114,9 @@ def _warnings(legs: Sequence[Leg]) -> tuple[LimitLeft, ...]:
     return tuple(first.values())
 
 
-def _solver(program: Program) -> str:
+def _solver(program: Program, legs: Sequence[Leg]) -> str:
     if program.states.names:
-        return "Radau IIA 5"
+        return " and ".join(dict.fromkeys(name for leg in legs for name in leg.trajectory.solvers))
     return "Newton" if program.unknowns.names else "none"
 
 

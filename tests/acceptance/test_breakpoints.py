@@ -62,9 +62,9 @@ def test_the_value_at_a_jump_is_that_after_it() -> None:
 
 
 def test_stopping_at_a_jump_costs_a_fixed_number_of_steps() -> None:
-    counts = {run("2 N*step(time - 0.3 s)").steps for _ in range(2)}
+    counts = {run("2 N*step(time - 0.3 s)", points=3).steps for _ in range(2)}
     assert len(counts) == 1
-    assert counts.pop() < 30
+    assert counts.pop() <= 4  # two stretches; one of them has a reported instant within
 
 
 def test_a_jump_through_parameters_and_signals() -> None:

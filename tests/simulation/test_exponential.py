@@ -1,0 +1,111 @@
+"""Linear models by the matrix exponential: against closed forms in forty digits, whatever the tolerance, and its limits."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+import bondgraph
+
+SECOND_ORDER = """
+model A {
+  input push = 0 N
+  parameter m = 2 kg, k = 8 [N/m], r = 1 [N*s/m]
+  1 body; MSe drive : F = push
+  I mass : p = m*v
+  C spring : F = k*x { start x = 1 m }
+  R damper : F = r*v
+  drive -> body -> mass, spring, damper
+  output x = spring.x, v = mass.v
+}
+"""
+STIFF = """
+model Ladder {
+  "Two cells, time constants of 1 ns and 1 s or so."
+  Se s : u = 1 V*sin(50 [1/s]*time)
+  R r : u = 1 ohm*i
+  C c : u = q/1 nF
+  R w : u = 1 Mohm*i
+  C d : u = q/1 uF
+  s -> 1(r) -> 0(c) -> 1(w) -> 0(d)
+  output a = c.u, b = d.u
+}
+"""
+
+
+def exact(matrix: list[list[float]], push: object, start: list[float], time: float) -> list[float]:
+    """x' = A x + (0, push(t)) by mpmath: exp(A t) x0 and the integral of exp(A (t - s)) b(s)."""
+    mpmath.mp.dps = 40
+    a = mpmath.matrix(matrix)
+    free = mpmath.expm(a * time) * mpmath.matrix(start)
+
+    def kernel(row: int) -> object:
+        return mpmath.quad(
+            lambda s: (mpmath.expm(a * (time - s)) * mpmath.matrix([0, push(s)]))[row], mpmath.linspace(0, time, 9)
+        )  # type: ignore[operator]
+
+    return [float(free[i] + kernel(i)) for i in range(2)]
+
+
+@pytest.mark.parametrize(
+    ("text", "push"),
+    [
+        ("0 N", lambda t: 0),
+        ("3 N*time/1 s + 1 N*(time/1 s)^3", lambda t: 3 * t + t**3),
+        ("2 N*sin(17 [1/s]*time)*exp(-time/1 s)", lambda t: 2 * mpmath.sin(17 * t) * mpmath.exp(-t)),
+        ("1 N/(1 + (time/0.1 s)^2)", lambda t: 1 / (1 + (10 * t) ** 2)),
+    ],
+    ids=["free", "polynomial", "burst", "pole nearby"],
+)
+def test_twelve_digits_at_any_tolerance(text: str, push: object) -> None:
+    result = bondgraph.load(SECOND_ORDER).simulate(settings={"push": text}, to=2.0, points=5, rtol=1e-3)
+    assert result.solver == "matrix exponential"
+    for i in (1, 4):
+        x, p = exact([[0, 0.5], [-8, -0.5]], push, [1, 0], float(result.time[i]))
+        assert result["x"][i] == pytest.approx(x, abs=3e-12) and result["v"][i] == pytest.approx(p / 2, abs=1e-11)
+
+
+def test_stiff_and_slow_at_once() -> None:
+    """The fast cell follows its source at once: u_c = u (1 - R/W …), to the size of what the slow one draws."""
+    result = bondgraph.load(STIFF).simulate(to=10.0, points=2001, rtol=1e-3)
+    assert result.solver == "matrix exponential" and result.steps == 2000
+    t, w = result.time[200:], 50.0
+    source = np.sin(w * t)
+    assert np.abs(result["a"][200:] - source).max() < 3e-6  # 1 ohm against 1 Mohm, and w R C
+    exact_slow = (source - w * np.cos(w * t) + w * np.exp(-t)) / (1 + w * w)  # 1/(1 + s) on the source, tau = 1 s
+    assert np.abs(result["b"][200:] - exact_slow).max() < 3e-6
+
+
+def test_jumps_end_a_stretch_and_are_exact() -> None:
+    result = bondgraph.load(SECOND_ORDER.replace("k = 8", "k = 0").replace("r = 1 ", "r = 0 ")).simulate(
+        settings={"push": "2 N*step(time - 0.3 s) - 2 N*step(time - 0.55 s)"}, to=1.0, points=3, outputs=("v",)
+    )
+    assert result.final("v") == pytest.approx(0.25, rel=1e-14)
+
+
+def test_a_lossless_oscillator_over_ten_thousand_periods() -> None:
+    """What rounding leaves: 1e4 periods in 500 steps keep the energy to 1e-11."""
+    text = SECOND_ORDER.replace("r = 1 ", "r = 0 ")
+    result = bondgraph.load(text).simulate(to=2e4 * np.pi / 2, points=501)
+    energy = 4 * result["x"] ** 2 + result["v"] ** 2
+    assert np.abs(energy / 4 - 1).max() < 1e-11
+    assert result["x"] == pytest.approx(np.cos(2 * result.time), abs=1e-10)
+
+
+@pytest.mark.parametrize("law", ["F = 8 [N/m]*x + 1e-9 [N/m^3]*x^3", "F = 8 [N/m]*x*(1 + 0.1*sin(time/1 s))"])
+def test_what_is_not_linear_or_not_constant_goes_by_steps(law: str) -> None:
+    text = SECOND_ORDER.replace("F = k*x", law)
+    if "time" in law:  # a spring has no time of its own: a source does
+        text = text.replace(f"C spring : {law}", "C spring : F = k*x").replace(
+            "R damper : F = r*v", "MR damper : F = r*v*(2 + sin(time/1 s))"
+        )
+    assert bondgraph.load(text).simulate(to=1.0, points=3).solver == "Radau IIA 5"
+
+
+def test_what_cannot_be_followed_by_polynomials_goes_by_steps() -> None:
+    """An input a million times as fast as the reports: more intervals than are worth it."""
+    fast = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(1e3 [1/s]*time)"}, to=1.0, points=3)
+    assert fast.solver == "matrix exponential" and fast.steps > 100
+    faster = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(3e5 [1/s]*time)"}, to=1.0, points=3)
+    assert faster.solver == "Radau IIA 5"
