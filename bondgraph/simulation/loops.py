@@ -1,8 +1,7 @@
 """Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off.
 
 Steps of the solver take the unknowns along; here they are found at a start, after a jump, and at reported instants. Where
-Newton's method fails from the last solution, the residual there is led to zero bit by bit (Newton homotopy: Allgower and
-Georg, Introduction to Numerical Continuation Methods, chapter 1).
+Newton's method fails from the last solution, `homotopy.py` leads the residual there to zero bit by bit.
 """
 
 from __future__ import annotations
@@ -13,11 +12,13 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .homotopy import follow
 
 ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
 HALVINGS = 30
-GUESSES = (1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3)  # of the magnitudes
-LEAST = 1e-4  # share of the way of a homotopy below which it gives up
+STUCK = 12  # steps in a row that had to be shortened to less than SHORT: the residual has a valley there
+SHORT = 1e-3
+GUESSES = (1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
 
 
 class LoopSolver:
@@ -88,7 +89,7 @@ class LoopSolver:
         value = self.residual(time, state, mode, z) - rest
         if not np.isfinite(value).all():
             return None
-        before = np.inf
+        before, stuck = np.inf, 0
         for _ in range(ITERATIONS):
             matrix = self.matrix(time, state, mode, z) * self.magnitude
             scale = np.abs(matrix).max(axis=1)
@@ -113,6 +114,9 @@ class LoopSolver:
             else:
                 return z if size < 1e-9 else None
             z, value = trial, found
+            stuck = stuck + 1 if factor < SHORT else 0
+            if stuck == STUCK:
+                return None
             if size <= 4e-16 or (size < 1e-9 and size >= 0.25 * before):
                 return z
             before = size
@@ -120,15 +124,10 @@ class LoopSolver:
 
     def _homotopy(self, time: float, state: Any, mode: Any, guess: Any) -> Any:
         """From the guess, whose residual is led to zero; None if that fails."""
-        rest = self.residual(time, state, mode, guess)
-        if not np.isfinite(rest).all():
-            return None
-        z, share, step = guess, 0.0, 1.0
-        while share < 1 and step > LEAST:
-            target = min(1.0, share + step)
-            found = self.newton(time, state, mode, z, (1 - target) * rest)
-            if found is None:
-                step *= 0.5
-            else:
-                z, share, step = found, target, 2 * step
-        return z if share >= 1 else None
+        near = follow(
+            lambda z: self.residual(time, state, mode, z),
+            lambda z: self.matrix(time, state, mode, z),
+            np.array(guess, dtype=float),
+            self.magnitude,
+        )
+        return None if near is None else self.newton(time, state, mode, near, 0.0)
