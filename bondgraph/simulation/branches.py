@@ -67,7 +67,7 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
         if len(found) > 1:  # what lies between two solutions is often a third one that Newton's method shuns
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))
-        ends = (loops.newton(*loop.at, loop.full(z), 0.0) for z in sorted(found[1:], key=lambda z: np.abs(z).max()))
+        ends = (loops.newton(*loop.at, loop.full(z)) for z in sorted(found[1:], key=lambda z: np.abs(z).max()))
         others += [z for z in ends if z is not None]
     return others
 

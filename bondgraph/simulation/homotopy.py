@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-STEPS = 400
+STEPS = 200  # each way
 CORRECTIONS = 6
 FIRST = 0.1  # length of the first step, in sizes of the unknowns and parts of the share
 SMALLEST = 1e-9
 CLOSE = 1e-6  # distance from the curve, in the same measure
 GROWTH = 2.0
+STRAIGHT = 0.7  # cosine between two tangents at least: at a sharper bend it may have jumped to another branch
 
 Function = Callable[[Any], Any]
 
@@ -30,19 +31,27 @@ def follow(residual: Function, matrix: Function, guess: Any, magnitude: Any) -> 
         return None
     rows = np.maximum(np.abs(slopes * magnitude).max(axis=1), np.abs(rest))
     curve = _Curve(residual, matrix, guess, rest, np.where(rows > 0, rows, 1.0), magnitude)
-    point = np.append(np.zeros(len(guess)), 0.0)
-    way = curve.tangent(point, np.append(np.zeros(len(guess)), 1.0))
+    start = np.append(np.zeros(len(guess)), 0.0)
+    way = curve.tangent(start, np.append(np.zeros(len(guess)), 1.0))
+    if way is None:
+        return None
+    onwards = _walk(curve, start, way)
+    return _walk(curve, start, -way) if onwards is None else onwards  # what rises at first may fall behind its crest
+
+
+def _walk(curve: _Curve, point: Any, way: Any) -> Any:
+    """Along the curve from a point until the share is 1; None if it does not get there."""
     step = FIRST
     for _ in range(STEPS):
-        if way is None or step < SMALLEST:
+        if step < SMALLEST:
             return None
         length = step * max(1.0, float(np.abs(point[:-1]).max(initial=0.0)))  # what is far is seen in larger steps
         if point[-1] + length * way[-1] > 1 > point[-1]:
             length = (1 - point[-1]) / way[-1]
         found = curve.corrected(point + length * way, way)
         onwards = None if found is None else curve.tangent(found, way)
-        if onwards is None or not onwards @ way > 0.7:  # a sharp bend: it may have jumped to another branch
-            step *= 0.5 if found is None or onwards is None else 0.4
+        if onwards is None or not onwards @ way > STRAIGHT:
+            step *= 0.5
             continue
         point, way, step = found, onwards, step * GROWTH
         if point[-1] >= 1 - 1e-9:

@@ -6,6 +6,8 @@ Newton's method fails from the last solution, `homotopy.py` leads the residual t
 
 from __future__ import annotations
 
+from graphlib import TopologicalSorter
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -37,11 +39,9 @@ class LoopSolver:
         if not len(self.magnitude):
             return state
         last = state[self.count :]
-        found = self.newton(time, state, mode, last, 0.0)
-        if found is None:  # a law may have no value, or no slope, where all unknowns are zero
-            others = (last, 0 * last, *(share * self.magnitude for share in GUESSES))
-            tries = (self._homotopy(time, state, mode, guess) for guess in others)
-            found = next((z for z in tries if z is not None), None)
+        found = self.newton(time, state, mode, last)
+        if found is None:
+            found = self._one_by_one(time, state, mode)
         if found is None:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
@@ -49,6 +49,24 @@ class LoopSolver:
                 "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), or put a small storage into it"
             )
         return np.concatenate([state[: self.count], found])
+
+    def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
+        """All unknowns, loop after loop, each from several guesses; None if one of them is not found."""
+        last = state[self.count :]
+        for places in self.separate():
+            others = (
+                last,
+                0 * last,
+                *(share * self.magnitude for share in GUESSES),
+            )  # a law may have no value at some of them
+            guesses = [_put(last, places, z[places]) for z in others]
+            directly = (self.newton(time, state, mode, z, places) for z in guesses[:1])
+            around = (self._homotopy(time, state, mode, z, places) for z in guesses)
+            found = next((z for z in chain(directly, around) if z is not None), None)
+            if found is None:
+                return None
+            last = found
+        return last
 
     def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
         """The same for several instants; shape (times, n)."""
@@ -70,42 +88,45 @@ class LoopSolver:
         return result
 
     def separate(self) -> list[Any]:
-        """The unknowns of each loop by itself: those that depend on each other."""
+        """The unknowns of each loop by itself, those that depend on each other; a loop after those that it reads."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
         count = len(self.magnitude)
         reads = coo_array((np.ones(len(self._chosen)), self._place), shape=(count, count))
         number, labels = connected_components(reads, directed=True, connection="strong")
-        return [np.flatnonzero(labels == i) for i in range(number)]
+        before = {(labels[row], labels[column]) for row, column in zip(*self._place, strict=True)}
+        waits = {i: {b for a, b in before if a == i and b != i} for i in range(number)}
+        return [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
 
     def _full(self, state: Any, unknowns: Any) -> Any:
         known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)
 
-    def newton(self, time: float, state: Any, mode: Any, guess: Any, rest: Any) -> Any:
-        """Newton's method, damped by halving, until the correction is round-off; None if it fails."""
+    def newton(self, time: float, state: Any, mode: Any, guess: Any, places: Any = slice(None)) -> Any:
+        """Newton's method for some of the unknowns, damped by halving, until the correction is round-off; None if it fails."""
         z = np.array(guess, dtype=float)
-        value = self.residual(time, state, mode, z) - rest
+        magnitude = self.magnitude[places]
+        value = self.residual(time, state, mode, z)[places]
         if not np.isfinite(value).all():
             return None
         before, stuck = np.inf, 0
         for _ in range(ITERATIONS):
-            matrix = self.matrix(time, state, mode, z) * self.magnitude
+            matrix = self.matrix(time, state, mode, z)[places][:, places] * magnitude
             scale = np.abs(matrix).max(axis=1)
             if not np.isfinite(scale).all() or not (scale > 0).all():
                 return None
             try:
-                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * self.magnitude
+                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * magnitude
             except np.linalg.LinAlgError:
                 return None
-            size = float(np.abs(step / np.maximum(np.abs(z), 1e-3 * self.magnitude)).max())
+            size = float(np.abs(step / np.maximum(np.abs(z[places]), 1e-3 * magnitude)).max())
             if not np.isfinite(size):
                 return None
             factor, norm = 1.0, float(np.linalg.norm(value / scale))
             for _ in range(HALVINGS):
-                trial = z + factor * step
-                found = self.residual(time, state, mode, trial) - rest
+                trial = _put(z, places, z[places] + factor * step)
+                found = self.residual(time, state, mode, trial)[places]
                 if np.isfinite(found).all() and float(np.linalg.norm(found / scale)) <= (1 - 1e-4 * factor) * norm:
                     break
                 if size < 1e-9 and np.isfinite(found).all():
@@ -122,12 +143,18 @@ class LoopSolver:
             before = size
         return None
 
-    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any) -> Any:
+    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
         """From the guess, whose residual is led to zero; None if that fails."""
         near = follow(
-            lambda z: self.residual(time, state, mode, z),
-            lambda z: self.matrix(time, state, mode, z),
-            np.array(guess, dtype=float),
-            self.magnitude,
+            lambda y: self.residual(time, state, mode, _put(guess, places, y))[places],
+            lambda y: self.matrix(time, state, mode, _put(guess, places, y))[places][:, places],
+            guess[places],
+            self.magnitude[places],
         )
-        return None if near is None else self.newton(time, state, mode, near, 0.0)
+        return None if near is None else self.newton(time, state, mode, _put(guess, places, near), places)
+
+
+def _put(z: Any, places: Any, values: Any) -> Any:
+    result = np.array(z, dtype=float)
+    result[places] = values
+    return result

@@ -214,7 +214,9 @@ def completed(network: Network, w: Array, s: Array, time: float, bonds: Sequence
 
 def _behind(first: Array, higher: Array) -> Array:
     """One vector, or several of them in columns, behind what all of them begin with."""
-    return np.concatenate([np.broadcast_to(first.reshape(-1, *[1] * (higher.ndim - 1)), (len(first), *higher.shape[1:])), higher])
+    return np.concatenate(
+        [np.broadcast_to(first.reshape(-1, *[1] * (higher.ndim - 1)), (len(first), *higher.shape[1:])), higher]
+    )
 
 
 def _following(function: Callable[[Array], Array], count: int) -> Array:
@@ -253,7 +255,9 @@ def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple
         if not np.isfinite(error) or error < 1e-16 or (stalled > 1 and error < 1e-13) or stalled > 15:
             break
         rows, columns = balance(jacobian)
-        step = scipy.linalg.lstsq(jacobian / rows[:, None] / columns, -value / rows, cond=RANK, lapack_driver="gelsy")[0]
+        step = scipy.linalg.lstsq(jacobian / rows[:, None] / columns, -value / rows, cond=RANK, lapack_driver="gelsy")[
+            0
+        ]
         step, length = step / columns, 1.0
         trial = function(z + step)
         size = np.linalg.norm(value / rows)

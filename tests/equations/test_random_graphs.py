@@ -323,7 +323,9 @@ def _check_rates(found: Solution, program: Any, numbers: list[int], rates: Any, 
     for name, number, rate in zip(program.states.names, numbers, rates, strict=True):
         unknown = network.rate_of(number)
         assert found.determined(unknown), f"the equations do not determine the rate of {name}, the program gives {rate}"
-        assert abs(found.w[unknown] - rate) <= _tolerance(scale, rate), f"rate of {name}: {rate}, oracle {found.w[unknown]}"
+        assert abs(found.w[unknown] - rate) <= _tolerance(scale, rate), (
+            f"rate of {name}: {rate}, oracle {found.w[unknown]}"
+        )
 
 
 def _check_outputs(found: Solution, example: Example, values: Any, names: Any, scale: float) -> None:
@@ -343,7 +345,9 @@ def _check_outputs(found: Solution, example: Example, values: Any, names: Any, s
         if not found.determined(unknown):
             KINDS["undetermined readings"] += 1
             continue
-        assert abs(expected - value) <= _tolerance(scale, value), f"{element}.{variable}{port}: {value}, oracle {expected}"
+        assert abs(expected - value) <= _tolerance(scale, value), (
+            f"{element}.{variable}{port}: {value}, oracle {expected}"
+        )
 
 
 def _tolerance(scale: float, value: float) -> float:
