@@ -7,7 +7,6 @@ Newton's method fails from the last solution, `homotopy.py` leads the residual t
 from __future__ import annotations
 
 from graphlib import TopologicalSorter
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,15 @@ import numpy as np
 from ..door import Program
 from ..errors import RunFailed
 from .homotopy import follow
+from .scatter import Loop, arrivals, far_guesses, guesses
 
 ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
 HALVINGS = 30
 STUCK = 12  # steps in a row that had to be shortened to less than SHORT: the residual has a valley there
 SHORT = 1e-3
-GUESSES = (1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
+LARGEST = 100  # unknowns of a loop that is searched from many guesses
+NEAREST = 8
+GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
 
 
 class LoopSolver:
@@ -51,22 +53,31 @@ class LoopSolver:
         return np.concatenate([state[: self.count], found])
 
     def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
-        """All unknowns, loop after loop, each from several guesses; None if one of them is not found."""
-        last = state[self.count :]
+        """All unknowns, loop after loop; None if one of them is not found."""
+        z = state[self.count :]
         for places in self.separate():
-            others = (
-                last,
-                0 * last,
-                *(share * self.magnitude for share in GUESSES),
-            )  # a law may have no value at some of them
-            guesses = [_put(last, places, z[places]) for z in others]
-            directly = (self.newton(time, state, mode, z, places) for z in guesses[:1])
-            around = (self._homotopy(time, state, mode, z, places) for z in guesses)
-            found = next((z for z in chain(directly, around) if z is not None), None)
+            ways = (self.newton, self._homotopy, self._scattered, self._homotopies)  # the nearest first, then any
+            found = next((y for way in ways if (y := way(time, state, mode, z, places)) is not None), None)
             if found is None:
                 return None
-            last = found
-        return last
+            z = found
+        return z
+
+    def _scattered(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+        """The nearest of the solutions to which many guesses lead; None if none does."""
+        if len(places) > LARGEST:
+            return None
+        loop = Loop(self, (time, state, mode), last, places)
+        ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
+        ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
+        found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
+        return next((z for z in found if z is not None), None)
+
+    def _homotopies(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+        """From guesses of many decades: a law may have no value at others."""
+        starts = (_put(last, places, share * self.magnitude[places]) for share in GUESSES)
+        found = (self._homotopy(time, state, mode, start, places) for start in starts)
+        return next((z for z in found if z is not None), None)
 
     def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
         """The same for several instants; shape (times, n)."""

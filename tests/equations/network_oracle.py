@@ -85,6 +85,13 @@ class Network:
         shape = np.broadcast_shapes(np.shape(w)[1:], np.shape(s)[1:])
         return np.array([np.broadcast_to(r, shape) for part in self.residuals for r in part(v)])
 
+    def missed(self, w: Array, s: Array, time: float) -> float:
+        """The largest residual as a share of the terms of its equation, but for what the largest of all loses by rounding."""
+        slopes = np.hstack(self.jacobians(w, s, time)[:2])
+        rounding = 1e-14 * np.abs(slopes).max(axis=1, initial=0.0) * float(np.abs(w).max(initial=0.0))
+        left = np.maximum(np.abs(self.residual(w, s, time)) - rounding, 0.0)
+        return _share(left, slopes, np.concatenate([w, s]))
+
     def taylor(self, w: Array, s: Array, time: Array) -> Array:
         """The coefficients in time of all residuals, for those of what they read (first axis)."""
         series = [Series(w[:, i]) for i in range(w.shape[1])]

@@ -7,6 +7,7 @@ others; each has a number by which it can be made again. `-s` shows what was amo
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections import Counter
 from collections.abc import Iterator
@@ -30,7 +31,9 @@ MORE = int(os.environ.get("BONDGRAPH_RANDOM", "0"))
 SEED = os.environ.get("BONDGRAPH_SEED", "0")
 LONGEST = 120  # s for one example: what takes longer hangs
 CANCELLED = 1e-13  # of the largest effort or flow: rounding where such numbers cancel
+UNDECIDED = 1e-3  # where such rounding is larger, numbers near 1 are not compared at all: counted, and few
 KINDS: Counter[str] = Counter()
+SIGNAL = re.compile(r"sin\([\w.\[\]]+\.(?:F|v|M|omega|u|i|P|Q|e|f)\d?(?:/1 \[[^\]]*\])?\)")  # of an effort or a flow
 # What a hundred examples must at least have had among them, compiled and compared.
 LEAST = {
     "dependent storages": 60, "linear loops": 30, "nonlinear loops": 8, "mixed fields": 5, "C field": 8, "I field": 4, "IC field": 4,
@@ -79,13 +82,14 @@ def test_many_more() -> None:
 
 
 def test_the_examples_had_everything_among_them() -> None:
-    """Minima per hundred examples, and at least nine in ten of the regular ones compile."""
+    """Minima per hundred examples; at least nine in ten of the regular ones compile, and hardly any are left undecided."""
     if KINDS["tried"] < EXAMPLES // 2:
         pytest.skip("the examples did not run")
     share = KINDS["tried"] / 100
     missing = {kind: (KINDS[kind], least) for kind, least in LEAST.items() if KINDS[kind] < int(least * share)}
     assert not missing, f"found, least per hundred: {missing}"
     assert KINDS["regular and compiled"] >= 0.9 * KINDS["regular"]
+    assert KINDS["undecided"] <= 0.01 * 3 * KINDS["tried"]  # of the states, three of each
 
 
 def check_example(example: Example) -> None:
@@ -188,14 +192,13 @@ def _check_program(example: Example, compilation: Any) -> None:
         if flat.network.storages[number].name.split(".")[0] not in claimed:
             assert value == pytest.approx(flat.starts.get(number, 0.0), rel=1e-15)
     states = _states(example, len(numbers))
-    for x in states:
-        _check_state(example, compilation, running, numbers, x)
-    if states.shape[-1]:
-        _check_batch(states, running.derivative, running.jacobian)
+    solved = np.array([x for x in states if _check_state(example, compilation, running, numbers, x)])
+    if solved.size:
+        _check_batch(solved, running.derivative, running.jacobian)
 
 
-def _check_state(example: Example, compilation: Any, running: Running, numbers: list[int], x: Any) -> None:
-    """Rates, outputs, powers and the Jacobian in one state."""
+def _check_state(example: Example, compilation: Any, running: Running, numbers: list[int], x: Any) -> bool:
+    """Rates, outputs, powers and the Jacobian in one state; False if there is no solution, or none that doubles can tell."""
     try:
         rates, outputs = running.derivative(x), running.output(x)
     except (
@@ -205,13 +208,17 @@ def _check_state(example: Example, compilation: Any, running: Running, numbers: 
         assert running.unknowns, failed
         found = solve(example.flat.network, dict(zip(numbers, x, strict=True)), example.time)
         assert not found.converged, f"{failed}\nbut there is one"
-        return
+        return False
     found = _agreeing(example, compilation.state_space, running, numbers, x, rates, outputs)
-    scale = max(1.0, float(np.abs(found.w).max(initial=0.0)))
+    scale = np.inf if found is None else max(1.0, float(np.abs(found.w).max(initial=0.0)))
+    if CANCELLED * scale > UNDECIDED:
+        KINDS["undecided"] += 1
+        return False
     powers = running.powers(x)[: len(compilation.state_space.ports)]
     assert abs(powers.sum()) <= 1e-9 * scale**2, "junctions and transducers keep power (Tellegen)"
     if len(x):
         _check_jacobian(running, x)
+    return True
 
 
 def _check_jacobian(running: Running, x: Any) -> None:
@@ -229,17 +236,31 @@ def _check_jacobian(running: Running, x: Any) -> None:
 
 def _agreeing(
     example: Example, space: Any, running: Running, numbers: list[int], x: Any, rates: Any, outputs: Any
-) -> Solution:
-    """The solution of all equations that the program has found; where loops have several, another start finds it."""
+) -> Solution | None:
+    """The solution of all equations that the program has found; where loops have several, another start finds it. None where
+    doubles cannot decide."""
     found, told = _compared(example, space, running, numbers, x, rates, outputs, None)
     if told:
         guess = _own_solution(example, running, x)
-        if guess is not None:
+        if guess is not None and np.isfinite([*guess[0], *guess[1]]).all():
             KINDS["another start for the oracle"] += 1
             found, again = _compared(example, space, running, numbers, x, rates, outputs, guess)
             told = again and told
+        if told and guess is not None and _is_undecided(example, guess):
+            return None
     assert not told, told
     return found
+
+
+def _is_undecided(example: Example, own: Any) -> bool:
+    """Whether the program's own solution is a singular one, for which it says itself that some efforts or flows have no number, or so
+    near one that rounding of the largest hides the others; then it must fulfil all equations of the network as far as doubles can."""
+    w, stored = own
+    if not np.isfinite([*w, *stored]).all():
+        return True
+    network = example.flat.network
+    largest = float(np.abs(w).max(initial=0.0))
+    return CANCELLED * largest > UNDECIDED and network.missed(w, stored, example.time) < 1e-9
 
 
 def _compared(
@@ -290,7 +311,7 @@ def _own_solution(example: Example, running: Running, x: Any) -> Any:
         else:
             guess[flat.bond_at[name, port] + (flat.network.bonds if variable == "f" else 0)] = value
     if not (np.isfinite(guess).all() and np.isfinite(stored).all()):
-        return None
+        return guess, stored
     unnamed = sorted(set(range(flat.network.bonds)) - set(flat.bond_at.values()))
     return completed(flat.network, guess, stored, example.time, unnamed), stored
 
@@ -382,9 +403,10 @@ def _check_refusal(example: Example, diagnostic: Diagnostic) -> None:
     match diagnostic.code:
         case "BG301" | "BG401" | "BG404" | "BG502":
             assert not is_regular(flat.network, rng), f"refused, but the equations have one solution:\n{told}"
-        case "BG504":  # what the author wishes may leave nothing that decides a storage
-            wished = "prefer" in flat.traits
-            assert wished or not is_regular(flat.network, rng), f"refused, but the equations have one solution:\n{told}"
+        case "BG504":  # a law that reads an effort or a flow may bind what is behind its own storage's derivative
+            without = SIGNAL.sub("sin(0.3)", example.text)
+            alone = without != example.text and "BG504" not in [d.code for d in _compiled(example, without)[1]]
+            assert alone or not is_regular(flat.network, rng), f"refused, but the equations have one solution:\n{told}"
         case "BG503":
             assert "input" in flat.traits, f"refused, but nothing comes from outside:\n{told}"
             stored, _ = constraints(flat.network, rng)
