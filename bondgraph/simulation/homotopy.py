@@ -46,16 +46,14 @@ def _walk(curve: _Curve, point: Any, way: Any) -> Any:
         if step < SMALLEST:
             return None
         length = step * max(1.0, float(np.abs(point[:-1]).max(initial=0.0)))  # what is far is seen in larger steps
-        if point[-1] + length * way[-1] > 1 > point[-1]:
-            length = (1 - point[-1]) / way[-1]
         found = curve.corrected(point + length * way, way)
         onwards = None if found is None else curve.tangent(found, way)
         if onwards is None or not onwards @ way > STRAIGHT:
             step *= 0.5
             continue
+        if found[-1] >= 1:
+            return curve.unknowns(point + (1 - point[-1]) / (found[-1] - point[-1]) * (found - point))
         point, way, step = found, onwards, step * GROWTH
-        if point[-1] >= 1 - 1e-9:
-            return curve.unknowns(point)
     return None
 
 

@@ -12,7 +12,6 @@ import signal
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,10 +20,10 @@ from hypothesis import HealthCheck, Phase, assume, given, note, settings
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.loops import LoopSolver
 from compiler.errors import CompilationFailed, Diagnostic, render
 from tests.equations.network_oracle import Solution, completed, constraints, is_regular, solve
 from tests.equations.random_network import Example, Flat, ManyChoices, example_of, examples
+from tests.equations.running import Running
 
 EXAMPLES = 100
 MORE = int(os.environ.get("BONDGRAPH_RANDOM", "0"))
@@ -64,6 +63,37 @@ def test_program_against_all_equations_at_once(example: Example) -> None:
     note(f"settings {example.settings}")
     with _no_hanging():
         check_example(example)
+
+
+# Graphs that were once wrong, each for another reason: a solution far away or behind a crest, one loop that disturbs another, a
+# resistance too steep for differences, bonds that cancel, a force that only a double solution decides, a loop that time drives.
+ONCE_WRONG = (
+    "2/315",
+    "2/41",
+    "3/73",
+    "3/274",
+    "2/12",
+    "2/33",
+    "1/256",
+    "2/436",
+    "0/753",
+    "0/24",
+    "4/373",
+    "6/315",
+    "5/359",
+    "3/261",
+)
+
+
+@pytest.mark.parametrize("number", ONCE_WRONG)
+def test_what_was_once_wrong(number: str) -> None:
+    before = Counter(KINDS)
+    try:
+        with _no_hanging():
+            check_example(example_of(ManyChoices(number)))
+    finally:  # they are no sample
+        KINDS.clear()
+        KINDS.update(before)
 
 
 @pytest.mark.skipif(not MORE, reason="BONDGRAPH_RANDOM says how many")
@@ -133,54 +163,6 @@ def _compiled(example: Example, text: str) -> tuple[Any, tuple[Diagnostic, ...]]
 
 
 # ---------------------------------------------------------------- numbers
-@dataclass
-class Running:
-    """A program at one instant, its unknowns solved for: functions of the states alone."""
-
-    program: Any
-    time: float
-    guess: Any = None  # where the search for the unknowns begins
-
-    def __post_init__(self) -> None:
-        program = self.program
-        self.known: dict[bytes, Any] = {}
-        self.constants = program.constants(np.array(program.defaults))
-        self.inputs = np.array(program.input_defaults)
-        self.mode = program.switches(self.time, self.constants)
-        self.count = len(program.states.names)
-        self.unknowns = len(program.unknowns.names)
-        self.guess = np.zeros(self.unknowns) if self.guess is None else self.guess
-        self.loops = LoopSolver(program, self.constants, self.inputs, np.ones(self.count + self.unknowns))
-
-    def full(self, x: Any) -> Any:
-        """States with the unknowns of nonlinear loops."""
-        if x.ndim > 1:
-            return np.stack([self.full(y) for y in x])
-        if x.tobytes() not in self.known:
-            self.known[x.tobytes()] = self.loops.solve(self.time, np.concatenate([x, self.guess]), self.mode)
-        return self.known[x.tobytes()]
-
-    def derivative(self, x: Any) -> Any:
-        return self._call(self.program.derivative, self.full(x))[..., : self.count]
-
-    def output(self, x: Any) -> Any:
-        return self._call(self.program.output, self.full(x))
-
-    def jacobian(self, x: Any) -> Any:
-        """The derivatives of the rates by the states, with the unknowns following."""
-        whole, count = self._call(self.program.jacobian, self.full(x)), self.count
-        a, b, c, d = (
-            whole[..., r, k] for r in (slice(count), slice(count, None)) for k in (slice(count), slice(count, None))
-        )
-        return a - b @ np.linalg.solve(d, c)
-
-    def powers(self, x: Any) -> Any:
-        return self._call(self.program.powers, self.full(x))
-
-    def _call(self, function: Any, full: Any) -> Any:
-        return function(self.time, full, self.inputs, self.constants, self.mode)
-
-
 def _check_program(example: Example, compilation: Any) -> None:
     flat, program = example.flat, compilation.program
     names = {port.name: i for i, port in enumerate(flat.network.storages)}
@@ -194,11 +176,16 @@ def _check_program(example: Example, compilation: Any) -> None:
     states = _states(example, len(numbers))
     solved = np.array([x for x in states if _check_state(example, compilation, running, numbers, x)])
     if solved.size:
-        _check_batch(solved, running.derivative, running.jacobian)
+        try:
+            for x in solved:
+                _check_jacobian(running, x)
+            _check_batch(solved, running.derivative, running.jacobian)
+        except np.linalg.LinAlgError:  # a loop has a double solution there, which has no slope
+            KINDS["undecided"] += 1
 
 
 def _check_state(example: Example, compilation: Any, running: Running, numbers: list[int], x: Any) -> bool:
-    """Rates, outputs, powers and the Jacobian in one state; False if there is no solution, or none that doubles can tell."""
+    """Rates, outputs and powers in one state; False if there is no solution, or none that doubles can tell."""
     try:
         rates, outputs = running.derivative(x), running.output(x)
     except (
@@ -216,8 +203,6 @@ def _check_state(example: Example, compilation: Any, running: Running, numbers: 
         return False
     powers = running.powers(x)[: len(compilation.state_space.ports)]
     assert abs(powers.sum()) <= 1e-9 * scale**2, "junctions and transducers keep power (Tellegen)"
-    if len(x):
-        _check_jacobian(running, x)
     return True
 
 
