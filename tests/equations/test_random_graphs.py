@@ -28,7 +28,7 @@ from tests.equations.running import Running
 EXAMPLES = 100
 MORE = int(os.environ.get("BONDGRAPH_RANDOM", "0"))
 SEED = os.environ.get("BONDGRAPH_SEED", "0")
-LONGEST = 120  # s for one example: what takes longer hangs
+LONGEST = 120  # s of computing for one example: what takes longer hangs
 CANCELLED = 1e-13  # of the largest effort or flow: rounding where such numbers cancel
 UNDECIDED = 1e-3  # where such rounding is larger, numbers near 1 are not compared at all: counted, and few
 KINDS: Counter[str] = Counter()
@@ -143,13 +143,13 @@ def _no_hanging() -> Iterator[None]:
     def stop(*_: object) -> None:
         raise TimeoutError(f"no answer within {LONGEST} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(LONGEST)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def _compiled(example: Example, text: str) -> tuple[Any, tuple[Diagnostic, ...]]:
