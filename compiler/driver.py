@@ -82,9 +82,10 @@ class Compilation:
         graph, given_way = self._wished, tuple[str, ...]()
         while wishes := derivative_wishes(graph, but=frozenset(name for name, _ in self.scene.preferences)):
             try:
-                causal = assign_causality(graph)
-                equations = derive_equations(causal, self.zeros, self.scene.free)
-                reduced = reduce_equations(equations, self.everything, graph.span)
+                with uncollected():
+                    causal = assign_causality(graph)
+                    equations = derive_equations(causal, self.zeros, self.scene.free)
+                    reduced = reduce_equations(equations, self.everything, graph.span)
             except CompilationFailed as failed:
                 endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
                 if len(endless) < len(failed.diagnostics):

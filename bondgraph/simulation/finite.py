@@ -52,7 +52,7 @@ def _cause(space: StateSpace, known: dict[Any, float]) -> str:
     """The first step that makes something that is not finite of what is."""
     for step in space.steps:
         if isinstance(step, Assignment):
-            value = _value(step, known)
+            value = _value(step.expression, known)
             known[step.target] = value
             if not math.isfinite(value):
                 name = space.variables[step.target].name
@@ -80,14 +80,14 @@ def _vanishing(x: Expression, known: dict[Any, float]) -> set[Any] | None:
         if not isinstance(node, Apply):
             continue
         stack += node.operands
-        if node.operator == "divide" and evaluate(node.operands[1], known.__getitem__) == 0:
+        if node.operator == "divide" and _value(node.operands[1], known) == 0:
             return {s.key for s in symbols(node.operands[1])}
     return None
 
 
-def _value(step: Assignment, known: dict[Any, float]) -> float:
+def _value(x: Expression, known: dict[Any, float]) -> float:
     try:
-        return evaluate(step.expression, known.__getitem__)
+        return evaluate(x, known.__getitem__)
     except (ArithmeticError, ValueError):
         return math.nan
 

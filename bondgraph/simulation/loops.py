@@ -43,7 +43,8 @@ class LoopSolver:
         last = state[self.count :]
         found = self.newton(time, state, mode, last)
         if found is None:
-            found = self._one_by_one(time, state, mode)
+            with np.errstate(all="ignore"):  # guesses may lie where a law has no value
+                found = self._one_by_one(time, state, mode)
         if found is None:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
