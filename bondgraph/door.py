@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
     from compiler.algebra.derivative import derivative
-    from compiler.algebra.expression import Symbol, depends_on, evaluate
+    from compiler.algebra.expression import Apply, Expression, Symbol, depends_on, evaluate, symbols
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.codegen.cost import Cost, cost
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
+    "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "reduction.certificate", "Unknown": "reduction.state_space",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
@@ -58,12 +59,12 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Assignment", "Because", "CausalGraph", "Certificate", "Compilation",
-    "CompilationFailed", "Cost", "Dependence", "Diagnostic", "Element", "EquationSystem", "InternalError", "Junction", "Kind", "LimitNote",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph", "Certificate", "Compilation",
+    "CompilationFailed", "Cost", "Dependence", "Diagnostic", "Element", "EquationSystem", "Expression", "InternalError", "Junction", "Kind", "LimitNote",
     "LinearLoop", "Literal", "Override", "Path", "Plan", "PowerPort", "Program", "Reported", "Scene", "Source", "Span", "StateSpace",
     "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences",
     "depends_on", "derivative", "evaluate", "examine", "format_text", "number_text", "parse_expression", "parse_law", "read_text",
-    "read_unit", "render", "scale_of", "to_sympy", "uncollected", "write_text",
+    "read_unit", "render", "scale_of", "symbols", "to_sympy", "uncollected", "write_text",
 ]  # fmt: skip
 
 

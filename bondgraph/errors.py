@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class UsageError(Exception):
     """The call makes no sense: an unknown name, a value that cannot be; the message says what is possible."""
@@ -9,6 +11,14 @@ class UsageError(Exception):
 
 class RunFailed(Exception):
     """The text is fine, but the numbers failed; the message says at which time and with which quantity."""
+
+
+class RateNotFinite(RunFailed):
+    """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
+
+    def __init__(self, what: str, time: float, state: Any) -> None:
+        super().__init__(what)
+        self.time, self.state = time, state
 
 
 class MissingPackage(ImportError):

@@ -15,9 +15,10 @@ from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
-from .graph.prune import known_zeros, preferring, prune
+from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .memory import uncollected
 from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops
+from .reduction.errors import DerivativeWithoutEnd
 from .scene import Plan, Scene
 from .semantics import build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
@@ -66,8 +67,35 @@ class Compilation:
 
     @cached_property
     def graph(self) -> BondGraph:
-        """The graph without what gives nothing in this run."""
+        """The graph without what gives nothing in this run, and without the wishes that give way."""
+        return preferring(self._wished, dict.fromkeys(self.given_way))
+
+    @cached_property
+    def _wished(self) -> BondGraph:
         return preferring(prune(self.whole_graph, self.zeros), dict(self.scene.preferences))
+
+    @cached_property
+    def given_way(self) -> tuple[str, ...]:
+        """Storages that would like the derivative form, but with it nothing would decide what they or others hold.
+
+        Whether the laws leave a storage to its own derivatives shows only in the equations, so these are tried."""
+        graph, given_way = self._wished, tuple[str, ...]()
+        while wishes := derivative_wishes(graph, but=frozenset(name for name, _ in self.scene.preferences)):
+            try:
+                with uncollected():
+                    causal = assign_causality(graph)
+                    equations = derive_equations(causal, self.zeros, self.scene.free)
+                    reduced = reduce_equations(equations, self.everything, graph.span)
+            except CompilationFailed as failed:
+                endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
+                if len(endless) < len(failed.diagnostics):
+                    break  # something else is wrong, which is told as it is
+                ending = [n for n in wishes if n in endless] or wishes
+                graph, given_way = preferring(graph, dict.fromkeys(ending)), given_way + tuple(ending)
+            else:
+                self.__dict__.update(causal=causal, equations=equations, _reduced=reduced)
+                return given_way
+        return given_way
 
     @cached_property
     def causal(self) -> CausalGraph:
@@ -82,9 +110,13 @@ class Compilation:
     @cached_property
     def state_space(self) -> StateSpace:
         with self._instances():
-            space = reduce_equations(self.equations, self.everything, self.graph.span)
+            space = self._reduced
             refuse_singular_loops(space, self.equations, self.scene.free)
             return space
+
+    @cached_property
+    def _reduced(self) -> StateSpace:
+        return reduce_equations(self.equations, self.everything, self.graph.span)
 
     @cached_property
     def lowered(self) -> Lowered:
@@ -96,7 +128,11 @@ class Compilation:
         """What kind of equations a run of this scene solves."""
         kept = {node.name for node in self.graph.nodes}
         left_out = tuple(node.name for node in self.whole_graph.nodes if node.name not in kept)
-        return certify(self.state_space, self.equations, left_out, notes(self.graph))
+        wishes = (
+            f"`{name}` is in integral form although it prefers the derivative form: with that nothing would decide what it holds"
+            for name in self.given_way
+        )
+        return certify(self.state_space, self.equations, left_out, (*notes(self.graph), *wishes))
 
     @cached_property
     def program(self) -> Program:

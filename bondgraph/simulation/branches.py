@@ -1,58 +1,23 @@
 """Whether the loops of a model have more than one solution at the start: then none of them is the author's.
 
-Newton's method from many guesses at once: in steps over several decades around the solution that is known and around one in SI
-units, for all unknowns of a loop together, for each alone, and for some mixtures that are the same in every run. What converges to another
-regular solution is another solution; that nothing does is no proof, but a curve has to be very narrow to hide from it.
+Newton's method from many guesses at once (`scatter.py`). What converges to another regular solution is another solution; that
+nothing does is no proof, but a curve has to be very narrow to hide from it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from .loops import LoopSolver
+from .scatter import Loop, arrivals, guesses
 
-ITERATIONS = 60
-HALVINGS = 8
 CLOSE = 1e-6  # relative distance within which two solutions are one
 LARGEST = 100  # unknowns; more are not searched
-ENTRIES = 500_000  # of all matrices of one search
 BENT = 1e-3  # relative change of slope between two solutions that are not one
-AROUND = 10.0 ** (np.arange(-18, 19) / 6)  # of what is known
-UNITS = 10.0 ** np.arange(-6, 4)
-MIXTURES = 48
 BETWEEN = np.arange(1, 20) / 20
-
-At = tuple[float, Any, Any]  # time, state, mode
-
-
-@dataclass(frozen=True, slots=True)
-class _Loop:
-    """One loop among others that keep their solution: `places` are its unknowns."""
-
-    loops: LoopSolver
-    at: At
-    known: Any  # of all loops
-    places: Any
-
-    @property
-    def magnitude(self) -> Any:
-        return self.loops.magnitude[self.places]
-
-    def full(self, z: Any) -> Any:
-        """The unknowns of all loops."""
-        result = np.tile(self.known, (*z.shape[:-1], 1))
-        result[..., self.places] = z
-        return result
-
-    def residual(self, z: Any) -> Any:
-        return self.loops.residual(*self.at, self.full(z))[..., self.places]
-
-    def matrix(self, z: Any) -> Any:
-        return self.loops.matrix(*self.at, self.full(z))[..., self.places[:, None], self.places]
 
 
 def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> list[Any]:
@@ -62,92 +27,26 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
         return []
     others: list[Any] = []
     for places in loops.separate():
-        loop = _Loop(loops, (time, state, mode), known, places)
-        found = _collect(loop, [known[places]], _guesses(known[places]))
+        loop = Loop(loops, (time, state, mode), known, places)
+        found = _collect(loop, [known[places]], guesses(known[places]))
         if len(found) > 1:  # what lies between two solutions is often a third one that Newton's method shuns
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))
-        ends = (loops.newton(*loop.at, loop.full(z), 0.0) for z in sorted(found[1:], key=lambda z: np.abs(z).max()))
+        ends = (loops.newton(*loop.at, loop.full(z)) for z in sorted(found[1:], key=lambda z: np.abs(z).max()))
         others += [z for z in ends if z is not None]
     return others
 
 
-def _collect(loop: _Loop, found: list[Any], guesses: Any) -> list[Any]:
+def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
     """The solutions that are found, and those to which guesses lead."""
     found = list(found)
-    for end in _newton_from_all(loop, guesses):
+    for end in arrivals(loop, guesses):
         if not any(_same(loop, end, z) for z in found) and _regular(loop, end):
             found.append(end)
     return found
 
 
-def _guesses(known: Any) -> Any:
-    """Shape (guesses, unknowns)."""
-    count = len(known)
-    size = np.where(known != 0, np.abs(known), 1.0)
-    signed = np.where(known != 0, known, 1.0)
-    together = [s * r * signed for r in AROUND for s in (1, -1)] + [
-        s * u * np.ones(count) for u in UNITS for s in (1, -1)
-    ]
-    alone: list[Any] = []
-    mixed: list[Any] = []
-    if count > 1:
-        unit = np.eye(count)
-        shares = (*(s * r for r in AROUND[::6] for s in (1, -1)), 0.0)
-        alone = [np.where(e > 0, share * size, known) for e in unit for share in shares]
-        random = np.random.default_rng(0)
-        mixed = [size * random.choice((-1, 1), count) * 10 ** random.uniform(-2, 2, count) for _ in range(MIXTURES)]
-    return np.array([*together, *mixed, *alone])[: max(8, ENTRIES // count**2)]
-
-
-def _newton_from_all(loop: _Loop, guesses: Any) -> Any:
-    """Where Newton's method, damped by halving, arrives; those that get nowhere are left out."""
-    z, done = np.array(guesses, dtype=float), []
-    value = loop.residual(z)
-    for _ in range(ITERATIONS):
-        alive = np.isfinite(value).all(axis=1)
-        z, value = z[alive], value[alive]
-        if not len(z):
-            break
-        z, value, scale, step = _steps(loop, z, value)
-        arrived = np.abs(step / np.maximum(np.abs(z), 1e-6 * loop.magnitude)).max(axis=1, initial=0.0) < 1e-8
-        done += list(z[arrived])
-        rest = ~arrived
-        z, value = _damped(loop, z[rest], value[rest], scale[rest], step[rest])
-    return done
-
-
-def _steps(loop: _Loop, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
-    """Newton's steps, with the scales of the rows, for the guesses that have one."""
-    matrix = loop.matrix(z) * loop.magnitude
-    scale = np.abs(matrix).max(axis=-1, initial=0.0)
-    good = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1)
-    z, value, matrix, scale = z[good], value[good], matrix[good], scale[good]
-    scaled = matrix / scale[..., None]
-    good = np.linalg.slogdet(scaled)[0] != 0
-    z, value, scaled, scale = z[good], value[good], scaled[good], scale[good]
-    step = np.linalg.solve(scaled, -(value / scale)[..., None])[..., 0] * loop.magnitude
-    return z, value, scale, step
-
-
-def _damped(loop: _Loop, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
-    """The guesses a step on; each step is halved until the residual falls, or its guess is given up."""
-    norm = np.linalg.norm(value / scale, axis=1)
-    moved, found = np.full_like(z, np.nan), np.full_like(value, np.nan)
-    open_ = np.arange(len(z))
-    factor = 1.0
-    for _ in range(HALVINGS):
-        if not len(open_):
-            break
-        trial = z[open_] + factor * step[open_]
-        new = loop.residual(trial)
-        falls = np.linalg.norm(new / scale[open_], axis=1) <= (1 - 1e-4 * factor) * norm[open_]
-        moved[open_[falls]], found[open_[falls]] = trial[falls], new[falls]
-        open_, factor = open_[~falls], 0.5 * factor
-    return moved, found
-
-
-def _same(loop: _Loop, a: Any, b: Any) -> bool:
+def _same(loop: Loop, a: Any, b: Any) -> bool:
     """Whether two solutions are one but for rounding: between two regular ones the slope along their distance must change."""
     way = b - a
     if (np.abs(way) <= CLOSE * np.maximum(np.abs(a), np.abs(b)).max()).all():
@@ -158,7 +57,7 @@ def _same(loop: _Loop, a: Any, b: Any) -> bool:
     return bool(np.ptp(along, axis=0).max() <= BENT)
 
 
-def _regular(loop: _Loop, z: Any) -> bool:
+def _regular(loop: Loop, z: Any) -> bool:
     """Whether a solution stands alone: in a flat law a whole range would do, which is no second solution."""
     matrix = loop.matrix(z) * np.maximum(np.abs(z), 1e-300)
     scale = np.abs(matrix).max(axis=1)

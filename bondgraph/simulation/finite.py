@@ -7,8 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..door import Assignment, LinearLoop, Program, StateSpace, evaluate
+from ..door import Apply, Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
 from ..errors import RunFailed
+
+SHOWN = 4  # variables of a divisor
+LOOK_FOR = (
+    "look for a division by zero, a root or logarithm of a negative number, or a part of the model that nothing ties down "
+    "(a circuit without earth)"
+)
 
 
 def check_finite(program: Program, space: StateSpace, instants: Any, values: Any, states: Any, parameters: Any) -> None:
@@ -19,10 +25,13 @@ def check_finite(program: Program, space: StateSpace, instants: Any, values: Any
     point = int(np.flatnonzero(wrong.any(axis=1))[0])
     names = [n for n, bad in zip(program.outputs.names, wrong[point], strict=True) if bad]
     named = ", ".join(f"`{n}`" for n in names[:6]) + (", …" if len(names) > 6 else "")
-    known = _known(program, space, float(instants[point]), states[point], parameters)
-    raise RunFailed(
-        f"at t = {instants[point]:.9g} s {named} {'is' if len(names) == 1 else 'are'} not finite: {_cause(space, known)}"
-    )
+    cause = cause_of(program, space, float(instants[point]), states[point], parameters)
+    raise RunFailed(f"at t = {instants[point]:.9g} s {named} {'is' if len(names) == 1 else 'are'} not finite: {cause}")
+
+
+def cause_of(program: Program, space: StateSpace, time: float, state: Any, parameters: Any) -> str:
+    """The line that most likely makes something no number, at a time and in a state."""
+    return _cause(space, _known(program, space, time, state, parameters))
 
 
 def _known(program: Program, space: StateSpace, time: float, state: Any, parameters: Any) -> dict[Any, float]:
@@ -43,26 +52,42 @@ def _cause(space: StateSpace, known: dict[Any, float]) -> str:
     """The first step that makes something that is not finite of what is."""
     for step in space.steps:
         if isinstance(step, Assignment):
-            value = _value(step, known)
+            value = _value(step.expression, known)
             known[step.target] = value
             if not math.isfinite(value):
                 name = space.variables[step.target].name
-                return (
-                    f"`{name}`, computed at `{step.owner}` (line {step.span.line}), has no value there; "
-                    "look for a division by zero, or a root or logarithm of a negative number"
-                )
+                begin = f"`{name}`, computed at `{step.owner}` (line {step.span.line}),"
+                divisor = _vanishing(step.expression, known)
+                if divisor is None:
+                    return f"{begin} has no value there; {LOOK_FOR}"
+                read = {space.variables[v].name: known[v] for v in sorted(divisor)}
+                said = ", ".join(f"`{n}` = {v:.6g}" for n, v in list(read.items())[:SHOWN])
+                return f"{begin} is divided by {f'what is zero with {said}' if read else 'a factor of its law that is zero'}"
             continue
         found = _solution(step, known)
         if found is None:
             members = ", ".join(f"`{m}`" for m in step.members[:6])
             return f"the algebraic loop through {members} has no unique solution with these numbers"
         known.update(zip(step.targets, found, strict=True))
-    return "look for a division by zero, or a root or logarithm of a negative number"
+    return LOOK_FOR
 
 
-def _value(step: Assignment, known: dict[Any, float]) -> float:
+def _vanishing(x: Expression, known: dict[Any, float]) -> set[Any] | None:
+    """What a divisor in an expression reads, if it is zero; None if no divisor is."""
+    stack = [x]
+    while stack:
+        node = stack.pop()
+        if not isinstance(node, Apply):
+            continue
+        stack += node.operands
+        if node.operator == "divide" and _value(node.operands[1], known) == 0:
+            return {s.key for s in symbols(node.operands[1])}
+    return None
+
+
+def _value(x: Expression, known: dict[Any, float]) -> float:
     try:
-        return evaluate(step.expression, known.__getitem__)
+        return evaluate(x, known.__getitem__)
     except (ArithmeticError, ValueError):
         return math.nan
 

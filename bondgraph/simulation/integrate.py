@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RunFailed
+from ..errors import RateNotFinite, RunFailed
 from . import exponential
 from .choice import Choice, Handover
 from .factorise import dense, is_large, sparse
@@ -274,7 +274,7 @@ class _Stepper:
 
         slope = derivative(stretch.start, x / magnitude)
         if not np.isfinite(slope).all():
-            raise RunFailed(_not_finite(program, stretch.start, slope, x))
+            raise _not_finite(program, stretch.start, slope, x)
         relative = self.tolerances.relative
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
@@ -290,6 +290,8 @@ class _Stepper:
         except StepFailed as failed:
             state = solver.state * self.tolerances.magnitude
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, self._mode(solver))
+            if not np.isfinite(slope).all():
+                raise _not_finite(self.program, solver.time, slope, state) from None
             raise RunFailed(_stuck(self.program, solver, failed.what, state, slope, self.tolerances)) from None
         if steps >= MOST_STEPS:
             state = solver.state * self.tolerances.magnitude
@@ -349,21 +351,15 @@ def _names(program: Program) -> tuple[str, ...]:
     return (*program.states.names, *program.unknowns.names)
 
 
-def _not_finite(program: Program, time: float, slope: Any, state: Any) -> str:
+def _not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNotFinite:
     names = _names(program)
     bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
     rates = " and ".join(f"`{b}`" for b in bad)
-    return (
-        f"at t = {time:.9g} s the rate of {rates} is not finite (with {values}); "
-        "look for a division by zero, a root or logarithm of a negative number, or a part of the model that nothing ties down "
-        "(a circuit without earth)"
-    )
+    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state)
 
 
 def _stuck(program: Program, solver: Radau, what: str, state: Any, slope: Any, tolerances: Tolerances) -> str:
-    if not np.isfinite(slope).all():
-        return _not_finite(program, solver.time, slope, state)
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)
     worst = (

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..door import Assignment, Compilation, Plan, Program, evaluate
-from ..errors import RunFailed, UsageError
+from ..errors import RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance
 from .choice import Choice, Handover
 from .energy import energy_balance
-from .finite import check_finite
+from .finite import cause_of, check_finite
 from .integrate import Tolerances, Trajectory, integrate
 from .loops import LoopSolver
 from .nominal import nominal_magnitudes
@@ -111,10 +111,14 @@ class Leg:
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to where other states should go on."""
         space, program = self.compilation.state_space, self.program
-        self.trajectory = integrate(
-            program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
-            self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
-        )  # fmt: skip
+        try:
+            self.trajectory = integrate(
+                program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
+                self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
+            )  # fmt: skip
+        except RateNotFinite as failed:
+            cause = cause_of(program, space, failed.time, failed.state, self.parameters)
+            raise RunFailed(f"{failed}: {cause}") from None
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
         check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)

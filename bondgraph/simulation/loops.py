@@ -1,23 +1,28 @@
 """Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off.
 
 Steps of the solver take the unknowns along; here they are found at a start, after a jump, and at reported instants. Where
-Newton's method fails from the last solution, the residual there is led to zero bit by bit (Newton homotopy: Allgower and
-Georg, Introduction to Numerical Continuation Methods, chapter 1).
+Newton's method fails from the last solution, `homotopy.py` leads the residual there to zero bit by bit.
 """
 
 from __future__ import annotations
 
+from graphlib import TopologicalSorter
 from typing import Any
 
 import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .homotopy import follow
+from .scatter import Loop, arrivals, far_guesses, guesses
 
 ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
 HALVINGS = 30
-GUESSES = (1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3)  # of the magnitudes
-LEAST = 1e-4  # share of the way of a homotopy below which it gives up
+STUCK = 12  # steps in a row that had to be shortened to less than SHORT: the residual has a valley there
+SHORT = 1e-3
+LARGEST = 100  # unknowns of a loop that is searched from many guesses
+NEAREST = 8
+GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
 
 
 class LoopSolver:
@@ -36,11 +41,10 @@ class LoopSolver:
         if not len(self.magnitude):
             return state
         last = state[self.count :]
-        found = self.newton(time, state, mode, last, 0.0)
-        if found is None:  # a law may have no value, or no slope, where all unknowns are zero
-            others = (last, 0 * last, *(share * self.magnitude for share in GUESSES))
-            tries = (self._homotopy(time, state, mode, guess) for guess in others)
-            found = next((z for z in tries if z is not None), None)
+        found = self.newton(time, state, mode, last)
+        if found is None:
+            with np.errstate(all="ignore"):  # guesses may lie where a law has no value
+                found = self._one_by_one(time, state, mode)
         if found is None:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
@@ -48,6 +52,33 @@ class LoopSolver:
                 "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), or put a small storage into it"
             )
         return np.concatenate([state[: self.count], found])
+
+    def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
+        """All unknowns, loop after loop; None if one of them is not found."""
+        z = state[self.count :]
+        for places in self.separate():
+            ways = (self.newton, self._homotopy, self._scattered, self._homotopies)  # the nearest first, then any
+            found = next((y for way in ways if (y := way(time, state, mode, z, places)) is not None), None)
+            if found is None:
+                return None
+            z = found
+        return z
+
+    def _scattered(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+        """The nearest of the solutions to which many guesses lead; None if none does."""
+        if len(places) > LARGEST:
+            return None
+        loop = Loop(self, (time, state, mode), last, places)
+        ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
+        ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
+        found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
+        return next((z for z in found if z is not None), None)
+
+    def _homotopies(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+        """From guesses of many decades: a law may have no value at others."""
+        starts = (_put(last, places, share * self.magnitude[places]) for share in GUESSES)
+        found = (self._homotopy(time, state, mode, start, places) for start in starts)
+        return next((z for z in found if z is not None), None)
 
     def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
         """The same for several instants; shape (times, n)."""
@@ -69,42 +100,45 @@ class LoopSolver:
         return result
 
     def separate(self) -> list[Any]:
-        """The unknowns of each loop by itself: those that depend on each other."""
+        """The unknowns of each loop by itself, those that depend on each other; a loop after those that it reads."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
         count = len(self.magnitude)
         reads = coo_array((np.ones(len(self._chosen)), self._place), shape=(count, count))
         number, labels = connected_components(reads, directed=True, connection="strong")
-        return [np.flatnonzero(labels == i) for i in range(number)]
+        before = {(labels[row], labels[column]) for row, column in zip(*self._place, strict=True)}
+        waits = {i: {b for a, b in before if a == i and b != i} for i in range(number)}
+        return [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
 
     def _full(self, state: Any, unknowns: Any) -> Any:
         known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)
 
-    def newton(self, time: float, state: Any, mode: Any, guess: Any, rest: Any) -> Any:
-        """Newton's method, damped by halving, until the correction is round-off; None if it fails."""
+    def newton(self, time: float, state: Any, mode: Any, guess: Any, places: Any = slice(None)) -> Any:
+        """Newton's method for some of the unknowns, damped by halving, until the correction is round-off; None if it fails."""
         z = np.array(guess, dtype=float)
-        value = self.residual(time, state, mode, z) - rest
+        magnitude = self.magnitude[places]
+        value = self.residual(time, state, mode, z)[places]
         if not np.isfinite(value).all():
             return None
-        before = np.inf
+        before, stuck = np.inf, 0
         for _ in range(ITERATIONS):
-            matrix = self.matrix(time, state, mode, z) * self.magnitude
+            matrix = self.matrix(time, state, mode, z)[places][:, places] * magnitude
             scale = np.abs(matrix).max(axis=1)
             if not np.isfinite(scale).all() or not (scale > 0).all():
                 return None
             try:
-                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * self.magnitude
+                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * magnitude
             except np.linalg.LinAlgError:
                 return None
-            size = float(np.abs(step / np.maximum(np.abs(z), 1e-3 * self.magnitude)).max())
+            size = float(np.abs(step / np.maximum(np.abs(z[places]), 1e-3 * magnitude)).max())
             if not np.isfinite(size):
                 return None
             factor, norm = 1.0, float(np.linalg.norm(value / scale))
             for _ in range(HALVINGS):
-                trial = z + factor * step
-                found = self.residual(time, state, mode, trial) - rest
+                trial = _put(z, places, z[places] + factor * step)
+                found = self.residual(time, state, mode, trial)[places]
                 if np.isfinite(found).all() and float(np.linalg.norm(found / scale)) <= (1 - 1e-4 * factor) * norm:
                     break
                 if size < 1e-9 and np.isfinite(found).all():
@@ -113,22 +147,26 @@ class LoopSolver:
             else:
                 return z if size < 1e-9 else None
             z, value = trial, found
+            stuck = stuck + 1 if factor < SHORT else 0
+            if stuck == STUCK:
+                return None
             if size <= 4e-16 or (size < 1e-9 and size >= 0.25 * before):
                 return z
             before = size
         return None
 
-    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any) -> Any:
+    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
         """From the guess, whose residual is led to zero; None if that fails."""
-        rest = self.residual(time, state, mode, guess)
-        if not np.isfinite(rest).all():
-            return None
-        z, share, step = guess, 0.0, 1.0
-        while share < 1 and step > LEAST:
-            target = min(1.0, share + step)
-            found = self.newton(time, state, mode, z, (1 - target) * rest)
-            if found is None:
-                step *= 0.5
-            else:
-                z, share, step = found, target, 2 * step
-        return z if share >= 1 else None
+        near = follow(
+            lambda y: self.residual(time, state, mode, _put(guess, places, y))[places],
+            lambda y: self.matrix(time, state, mode, _put(guess, places, y))[places][:, places],
+            guess[places],
+            self.magnitude[places],
+        )
+        return None if near is None else self.newton(time, state, mode, _put(guess, places, near), places)
+
+
+def _put(z: Any, places: Any, values: Any) -> Any:
+    result = np.array(z, dtype=float)
+    result[places] = values
+    return result

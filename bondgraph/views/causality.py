@@ -219,6 +219,8 @@ def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[s
         )
     if because is Because.FREE_END:
         return f"{other} has only this bond", f"hang something on `{forcing.name}`, or remove it."
+    if because is Because.CANCELS:
+        return f"bonds to and fro at {other} cancel", "remove both of them, or turn the arrow of one, if that is meant."
     word = "require" if because is Because.REQUIRED else "prefer"
     return f"{other} has a `{word}` that stands against it", f"leave out the `{word}` of `{forcing.name}`."
 

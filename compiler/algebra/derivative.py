@@ -5,6 +5,7 @@ abs' = +-1, sign' = floor' = 0, sqrt' at 0 is taken as 0 (its one-sided limit is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from .expression import (
@@ -61,12 +62,30 @@ def _chain(node: Apply, inner: Callable[[Expression], Expression]) -> Expression
         return select(operands[0], inner(operands[1]), inner(operands[2]))
     if node.operator in ("less", "less_equal", "equal", "and", "or", "not"):
         return ZERO
+    if node.operator == "item":
+        return _of_solution(node, inner)
     terms = []
     for i, operand in enumerate(operands):
         slope = inner(operand)
         if slope != ZERO:
             terms.append(multiply(partial(node, i), slope))
     return add(*terms)
+
+
+def _of_solution(node: Apply, inner: Callable[[Expression], Expression]) -> Expression:
+    """Of an unknown of a linear system: A t = r, so A dt = dr - dA t."""
+    system, number = node.operands
+    assert isinstance(system, Apply)
+    count = math.isqrt(len(system.operands))  # n entries in each of n rows, then n right sides
+    matrix, right = system.operands[: count * count], system.operands[count * count :]
+    targets = [Apply("item", (system, Number(float(i)))) for i in range(count)]
+    rights = [
+        add(inner(r), *(negate(multiply(inner(a), t)) for a, t in zip(matrix[i * count :], targets, strict=False)))
+        for i, r in enumerate(right)
+    ]
+    if all(r == ZERO for r in rights):
+        return ZERO
+    return Apply("item", (Apply("solve", (*matrix, *rights)), number))
 
 
 def partial(node: Apply, i: int) -> Expression:

@@ -114,8 +114,9 @@ def _demand(strokes: Strokes) -> Iterator[StrokeConflict]:
 
 
 def _demands(strokes: Strokes) -> Iterator[Stroke]:
-    """Sources, mechanisms, `require`, and junctions with a single bond."""
+    """Sources, mechanisms, `require`, junctions with a single bond, and bonds that cancel."""
     graph = strokes.graph
+    yield from _cancelling(graph)
     for number, node in enumerate(graph.nodes):
         match node:
             case Junction():
@@ -130,6 +131,23 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
             case Element() if node.require is not None:
                 wanted = [wants_effort(node, port, node.require) for port in range(len(node.ports))]
                 yield from _of_ports(strokes, number, wanted, Because.REQUIRED)
+
+
+def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
+    """Bonds between a 0 and a 1, as many to as fro: the effort of the 0 and the flow of the 1 drop out of each other's sums, so
+    something else has to decide both; a stroke among them would close a loop of gain 1."""
+    between: dict[tuple[int, int], list[tuple[int, int]]] = {}  # a 0 and a 1 -> bonds, each with 1 or -1
+    for number, bond in enumerate(graph.bonds):
+        kinds = graph.nodes[bond.tail.node].kind, graph.nodes[bond.head.node].kind
+        if kinds == (Kind.ZERO, Kind.ONE):
+            between.setdefault((bond.tail.node, bond.head.node), []).append((number, 1))
+        elif kinds == (Kind.ONE, Kind.ZERO):
+            between.setdefault((bond.head.node, bond.tail.node), []).append((number, -1))
+    for (zero, _), bonds in between.items():
+        if sum(sign for _, sign in bonds) == 0:
+            for number, sign in bonds:
+                end = graph.bonds[number].tail if sign > 0 else graph.bonds[number].head
+                yield Stroke(number, end, True, Reason(Because.CANCELS, zero))
 
 
 def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because) -> Iterator[Stroke]:

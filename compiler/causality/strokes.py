@@ -22,6 +22,7 @@ class Because(Enum):
     REQUIRED = "the element requires it"
     MECHANISM = "a mechanism takes efforts and gives flows"
     FREE_END = "a free end has no effort, a blocked one no flow"
+    CANCELS = "bonds to and fro between two junctions cancel, so they cannot decide anything"
     WISHED = "the element prefers it"
     INTEGRAL = "storage in integral form"
     PREFERRED = "the direction in which the law is written"
@@ -31,7 +32,7 @@ class Because(Enum):
     FREE = "free choice"
 
 
-DEMANDS = frozenset({Because.SOURCE, Because.REQUIRED, Because.MECHANISM, Because.FREE_END})
+DEMANDS = frozenset({Because.SOURCE, Because.REQUIRED, Because.MECHANISM, Because.FREE_END, Because.CANCELS})
 
 
 @dataclass(frozen=True, slots=True)

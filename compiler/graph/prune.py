@@ -12,6 +12,7 @@ from dataclasses import replace
 from ..algebra.expression import ZERO, Expression, Symbol, substitute, symbols
 from ..algebra.formula import Bound
 from .network import (
+    STORAGES,
     Bond,
     BondGraph,
     Element,
@@ -96,7 +97,7 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     return _rebuild(graph, dropped, changed)
 
 
-def preferring(graph: BondGraph, wishes: Mapping[str, str]) -> BondGraph:
+def preferring(graph: BondGraph, wishes: Mapping[str, str | None]) -> BondGraph:
     """The graph with other wishes for the form of some storages."""
     if not wishes:
         return graph
@@ -104,6 +105,18 @@ def preferring(graph: BondGraph, wishes: Mapping[str, str]) -> BondGraph:
         replace(n, prefer=wishes[n.name]) if isinstance(n, Element) and n.name in wishes else n for n in graph.nodes
     )
     return replace(graph, nodes=nodes)
+
+
+def derivative_wishes(graph: BondGraph, but: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """The storages that would like the derivative form of some port, except for some."""
+    return tuple(
+        n.name
+        for n in graph.nodes
+        if isinstance(n, Element)
+        and n.kind in STORAGES
+        and n.name not in but
+        and any(n.prefer in ("derivative", "flow" if stored == "q" else "effort") for stored in n.stored)
+    )
 
 
 def _readings(graph: BondGraph) -> Iterator[Reading]:

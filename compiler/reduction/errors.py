@@ -37,7 +37,10 @@ class DerivativeWithoutEnd(Diagnostic):
 
     code = "BG504"
     title = "`{element}` is in derivative form, but nothing decides `{variable}`: it would depend on its own derivatives without end"
-    advice = "Let one of the storages that hang together be in integral form: remove `prefer = derivative` or `require` there."
+    advice = (
+        "Let one of the storages that hang together be in integral form: remove its `require`. If none has one, a law reads an effort "
+        "or a flow that hangs on this derivative: let it read what a storage holds instead, or put a small resistor between them."
+    )
     element: str
     variable: str
 

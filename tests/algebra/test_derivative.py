@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -24,6 +25,7 @@ from compiler.algebra.expression import (
     multiply,
     power,
     select,
+    value_of,
 )
 
 X, Y = Symbol("x"), Symbol("y")
@@ -210,3 +212,34 @@ def test_a_shared_subexpression_is_differentiated_once() -> None:
     for _ in range(60):
         x = Apply("multiply", (Number(0.5), Apply("add", (x, x))))
     assert slope(x, X, {"x": 3.0}) == 1.0
+
+
+def _solved(x: Expression, t: float) -> float:
+    """The value of an expression over one symbol, unknowns of linear systems among its operands."""
+    if not isinstance(x, Apply):
+        return evaluate(x, lambda key: t)
+    if x.operator == "item":
+        system, number = x.operands
+        assert isinstance(system, Apply)
+        entries = [_solved(o, t) for o in system.operands]
+        count = math.isqrt(len(entries))
+        matrix = np.array(entries[: count * count]).reshape(count, count)
+        return float(np.linalg.solve(matrix, entries[count * count :])[int(_solved(number, t))])
+    return value_of(x.operator, [_solved(o, t) for o in x.operands])
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_unknowns_of_a_linear_system(number: int) -> None:
+    """A(t) u = r(t): u' against differences of a solution by numpy."""
+    t = Symbol("t")
+    a = [t + 4, call("sin", t), Number(1.0), Number(0.5), t * t + 3, call("cos", t), Number(0.0), -t, Number(5.0)]
+    right = [call("exp", t), t * 2, Number(1.0)]
+    x = Apply("item", (Apply("solve", (*a, *right)), Number(float(number))))
+    for at in (-0.7, 0.3, 1.9):
+        h = 1e-5
+        quotient = (_solved(x, at + h) - _solved(x, at - h)) / (2 * h)
+        assert _solved(derivative(x, t), at) == pytest.approx(quotient, rel=1e-8, abs=1e-9)
+    assert (
+        derivative(Apply("item", (Apply("solve", (*map(Number, (2.0, 1.0, 1.0, 3.0, 1.0, 1.0)),)), Number(0.0))), t)
+        == ZERO
+    )

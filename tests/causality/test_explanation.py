@@ -115,8 +115,9 @@ class TestStorages:
 
     @pytest.mark.parametrize("word", ["prefer", "require"])
     def test_what_the_author_asked_for(self, word: str) -> None:
-        text = "model A {\n  Se s : u = 6 V\n  1 a : electric\n  R r : u = 2 ohm*i\n  I l : lambda = 1 H*i { %s = derivative }\n  s -> a -> r, l\n}\n"
+        text = "model A {\n  Se s : u = 6 V\n  1 a : electric\n  R r : u = 2 ohm*i\n  I k : lambda = 3 H*i\n  I l : lambda = 1 H*i { %s = derivative }\n  s -> a -> r, k, l\n}\n"
         (row,) = explained(text % word).derivative
+        assert row.storage == "l"
         assert row.forced_by is None and "its author" in row.why and f"`{word}`" in row.advice
 
     def test_on_a_mechanism(self) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bondgraph
 from compiler.causality import Because, CausalGraph
 from compiler.causality.strokes import HEAD, TAIL
 from compiler.graph.network import Element, Junction, Kind, MechanismNode
@@ -291,12 +293,38 @@ class TestReasons:
 
     @pytest.mark.parametrize("attribute", ["prefer = derivative", "require = derivative"])
     def test_what_the_author_asked_for(self, attribute: str) -> None:
-        graph = causal(
-            SERIES.replace("I l : lambda = 3 H*i", f"I l : lambda = 3 H*i {{ {attribute} }}").replace(
-                "R r : u = 2 ohm*i", "R r : i = u/2 ohm"
-            )
+        """Of two inductors on one flow."""
+        text = SERIES.replace("  C c", f"  I m : lambda = 2 H*i {{ {attribute} }}\n  C c").replace(
+            "r, l, c", "r, m, l, c"
         )
-        assert decides(graph, "l") == "effort" and [graph.graph.nodes[e.node].name for e in graph.derivative] == ["l"]
+        graph = causal(text)
+        assert decides(graph, "m") == "effort" and [graph.graph.nodes[e.node].name for e in graph.derivative] == ["m"]
+
+
+class TestBondsToAndFro:
+    """Two bonds between a 0 and a 1, one each way: the flow of the 1 enters the 0 and leaves it, its effort likewise."""
+
+    TEXT = "plain model A {\n  0 z\n  1 o\n  I a : p = 2*f\n  I b : p = 4*f { start p = 3 }\n  R r : e = 6*f\n  z -> a\n  o -> b, r\n  z -> o\n  o -> z\n  output fa = a.f, fb = b.f, ez = z.e\n}\n"
+
+    @pytest.mark.parametrize("order", ["a, b", "b, a"])
+    def test_they_decide_nothing(self, order: str) -> None:
+        """Either storage could be the state by strokes alone, but if the bonds decided one another they would form a loop of gain 1."""
+        text = self.TEXT
+        if order == "b, a":
+            a, b = (next(x for x in text.splitlines(True) if x.startswith(f"  I {n} ")) for n in "ab")
+            text = text.replace(a + b, b + a)
+        graph = causal(text)
+        assert [graph.graph.nodes[e.node].name for e in graph.derivative] == ["a"]
+        assert sum(r.because is Because.CANCELS for r in graph.reasons) >= 1
+        run = bondgraph.load(text).simulate(to=2, points=5)
+        assert run["fb"] == pytest.approx(0.75 * np.exp(-1.5 * run.time), rel=1e-6)  # p' = -6 p/4
+        assert run["fa"] == pytest.approx(np.zeros(5), abs=1e-15) and run["ez"] == pytest.approx(np.zeros(5), abs=1e-15)
+
+    def test_two_the_same_way_decide(self) -> None:
+        """Then the 0 gets the flow twice, and the 1 the effort: C' = 2 f, p' = -2 e."""
+        text = "plain model A {\n  0 z\n  1 o\n  C a : e = q { start q = 1 }\n  I b : p = f\n  z -> a\n  o -> b\n  o -> z\n  o -> z\n  output e = a.e\n}\n"
+        run = bondgraph.load(text).simulate(to=3, points=7, rtol=1e-9)
+        assert run["e"] == pytest.approx(np.cos(2 * run.time), abs=1e-7)
 
 
 def test_propagation_is_linear() -> None:

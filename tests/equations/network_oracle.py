@@ -23,9 +23,10 @@ import scipy.linalg
 from tests.equations.time_series import Series
 
 Array = Any
-STEP = 1e-6  # of the difference quotients for Newton's matrix: it only steers, the residual is exact
-TINY = 1e-40  # complex step in time
+TINY = 1e-40  # complex step
 RANK = 1e-8  # singular values below this share of the largest are zero
+CLOSE = 1e-10  # residual, as a share of the terms of its equation
+LEAST = 1e-3  # what an unknown counts for at least among those terms
 
 
 class Values(NamedTuple):
@@ -84,6 +85,13 @@ class Network:
         shape = np.broadcast_shapes(np.shape(w)[1:], np.shape(s)[1:])
         return np.array([np.broadcast_to(r, shape) for part in self.residuals for r in part(v)])
 
+    def missed(self, w: Array, s: Array, time: float) -> float:
+        """The largest residual as a share of the terms of its equation, but for what the largest of all loses by rounding."""
+        slopes = np.hstack(self.jacobians(w, s, time)[:2])
+        rounding = 1e-14 * np.abs(slopes).max(axis=1, initial=0.0) * float(np.abs(w).max(initial=0.0))
+        left = np.maximum(np.abs(self.residual(w, s, time)) - rounding, 0.0)
+        return _share(left, slopes, np.concatenate([w, s]))
+
     def taylor(self, w: Array, s: Array, time: Array) -> Array:
         """The coefficients in time of all residuals, for those of what they read (first axis)."""
         series = [Series(w[:, i]) for i in range(w.shape[1])]
@@ -130,7 +138,7 @@ class Solution:
     stored: Array
     converged: bool
     error: float
-    null: Array  # (unknowns, k): directions that the equations do not determine
+    null: Array  # (unknowns, k): directions that the equations do not determine, unknowns scaled to like slopes
     free: list[int]  # storage ports that were not given
 
     def determined(self, unknown: int) -> bool:
@@ -156,7 +164,7 @@ def solve(network: Network, given: dict[int, float], time: float, order: int = 1
     inside = n + len(free)
 
     def split(z: Array) -> tuple[Array, Array, Array]:
-        s = np.empty((m, *z.shape[1:]))
+        s = np.empty((m, *z.shape[1:]), dtype=z.dtype)
         s[:] = fixed.reshape(m, *[1] * (z.ndim - 1))
         s[free] = z[n:inside]
         return z[:n], s, z[inside:]
@@ -166,59 +174,111 @@ def solve(network: Network, given: dict[int, float], time: float, order: int = 1
         w, s, higher = split(z)
         series = np.concatenate([w[None], higher.reshape(order, n, *z.shape[1:])])
         stored = np.concatenate([s[None], [network.rates(series[k]) / (k + 1) for k in range(order)]])
-        clock = np.zeros((count, *z.shape[1:]))
+        clock = np.zeros((count, *z.shape[1:]), dtype=z.dtype)
         clock[0], clock[1] = time, 1.0
         return network.taylor(series, stored, clock)
 
     z = np.zeros(inside + order * n)
-    if guess is not None:
-        z[:n], z[n:inside] = guess[0], guess[1][free]
     with np.errstate(all="ignore"):
+        if guess is not None:
+            z[:n], z[n:inside] = guess[0], guess[1][free]
+            z[inside:] = _following(lambda higher: function(_behind(z[:inside], higher)), order * n)
         for damped in (False, True):  # most networks are monotone: full steps converge; the others get a second try
             found, jacobian, error = _newton(function, z, damped)
-            scale = max(1.0, float(np.abs(found).max(initial=0.0)))
-            if error < 1e-10 * scale:
+            if error < CLOSE:
                 break
     if not np.isfinite(jacobian).all():
         jacobian = np.zeros_like(jacobian)
-    _, sizes, vt = np.linalg.svd(jacobian / row_sizes(jacobian)[:, None])
-    rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
     w, s, _ = split(found)
-    scale = max(1.0, float(np.abs(w).max(initial=0.0)))
-    return Solution(network, w, s, error < 1e-10 * scale, error, vt[rank:].T, free)
+    return Solution(network, w, s, error < CLOSE, error, _open(jacobian, inside), free)
 
 
-def row_sizes(matrix: Array) -> Array:
-    """The largest magnitude in each row, for scaling; 1 where there is none."""
-    sizes = np.abs(matrix).max(axis=1, initial=0.0)
-    return np.where(sizes > 0, sizes, 1.0)
+def _open(jacobian: Array, inside: int) -> Array:
+    """Directions of the first unknowns that the equations do not determine; of the others, the derivatives, nobody asks. They
+    are eliminated first: what is large in an equation for them would hide what is small in one without them."""
+    rows, columns = balance(jacobian[:, inside:])
+    u, sizes, _ = np.linalg.svd(jacobian[:, inside:] / rows[:, None] / columns)
+    rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
+    rest = u[:, rank:].T @ (jacobian[:, :inside] / rows[:, None])
+    rows, columns = balance(rest)
+    _, sizes, vt = np.linalg.svd(rest / rows[:, None] / columns)
+    rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
+    return vt[rank:].T
+
+
+def completed(network: Network, w: Array, s: Array, time: float, bonds: Sequence[int]) -> Array:
+    """Efforts and flows with those of some bonds, between junctions, as all others demand it."""
+    if not bonds:
+        return w
+    places = [*bonds, *(b + network.bonds for b in bonds)]
+    w = w.copy()
+    w[places] = 0.0
+    slopes = network.jacobians(w, s, time)[0][:, places]
+    chosen = slopes.any(axis=1)
+    w[places] = np.linalg.lstsq(slopes[chosen], -network.residual(w, s, time)[chosen], rcond=None)[0]
+    return w
+
+
+def _behind(first: Array, higher: Array) -> Array:
+    """One vector, or several of them in columns, behind what all of them begin with."""
+    return np.concatenate(
+        [np.broadcast_to(first.reshape(-1, *[1] * (higher.ndim - 1)), (len(first), *higher.shape[1:])), higher]
+    )
+
+
+def _following(function: Callable[[Array], Array], count: int) -> Array:
+    """The derivatives that go with efforts, flows and stored quantities that are known: what is exact there must not be
+    spoilt by first steps that have no derivatives yet."""
+    found, _, _ = _newton(function, np.zeros(count), damped=False)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def balance(matrix: Array) -> tuple[Array, Array]:
+    """Divisors for rows and columns after which the largest magnitudes in all of them are near 1 (Ruiz, RAL-TR-2001-034): laws of
+    exponentials and cubes make slopes of many decades, which would look like a lack of rank."""
+    rows, columns = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    for _ in range(12):
+        sizes = np.abs(matrix) / rows[:, None] / columns
+        for axis, divisors in ((1, rows), (0, columns)):
+            largest = np.sqrt(sizes.max(axis=axis, initial=0.0))
+            divisors *= np.where(largest > 0, largest, 1.0)
+    return rows, columns
 
 
 def _newton(function: Callable[[Array], Array], z: Array, damped: bool) -> tuple[Array, Array, float]:
-    """A zero of a function, by Newton with least squares; the last matrix and the largest residual come with it."""
-    eye = np.eye(len(z)) * STEP
+    """A zero of a function, by Newton with least squares; the last matrix comes with it and the largest residual, each as a
+    share of the terms of its equation."""
+    eye = np.eye(len(z)) * TINY
     value = function(z)
     jacobian = np.zeros((len(value), len(z)))
-    best, stalled = np.inf, 0
+    best, stalled, error = np.inf, 0, np.inf
     for _ in range(150):
-        jacobian = (function(z[:, None] + eye) - function(z[:, None] - eye)) / (2 * STEP)
+        jacobian = function(z[:, None] + 1j * eye).imag / TINY
         if not np.isfinite(jacobian).all():
             break
-        rows = row_sizes(jacobian)  # exponentials make some of them very large
-        step = scipy.linalg.lstsq(jacobian / rows[:, None], -value / rows, cond=RANK, lapack_driver="gelsy")[0]
-        length = 1.0
+        error = _share(value, jacobian, z)
+        stalled = stalled + 1 if error > 0.5 * best else 0
+        best = min(best, error)
+        if not np.isfinite(error) or error < 1e-16 or (stalled > 1 and error < 1e-13) or stalled > 15:
+            break
+        rows, columns = balance(jacobian)
+        step = scipy.linalg.lstsq(jacobian / rows[:, None] / columns, -value / rows, cond=RANK, lapack_driver="gelsy")[
+            0
+        ]
+        step, length = step / columns, 1.0
         trial = function(z + step)
-        while damped and not np.linalg.norm(trial) < (1 - 1e-4 * length) * np.linalg.norm(value) and length > 1e-10:
+        size = np.linalg.norm(value / rows)
+        while damped and not np.linalg.norm(trial / rows) < (1 - 1e-4 * length) * size and length > 1e-10:
             length /= 2
             trial = function(z + length * step)
         z, value = z + length * step, trial
-        error = float(np.abs(value).max(initial=0.0))
-        scale = max(1.0, float(np.abs(z).max(initial=0.0)))
-        stalled = stalled + 1 if error > 0.5 * best else 0
-        best = min(best, error)
-        if not np.isfinite(error) or error < 1e-14 * scale or (stalled > 1 and error < 1e-11 * scale) or stalled > 15:
-            break
-    return z, jacobian, float(np.abs(value).max(initial=0.0))
+    return z, jacobian, error
+
+
+def _share(value: Array, jacobian: Array, z: Array) -> float:
+    """The largest residual as a share of the terms of its equation, which are at least of size 1e-3."""
+    terms = np.abs(jacobian) @ np.abs(z) + LEAST * np.abs(jacobian).max(axis=1, initial=0.0)
+    return float((np.abs(value) / np.where(terms > 0, terms, LEAST)).max(initial=0.0))
 
 
 def is_regular(network: Network, rng: np.random.Generator) -> bool:

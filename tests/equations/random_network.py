@@ -206,7 +206,8 @@ class Place:
         if reading.variable in "qp":
             return v.stored[self.flat.stored[name, reading.port]]
         bond = self.flat.bond_at[name, reading.port]
-        return (v.effort if reading.variable == "e" else v.flow)[bond]
+        value = (v.effort if reading.variable == "e" else v.flow)[bond]
+        return np.real(value) if self.flat.signals_given else value
 
 
 @dataclass
@@ -219,6 +220,7 @@ class Flat:
     elements: dict[str, Element] = field(default_factory=dict)
     traits: dict[str, int] = field(default_factory=dict)
     starts: dict[int, float] = field(default_factory=dict)
+    signals_given: bool = False  # whether complex steps see the efforts and flows that modulate laws as given
 
 
 def flatten(root: Part, settings: dict[str, float]) -> Flat:

@@ -7,11 +7,11 @@ others; each has a number by which it can be made again. `-s` shows what was amo
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,19 @@ from hypothesis import HealthCheck, Phase, assume, given, note, settings
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.loops import LoopSolver
 from compiler.errors import CompilationFailed, Diagnostic, render
-from tests.equations.network_oracle import Solution, constraints, is_regular, solve
+from tests.equations.network_oracle import Solution, completed, constraints, is_regular, solve
 from tests.equations.random_network import Example, Flat, ManyChoices, example_of, examples
+from tests.equations.running import Running
 
 EXAMPLES = 100
 MORE = int(os.environ.get("BONDGRAPH_RANDOM", "0"))
 SEED = os.environ.get("BONDGRAPH_SEED", "0")
-LONGEST = 120  # s for one example: what takes longer hangs
+LONGEST = 120  # s of computing for one example: what takes longer hangs
+CANCELLED = 1e-13  # of the largest effort or flow: rounding where such numbers cancel
+UNDECIDED = 1e-3  # where such rounding is larger, numbers near 1 are not compared at all: counted, and few
 KINDS: Counter[str] = Counter()
+SIGNAL = re.compile(r"sin\([\w.\[\]]+\.(?:F|v|M|omega|u|i|P|Q|e|f)\d?(?:/1 \[[^\]]*\])?\)")  # of an effort or a flow
 # What a hundred examples must at least have had among them, compiled and compared.
 LEAST = {
     "dependent storages": 60, "linear loops": 30, "nonlinear loops": 8, "mixed fields": 5, "C field": 8, "I field": 4, "IC field": 4,
@@ -62,6 +65,37 @@ def test_program_against_all_equations_at_once(example: Example) -> None:
         check_example(example)
 
 
+# Graphs that were once wrong, each for another reason: a solution far away or behind a crest, one loop that disturbs another, a
+# resistance too steep for differences, bonds that cancel, a force that only a double solution decides, a loop that time drives.
+ONCE_WRONG = (
+    "2/315",
+    "2/41",
+    "3/73",
+    "3/274",
+    "2/12",
+    "2/33",
+    "1/256",
+    "2/436",
+    "0/753",
+    "0/24",
+    "4/373",
+    "6/315",
+    "5/359",
+    "3/261",
+)
+
+
+@pytest.mark.parametrize("number", ONCE_WRONG)
+def test_what_was_once_wrong(number: str) -> None:
+    before = Counter(KINDS)
+    try:
+        with _no_hanging():
+            check_example(example_of(ManyChoices(number)))
+    finally:  # they are no sample
+        KINDS.clear()
+        KINDS.update(before)
+
+
 @pytest.mark.skipif(not MORE, reason="BONDGRAPH_RANDOM says how many")
 def test_many_more() -> None:
     wrong = {}
@@ -78,13 +112,14 @@ def test_many_more() -> None:
 
 
 def test_the_examples_had_everything_among_them() -> None:
-    """Minima per hundred examples, and at least nine in ten of the regular ones compile."""
+    """Minima per hundred examples; at least nine in ten of the regular ones compile, and hardly any are left undecided."""
     if KINDS["tried"] < EXAMPLES // 2:
         pytest.skip("the examples did not run")
     share = KINDS["tried"] / 100
     missing = {kind: (KINDS[kind], least) for kind, least in LEAST.items() if KINDS[kind] < int(least * share)}
     assert not missing, f"found, least per hundred: {missing}"
     assert KINDS["regular and compiled"] >= 0.9 * KINDS["regular"]
+    assert KINDS["undecided"] <= 0.01 * 3 * KINDS["tried"]  # of the states, three of each
 
 
 def check_example(example: Example) -> None:
@@ -108,13 +143,13 @@ def _no_hanging() -> Iterator[None]:
     def stop(*_: object) -> None:
         raise TimeoutError(f"no answer within {LONGEST} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(LONGEST)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def _compiled(example: Example, text: str) -> tuple[Any, tuple[Diagnostic, ...]]:
@@ -128,54 +163,6 @@ def _compiled(example: Example, text: str) -> tuple[Any, tuple[Diagnostic, ...]]
 
 
 # ---------------------------------------------------------------- numbers
-@dataclass
-class Running:
-    """A program at one instant, its unknowns solved for: functions of the states alone."""
-
-    program: Any
-    time: float
-    guess: Any = None  # where the search for the unknowns begins
-
-    def __post_init__(self) -> None:
-        program = self.program
-        self.known: dict[bytes, Any] = {}
-        self.constants = program.constants(np.array(program.defaults))
-        self.inputs = np.array(program.input_defaults)
-        self.mode = program.switches(self.time, self.constants)
-        self.count = len(program.states.names)
-        self.unknowns = len(program.unknowns.names)
-        self.guess = np.zeros(self.unknowns) if self.guess is None else self.guess
-        self.loops = LoopSolver(program, self.constants, self.inputs, np.ones(self.count + self.unknowns))
-
-    def full(self, x: Any) -> Any:
-        """States with the unknowns of nonlinear loops."""
-        if x.ndim > 1:
-            return np.stack([self.full(y) for y in x])
-        if x.tobytes() not in self.known:
-            self.known[x.tobytes()] = self.loops.solve(self.time, np.concatenate([x, self.guess]), self.mode)
-        return self.known[x.tobytes()]
-
-    def derivative(self, x: Any) -> Any:
-        return self._call(self.program.derivative, self.full(x))[..., : self.count]
-
-    def output(self, x: Any) -> Any:
-        return self._call(self.program.output, self.full(x))
-
-    def jacobian(self, x: Any) -> Any:
-        """The derivatives of the rates by the states, with the unknowns following."""
-        whole, count = self._call(self.program.jacobian, self.full(x)), self.count
-        a, b, c, d = (
-            whole[..., r, k] for r in (slice(count), slice(count, None)) for k in (slice(count), slice(count, None))
-        )
-        return a - b @ np.linalg.solve(d, c)
-
-    def powers(self, x: Any) -> Any:
-        return self._call(self.program.powers, self.full(x))
-
-    def _call(self, function: Any, full: Any) -> Any:
-        return function(self.time, full, self.inputs, self.constants, self.mode)
-
-
 def _check_program(example: Example, compilation: Any) -> None:
     flat, program = example.flat, compilation.program
     names = {port.name: i for i, port in enumerate(flat.network.storages)}
@@ -187,14 +174,18 @@ def _check_program(example: Example, compilation: Any) -> None:
         if flat.network.storages[number].name.split(".")[0] not in claimed:
             assert value == pytest.approx(flat.starts.get(number, 0.0), rel=1e-15)
     states = _states(example, len(numbers))
-    for x in states:
-        _check_state(example, compilation, running, numbers, x)
-    if states.shape[-1]:
-        _check_batch(states, running.derivative, running.jacobian)
+    solved = np.array([x for x in states if _check_state(example, compilation, running, numbers, x)])
+    if solved.size:
+        try:
+            for x in solved:
+                _check_jacobian(running, x)
+            _check_batch(solved, running.derivative, running.jacobian)
+        except np.linalg.LinAlgError:  # a loop has a double solution there, which has no slope
+            KINDS["undecided"] += 1
 
 
-def _check_state(example: Example, compilation: Any, running: Running, numbers: list[int], x: Any) -> None:
-    """Rates, outputs, powers and the Jacobian in one state."""
+def _check_state(example: Example, compilation: Any, running: Running, numbers: list[int], x: Any) -> bool:
+    """Rates, outputs and powers in one state; False if there is no solution, or none that doubles can tell."""
     try:
         rates, outputs = running.derivative(x), running.output(x)
     except (
@@ -204,13 +195,15 @@ def _check_state(example: Example, compilation: Any, running: Running, numbers: 
         assert running.unknowns, failed
         found = solve(example.flat.network, dict(zip(numbers, x, strict=True)), example.time)
         assert not found.converged, f"{failed}\nbut there is one"
-        return
+        return False
     found = _agreeing(example, compilation.state_space, running, numbers, x, rates, outputs)
-    scale = max(1.0, float(np.abs(found.w).max(initial=0.0)))
+    scale = np.inf if found is None else max(1.0, float(np.abs(found.w).max(initial=0.0)))
+    if CANCELLED * scale > UNDECIDED:
+        KINDS["undecided"] += 1
+        return False
     powers = running.powers(x)[: len(compilation.state_space.ports)]
     assert abs(powers.sum()) <= 1e-9 * scale**2, "junctions and transducers keep power (Tellegen)"
-    if len(x):
-        _check_jacobian(running, x)
+    return True
 
 
 def _check_jacobian(running: Running, x: Any) -> None:
@@ -228,17 +221,31 @@ def _check_jacobian(running: Running, x: Any) -> None:
 
 def _agreeing(
     example: Example, space: Any, running: Running, numbers: list[int], x: Any, rates: Any, outputs: Any
-) -> Solution:
-    """The solution of all equations that the program has found; where loops have several, another start finds it."""
+) -> Solution | None:
+    """The solution of all equations that the program has found; where loops have several, another start finds it. None where
+    doubles cannot decide."""
     found, told = _compared(example, space, running, numbers, x, rates, outputs, None)
     if told:
         guess = _own_solution(example, running, x)
-        if guess is not None:
+        if guess is not None and np.isfinite([*guess[0], *guess[1]]).all():
             KINDS["another start for the oracle"] += 1
             found, again = _compared(example, space, running, numbers, x, rates, outputs, guess)
             told = again and told
+        if told and guess is not None and _is_undecided(example, guess):
+            return None
     assert not told, told
     return found
+
+
+def _is_undecided(example: Example, own: Any) -> bool:
+    """Whether the program's own solution is a singular one, for which it says itself that some efforts or flows have no number, or so
+    near one that rounding of the largest hides the others; then it must fulfil all equations of the network as far as doubles can."""
+    w, stored = own
+    if not np.isfinite([*w, *stored]).all():
+        return True
+    network = example.flat.network
+    largest = float(np.abs(w).max(initial=0.0))
+    return CANCELLED * largest > UNDECIDED and network.missed(w, stored, example.time) < 1e-9
 
 
 def _compared(
@@ -288,7 +295,10 @@ def _own_solution(example: Example, running: Running, x: Any) -> Any:
             stored[flat.stored[name, port]] = value
         else:
             guess[flat.bond_at[name, port] + (flat.network.bonds if variable == "f" else 0)] = value
-    return (guess, stored) if np.isfinite(guess).all() else None
+    if not (np.isfinite(guess).all() and np.isfinite(stored).all()):
+        return guess, stored
+    unnamed = sorted(set(range(flat.network.bonds)) - set(flat.bond_at.values()))
+    return completed(flat.network, guess, stored, example.time, unnamed), stored
 
 
 def _solution(flat: Flat, given: dict[int, float], time: float, space: Any, wanted: list[int], guess: Any) -> Solution:
@@ -300,9 +310,9 @@ def _solution(flat: Flat, given: dict[int, float], time: float, space: Any, want
             break
     idle = [s for i, s in enumerate(found.free) if not found.determined(2 * flat.network.bonds + i)]
     rates = flat.network.rates(found.w)
-    owner = {number: name for (name, _), number in flat.stored.items()}
+    dependent = {space.variables[d.variable].name for d in space.dependents}
     idle = [s for s in idle if abs(rates[s]) < 1e-9 and found.determined(flat.network.rate_of(s))]
-    idle = [s for s in idle if owner[s] not in space.dependent]
+    idle = [s for s in idle if flat.network.storages[s].name not in dependent]
     if not idle:
         return found
     return solve(flat.network, given | {s: flat.starts.get(s, 0.0) for s in idle}, time, order, guess)
@@ -319,7 +329,9 @@ def _check_rates(found: Solution, program: Any, numbers: list[int], rates: Any, 
     for name, number, rate in zip(program.states.names, numbers, rates, strict=True):
         unknown = network.rate_of(number)
         assert found.determined(unknown), f"the equations do not determine the rate of {name}, the program gives {rate}"
-        assert abs(found.w[unknown] - rate) <= 1e-9 * scale, f"rate of {name}: {rate}, oracle {found.w[unknown]}"
+        assert abs(found.w[unknown] - rate) <= _tolerance(scale, rate), (
+            f"rate of {name}: {rate}, oracle {found.w[unknown]}"
+        )
 
 
 def _check_outputs(found: Solution, example: Example, values: Any, names: Any, scale: float) -> None:
@@ -339,7 +351,14 @@ def _check_outputs(found: Solution, example: Example, values: Any, names: Any, s
         if not found.determined(unknown):
             KINDS["undetermined readings"] += 1
             continue
-        assert abs(expected - value) <= 1e-9 * scale, f"{element}.{variable}{port}: {value}, oracle {expected}"
+        assert abs(expected - value) <= _tolerance(scale, value), (
+            f"{element}.{variable}{port}: {value}, oracle {expected}"
+        )
+
+
+def _tolerance(scale: float, value: float) -> float:
+    """Of a number, where the largest effort or flow is `scale`: nine digits, and what is left of it where larger ones cancel."""
+    return 1e-9 * max(1.0, abs(value)) + CANCELLED * scale
 
 
 def _check_batch(states: Any, derivative: Any, jacobian: Any) -> None:
@@ -362,14 +381,17 @@ def _check_refusal(example: Example, diagnostic: Diagnostic) -> None:
     """A refusal is right if the equations have no unique solution, or need what this version says it does not do."""
     flat, rng = example.flat, np.random.default_rng(1)
     told = render(diagnostic)
+    if diagnostic.code in ("BG301", "BG401", "BG404", "BG502", "BG504") and _only_by_signals(flat):
+        KINDS["regular only by what modulates"] += 1
+        return
     assert diagnostic.span.text, told
     match diagnostic.code:
         case "BG301" | "BG401" | "BG404" | "BG502":
             assert not is_regular(flat.network, rng), f"refused, but the equations have one solution:\n{told}"
-        case "BG504":  # what the author wishes may leave nothing that decides a storage
-            # Nor may a law that is modulated by an effort or a flow bind what is behind its own storage's derivative.
-            wished = "prefer" in flat.traits or {"modulated", "read"} <= flat.traits.keys()
-            assert wished or not is_regular(flat.network, rng), f"refused, but the equations have one solution:\n{told}"
+        case "BG504":  # a law that reads an effort or a flow may bind what is behind its own storage's derivative
+            without = SIGNAL.sub("sin(0.3)", example.text)
+            alone = without != example.text and "BG504" not in [d.code for d in _compiled(example, without)[1]]
+            assert alone or not is_regular(flat.network, rng), f"refused, but the equations have one solution:\n{told}"
         case "BG503":
             assert "input" in flat.traits, f"refused, but nothing comes from outside:\n{told}"
             stored, _ = constraints(flat.network, rng)
@@ -379,6 +401,18 @@ def _check_refusal(example: Example, diagnostic: Diagnostic) -> None:
             assert all(not e.stores or "zero" in e.traits for e in flat.elements.values()), told
         case _:
             raise AssertionError(f"an unexpected refusal:\n{told}")
+
+
+def _only_by_signals(flat: Flat) -> bool:
+    """Whether the equations have one solution, but none with given signals: then an effort or a flow is decided by the law that
+    it modulates, which is no bond, and no stroke can say so."""
+    if not is_regular(flat.network, np.random.default_rng(1)):
+        return False
+    flat.signals_given = True
+    try:
+        return not is_regular(flat.network, np.random.default_rng(1))
+    finally:
+        flat.signals_given = False
 
 
 def _count(example: Example, compilation: Any) -> None:

@@ -27,6 +27,31 @@ def test_one_unknown() -> None:
     assert len(loop.targets) == 1 and set(loop.members) == {"a", "r", "t"}
 
 
+def test_two_unknowns_that_time_alone_drives() -> None:
+    """Where such a loop turns is looked for in its derivative by time, which has the same matrix."""
+    text = """model A {
+  Se s : u = 1 V*sin(3*time/1 s)
+  1 a, b
+  R h(a: electric, b: electric) : a.u = 2 ohm*a.i + 1 ohm*b.i, b.u = 1 ohm*a.i + 3 ohm*b.i
+  R g(a: electric, b: electric) : a.u = 4 ohm*a.i + 1 ohm*b.i, b.u = 1 ohm*a.i + 5 ohm*b.i
+  0 n, z
+  s -> a -> h.a, g.a, n
+  n -> b -> h.b, g.b
+  MSf f : i = h.a.u*1 [A/V]
+  C c : u = q/1 F
+  R leak : u = 1 ohm*i
+  f -> z -> c, leak
+  output y = c.u, u = h.a.u
+}
+"""
+    # One current through all four ports, since n joins a and b alone: 2 + 1 + 4 + 1 + 1 + 3 + 1 + 5 = 18 ohm.
+    assert [len(x.targets) for x in loops(text)] == [2]
+    run = bondgraph.load(text).simulate(to=4, points=41, rtol=1e-9)
+    share, t = 3 / 18, run.time
+    assert run["u"] == pytest.approx(share * np.sin(3 * t), abs=1e-14)
+    assert run["y"] == pytest.approx(share * (np.sin(3 * t) - 3 * np.cos(3 * t) + 3 * np.exp(-t)) / 10, abs=1e-9)
+
+
 def ladder(series: list[float], shunt: list[float]) -> tuple[str, list[float]]:
     """A ladder of resistors behind 10 V: its text, and its node voltages by numpy."""
     n = len(series)

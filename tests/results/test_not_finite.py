@@ -68,3 +68,25 @@ def test_a_law_that_is_zero_where_it_cannot_be_is_named() -> None:
     text = "plain model M {\n  parameter w = 0\n  0 j\n  Se s : e = 1\n  R a : e = w*f\n  s -> j -> a\n  output y = a.f\n}\n"
     with pytest.raises(bondgraph.CompilationFailed, match=r"BG301: The 0-junction `j` takes its effort.*`a`"):
         bondgraph.load(text).simulate(to=1.0)
+
+
+class TestTransducerOfRatioZero:
+    """A transducer whose ratio is zero, asked for the other side: it is named with its line and what made it zero."""
+
+    TEXT = "plain model M {\n  parameter w = 0\n  parameter m = 0\n  1 j\n  Se s : e = 1\n  TF t : e1 = %s*e2\n  I b : p = f\n  I c : p = f\n  s -> j -> t -> b\n  j -> c\n  output y = b.f\n}\n"
+
+    def test_always_zero(self) -> None:
+        with pytest.raises(
+            RunFailed, match=r"rate of `b.p`.*computed at `t` \(line 6\), is divided by a factor of its law"
+        ):
+            bondgraph.load(self.TEXT % "w").simulate(to=1.0)
+
+    def test_what_modulates_it(self) -> None:
+        text = (self.TEXT % "sin(b.p)").replace("TF t", "MTF t")
+        with pytest.raises(RunFailed, match=r"computed at `t` \(line 6\), is divided by what is zero with `b.p` = 0"):
+            bondgraph.load(text).simulate(to=1.0)
+
+    def test_another_ratio(self) -> None:
+        """e1 = 2 e2: the second mass, seen from the first, weighs 4; f_b = 2 f_c."""
+        run = bondgraph.load(self.TEXT % "w").simulate(settings={"w": 2.0}, to=1.0, points=2)
+        assert run.final("y") == pytest.approx(2 / 5, rel=1e-9)

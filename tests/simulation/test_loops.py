@@ -1,0 +1,106 @@
+"""Algebraic loops whose solution is far, behind a turn, or among values that overflow: against bisection of the same law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import RunFailed
+from bondgraph.simulation.homotopy import follow
+
+DIODE = """model A {
+  parameter supply = 5 kV
+  Se s : u = supply
+  1 j
+  R r : u = 1 kohm*i + 10 ohm*i*(i/1 mA)^2
+  R d : i = 1e-14 A*(exp(u/25 mV) - 1) + u/1 Mohm
+  s -> j -> r, d
+  output i = j.i
+}
+"""
+
+
+def bisected(function: Callable[[float], float], low: float, high: float) -> float:
+    """The zero of a rising function."""
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if function(middle) > 0 else (middle, high)
+    return 0.5 * (low + high)
+
+
+def diode(u: float) -> float:
+    return 1e-14 * math.expm1(min(u / 0.025, 700)) + 1e-6 * u
+
+
+@pytest.mark.parametrize("supply", [0.5, 5.0, 500.0, 5e3, 1e5, 1e6, -5e3, -1e6])
+def test_a_diode_behind_a_cubic_resistor(supply: float) -> None:
+    """From zero volts across the resistor the diode's law overflows from 20 V of supply on."""
+
+    def left_over(u: float) -> float:  # of the supply, with u across the diode
+        i = diode(u)
+        return 1e3 * i + 1e7 * i**3 + u - supply
+
+    u = bisected(left_over, -abs(supply), 2.0 if supply > 0 else 0.0)
+    run = bondgraph.load(DIODE).simulate(settings={"supply": supply}, to=1, points=2)
+    assert run.final("i") == pytest.approx(diode(u), rel=1e-8)
+
+
+def test_a_solution_behind_the_crest() -> None:
+    """From 0 the residual rises at first: on that side nothing is found, the solution lies beyond the crest."""
+    text = "plain model A {\n  Se s : e = 5\n  1 j\n  R a : e = 3*sin(f) + 0.1*f^3\n  R b : e = 0.5*f\n  s -> j -> a, b\n  output y = j.f\n}\n"
+    found = bisected(lambda f: 3 * math.sin(f) + 0.1 * f**3 + 0.5 * f - 5, 3.0, 4.0)
+    assert bondgraph.load(text).simulate(to=1, points=2).final("y") == pytest.approx(found, rel=1e-12)
+
+
+def test_two_loops_do_not_disturb_each_other() -> None:
+    """Each is led to its solution by itself, the second with what the first has found."""
+    part = "  Se s{n} : e = {e}\n  1 j{n}\n  R a{n} : e = 3*sin(f) + 0.1*f^3\n  R b{n} : e = 0.5*f\n  s{n} -> j{n} -> a{n}, b{n}\n"
+    text = "plain model A {\n" + part.format(n=1, e=5) + part.format(n=2, e="4 + a1.f/4").replace("Se s2", "MSe s2")
+    text += "  output x = j1.f, y = j2.f\n}\n"
+    run = bondgraph.load(text).simulate(to=1, points=2)
+    x = bisected(lambda f: 3 * math.sin(f) + 0.1 * f**3 + 0.5 * f - 5, 3.0, 4.0)
+    assert run.final("x") == pytest.approx(x, rel=1e-12)
+    y = run.final("y")
+    assert 3 * math.sin(y) + 0.1 * y**3 + 0.5 * y == pytest.approx(4 + x / 4, rel=1e-12)
+
+
+def test_no_solution_is_told_with_the_loop() -> None:
+    text = "plain model A {\n  Se s : e = -2\n  1 j\n  R a : e = f^2 + f^4\n  R b : e = 0*f + f^6\n  s -> j -> a, b\n  output y = j.f\n}\n"
+    with pytest.raises(RunFailed, match="could be found"):
+        bondgraph.load(text).simulate(to=1)
+
+
+class TestHomotopy:
+    """`follow` by itself, on curves whose turns are known."""
+
+    @staticmethod
+    def led(function: Callable[[float], float], slope: Callable[[float], float], guess: float) -> float | None:
+        found = follow(
+            lambda z: np.array([function(z[0])]), lambda z: np.array([[slope(z[0])]]), np.array([guess]), np.ones(1)
+        )
+        if found is None:
+            return None
+        x = float(found[0])
+        for _ in range(8):  # `follow` ends near a zero, from where Newton's method arrives
+            x -= function(x) / slope(x)
+        return x
+
+    def test_round_two_turns(self) -> None:
+        """x^3 - 3x - 20 turns at -1 and 1; from -1.5 its zero, between 3.08 and 3.09, is behind both."""
+        found = self.led(lambda x: x**3 - 3 * x - 20, lambda x: 3 * x * x - 3, -1.5)
+        assert found is not None and found**3 - 3 * found == pytest.approx(20, rel=1e-12) and found > 3
+
+    def test_both_ways(self) -> None:
+        """From 0, 5 + x - x^2/8 falls to the left at once, and to the right behind its crest; both zeros are right."""
+        found = self.led(lambda x: 5 + x - x * x / 8, lambda x: 1 - x / 4, 0.0)
+        assert found == pytest.approx(4 - math.sqrt(56), rel=1e-12)
+
+    def test_no_zero(self) -> None:
+        assert self.led(lambda x: 1 + x * x, lambda x: 2 * x, 0.5) is None
+
+    def test_where_there_is_no_value(self) -> None:
+        assert self.led(lambda x: math.inf, lambda x: math.inf, 0.0) is None
