@@ -1,0 +1,102 @@
+"""Bodies and frames: what they weigh, and where they are drawn."""
+
+from __future__ import annotations
+
+from ..graph.inertia import is_impossible, principal_moments
+from ..graph.mechanism import GROUND, Body, Frame, Inertia
+from ..graph.units import KILOGRAM, METRE
+from ..syntax import tree
+from .errors import UnknownName, WrongMechanism, WrongType
+from .part_attributes import Attributes, counted, of_dimension, static
+from .scope import Array, MechanismEntry, PartEntry, Scope, Wrong, suggestion
+
+MOMENT = KILOGRAM * METRE**2
+
+
+def read_body(reader: Attributes) -> Body:
+    """A body. Raises `Wrong`."""
+    part, name = reader.part, reader.part.entry.name
+    definition = part.declaration.definition
+    if definition is not None:
+        words = ", ".join(("mass", "inertia", "at", "angle" if part.planar else "turn"))
+        what = f"The body `{name}` has a definition"
+        raise Wrong(WrongMechanism(definition.span, what, f"A body has attributes in braces: {words}."))
+    mass = reader.scalar("mass", KILOGRAM)
+    _not_negative(reader, "mass", reader.elaborator.value_of(mass, part.entry.span))
+    inertia = _planar_inertia(reader) if part.planar else _inertia(reader)
+    return Body(name, mass, inertia, reader.point("at"), reader.turn(), reader.starts(), part.entry.span)
+
+
+def _not_negative(reader: Attributes, word: str, value: float | None) -> None:
+    if value is not None and value < 0:
+        name, span = reader.part.entry.name, reader.part.entry.span
+        what = f"The {word} of `{name}` is negative: {value:g}"
+        raise Wrong(WrongMechanism(span, what, "Masses and inertias are zero or positive."))
+
+
+def _planar_inertia(reader: Attributes) -> Inertia:
+    moment = reader.scalar("inertia", MOMENT)
+    _not_negative(reader, "inertia", reader.elaborator.value_of(moment, reader.part.entry.span))
+    return Inertia(zz=moment)
+
+
+def _inertia(reader: Attributes) -> Inertia:
+    """Three principal moments, or the six entries of the tensor; only such as take positive energy."""
+    attribute, elaborator, scope = reader.given.get("inertia"), reader.elaborator, reader.part.scope
+    if attribute is None:
+        return Inertia()
+    template = elaborator.template(attribute.value, scope)
+    expected = "An inertia (Ixx, Iyy, Izz) or (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)"
+    hint = "About the centre of mass, in the body's own axes; of a ball three times the same number."
+    parts = counted(template, attribute.value, (3, 6), expected, hint)
+    of_dimension(parts, attribute.value, scope, (MOMENT,), "`inertia`")
+    bounds = static(elaborator, template, scope, "`inertia`")
+    values = [elaborator.value_of(b, attribute.span) for b in bounds]
+    known = [v for v in values if v is not None]
+    if len(known) == len(values):
+        principal = principal_moments([*known, 0.0, 0.0, 0.0][:6])
+        if is_impossible(principal):
+            shown = ", ".join(f"{p:.6g}" for p in principal)
+            what = f"The inertia of `{reader.part.entry.name}` is impossible: its principal moments are {shown} kg*m^2"
+            hint = "None can be negative. Ixy, Ixz, Iyz are entries of the tensor: minus the integrals of xy, xz, yz over the mass."
+            raise Wrong(WrongMechanism(attribute.value.span, what, hint))
+    return Inertia(*bounds)
+
+
+def read_frame(reader: Attributes, entry: MechanismEntry) -> Frame:
+    """A frame. Raises `Wrong`."""
+    part, name = reader.part, reader.part.entry.name
+    definition = part.declaration.definition
+    if not isinstance(definition, tree.Path):
+        point = "(x, y)" if part.planar else "(x, y, z)"
+        what = f"The frame `{name}` is on no body"
+        raise Wrong(WrongMechanism(part.entry.span, what, f"Write `frame name : body {{ at = {point} }}`."))
+    found = part_named(reader, definition, part.scope, entry, "A body", "Name a body, or `ground`.")
+    if found is not None and found.kind != "body":
+        what = f"`{definition.words}` is a {found.kind}, not a body"
+        raise Wrong(WrongMechanism(definition.span, what, "A frame is a point of a body, or of `ground`."))
+    axes = reader.word("axes", ("world", "body"), "`axes = world` or `body`: in which its force, torque and pose are.")
+    body = GROUND if found is None else found.name
+    return Frame(name, body, reader.point("at"), part.entry.span, reader.starts(), axes)
+
+
+def part_named(
+    reader: Attributes, place: tree.Expression, scope: Scope, entry: MechanismEntry, what: str, hint: str
+) -> PartEntry | None:
+    """The part of that name; None for the ground. Raises `Wrong` or `AlreadyTold`."""
+    if not isinstance(place, tree.Path):
+        raise Wrong(WrongType(place.span, what, "an expression", hint))
+    if place.words == GROUND:
+        return None
+    found = entry.parts.entries.get(place.head)
+    if isinstance(found, Array) and len(place.steps) == 1 and isinstance(place.steps[0], tree.Index):
+        index = reader.elaborator.index_of(place.steps[0], scope)
+        assert index is not None
+        found = found.items.get(index)
+    elif place.steps:
+        found = None
+    if not isinstance(found, PartEntry):
+        known = [n for n, e in entry.parts.entries.items() if isinstance(e, PartEntry | Array)]
+        hint = suggestion(place.head, known, "Bodies are declared in the same block.")
+        raise Wrong(UnknownName(place.span, place.words, f"the mechanism `{entry.name}`", hint))
+    return found
