@@ -8,7 +8,8 @@ from ..graph.units import KILOGRAM, METRE
 from ..syntax import tree
 from .errors import UnknownName, WrongMechanism, WrongType
 from .part_attributes import Attributes, counted, of_dimension, static
-from .scope import Array, MechanismEntry, PartEntry, Scope, Wrong, suggestion
+from .part_kinds import noun_of
+from .scope import AlreadyTold, Array, Broken, MechanismEntry, PartEntry, Scope, Wrong, suggestion
 
 MOMENT = KILOGRAM * METRE**2
 
@@ -35,7 +36,7 @@ def _not_negative(reader: Attributes, word: str, value: float | None) -> None:
 
 
 def _planar_inertia(reader: Attributes) -> Inertia:
-    moment = reader.scalar("inertia", MOMENT)
+    moment = reader.scalar("inertia", MOMENT, "In the plane a body has one inertia, about the axis out of it.")
     _not_negative(reader, "inertia", reader.elaborator.value_of(moment, reader.part.entry.span))
     return Inertia(zz=moment)
 
@@ -58,7 +59,7 @@ def _inertia(reader: Attributes) -> Inertia:
         if is_impossible(principal):
             shown = ", ".join(f"{p:.6g}" for p in principal)
             what = f"The inertia of `{reader.part.entry.name}` is impossible: its principal moments are {shown} kg*m^2"
-            hint = "None can be negative. Ixy, Ixz, Iyz are entries of the tensor: minus the integrals of xy, xz, yz over the mass."
+            hint = "No moment can be negative. Ixy, Ixz, Iyz are entries of the tensor: minus the integrals of xy, xz, yz over the mass."
             raise Wrong(WrongMechanism(attribute.value.span, what, hint))
     return Inertia(*bounds)
 
@@ -73,7 +74,7 @@ def read_frame(reader: Attributes, entry: MechanismEntry) -> Frame:
         raise Wrong(WrongMechanism(part.entry.span, what, f"Write `frame name : body {{ at = {point} }}`."))
     found = part_named(reader, definition, part.scope, entry, "A body", "Name a body, or `ground`.")
     if found is not None and found.kind != "body":
-        what = f"`{definition.words}` is a {found.kind}, not a body"
+        what = f"`{definition.words}` is a {noun_of(found.kind)}, not a body"
         raise Wrong(WrongMechanism(definition.span, what, "A frame is a point of a body, or of `ground`."))
     axes = reader.word("axes", ("world", "body"), "`axes = world` or `body`: in which its force, torque and pose are.")
     body = GROUND if found is None else found.name
@@ -95,6 +96,8 @@ def part_named(
         found = found.items.get(index)
     elif place.steps:
         found = None
+    if isinstance(found, Broken):
+        raise AlreadyTold
     if not isinstance(found, PartEntry):
         known = [n for n, e in entry.parts.entries.items() if isinstance(e, PartEntry | Array)]
         hint = suggestion(place.head, known, "Bodies are declared in the same block.")

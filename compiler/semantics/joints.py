@@ -15,6 +15,7 @@ from ..syntax import tree
 from .bodies import part_named
 from .errors import WrongMechanism
 from .part_attributes import Attributes, static_bounds
+from .part_kinds import noun_of
 from .scope import AlreadyTold, MechanismEntry, Wrong
 
 APART = 1e-9  # of their distance from the origin: points closer than that are one
@@ -81,7 +82,7 @@ def _end(reader: Attributes, place: tree.Expression, entry: MechanismEntry) -> s
     """The body, frame or ground at one end."""
     found = part_named(reader, place, reader.part.scope, entry, "A body", "Name a body, a frame, or `ground`.")
     if found is not None and found.kind not in ("body", "frame"):
-        what = f"`{place.span.text}` is a {found.kind}, not a body"
+        what = f"`{place.span.text}` is a {noun_of(found.kind)}, not a body"
         raise Wrong(WrongMechanism(place.span, what, "Joints join bodies, frames of them, and `ground`."))
     return GROUND if found is None else found.name
 
@@ -102,7 +103,7 @@ def _coupling(reader: Attributes, entry: MechanismEntry, definition: tree.Link) 
     for place, wanted in zip((definition.first, definition.second), TIED[kind], strict=True):
         found = part_named(reader, place, part.scope, entry, "A joint", example)
         if found is None or found.kind != wanted:
-            which = "the world" if found is None else f"a {found.kind}"
+            which = "the world" if found is None else f"a {noun_of(found.kind)}"
             what = f"The {kind} `{name}` needs a {wanted} here, `{place.span.text}` is {which}"
             raise Wrong(WrongMechanism(place.span, what, example))
         ends.append(found.name)

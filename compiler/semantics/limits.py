@@ -9,6 +9,7 @@ from ..graph.network import Reading, Requirement
 from ..syntax import tree
 from .errors import WrongMechanism
 from .part_attributes import Attributes, counted, of_dimension, static
+from .part_kinds import noun_of
 from .scope import Wrong
 
 
@@ -40,7 +41,7 @@ def _limit(reader: Attributes, words: str, attribute: tree.Attribute) -> Require
     first, second = _texts(attribute.value)
     return Requirement(
         instance, bind(select(inside, TRUE, ZERO)), f"{first} <= {path} <= {second}" if second else f"{path} within {first}",
-        f"limits of the {entry.kind} `{entry.name}`", ((path, reading, str(dimension)),), attribute.span,
+        f"limits of the {noun_of(entry.kind)} `{path.rpartition('.')[0]}`", ((path, reading, str(dimension)),), attribute.span,
         scope.base().stands,
     )  # fmt: skip
 

@@ -19,12 +19,12 @@ from ..graph.mechanism import (
 from ..graph.units import METRE, SECOND
 from ..syntax import tree
 from .bodies import read_body, read_frame
-from .errors import UnknownAttribute, UnknownKind, UnknownName, WrongMechanism, WrongType
+from .errors import UnknownAttribute, UnknownName, WrongMechanism, WrongType
 from .joints import Places, read_joint
 from .limits import joint_limits
 from .part_attributes import Attributes, Part, vector
 from .part_kinds import instead_in_the_plane, kinds_of
-from .scope import Array, MechanismEntry, PartEntry, Scope, Wrong, suggestion
+from .scope import Array, Broken, MechanismEntry, PartEntry, Scope, Wrong, suggestion
 
 if TYPE_CHECKING:
     from .elaborate import Elaborator
@@ -59,6 +59,8 @@ def _declare(
     for statement in statements:
         if isinstance(statement, tree.Declaration):
             elaborator.guard(_declare_part, elaborator, scope, statement, entry, declared)
+            for name in statement.names:
+                entry.parts.entries.setdefault(name.name, Broken(name.span))
         elif isinstance(statement, tree.Loop):
             for number in elaborator.rounds(statement, scope):
                 _declare(
@@ -79,8 +81,9 @@ def _declare_part(
         raise Wrong(WrongMechanism(statement.span, what, instead_in_the_plane(kind)))
     kinds = kinds_of(planar)
     if kind not in kinds:
-        listed = f"In a mechanism stand body, frame, and the joints {', '.join(kinds[2:])}."
-        raise Wrong(UnknownKind(statement.span, kind, suggestion(kind, list(kinds), listed)))
+        listed = f"In it stand body, frame, and the joints {', '.join(kinds[2:])}."
+        what = f"A {'planar' if planar else 'spatial'} mechanism has no `{kind}`"
+        raise Wrong(WrongMechanism(statement.span, what, suggestion(kind, list(kinds), listed)))
     ports = {f: DOMAINS[domain_of(f"{kind}.{f}")] for f in freedoms_of(kind, planar)}
     groups = {"reaction": found} if (found := reactions_of(kind, planar)) else {}
     if kind == "body" and not planar:

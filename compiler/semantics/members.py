@@ -7,6 +7,7 @@ from ..graph.mechanism import domain_of
 from ..graph.network import Reading
 from ..syntax import tree
 from .errors import UnknownName, WrongType
+from .part_kinds import noun_of
 from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry, Wrong, suggestion
 
 
@@ -75,9 +76,9 @@ def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar | GroupEn
             )
     known = [*part.ports, *part.groups]
     if name == "reaction":
-        what = f"`{part.name}` is a {part.kind}"
-        hint = f"{what}: it has no reaction. "
-        hint += "Its efforts are read as `.F`, `.M`." if part.ports else "Joints have."
+        hint = (
+            f"A {noun_of(part.kind)} holds nothing, so it has no reaction; what acts on it is read as {_efforts(part)}."
+        )
     elif name == "attitude" and part.kind != "body":
         hint = "The attitude is a body's, in space."
     else:
@@ -89,6 +90,12 @@ def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar | GroupEn
             name, known, f"It has {listed}" + (f"; rates are read as {', '.join(rates)}." if rates else ".")
         )
     raise Wrong(UnknownName(path.span, name, f"`{part.mechanism}.{part.name}`", hint))
+
+
+def _efforts(part: PartEntry) -> str:
+    """The first and last effort of a part."""
+    found = [f"`{port}.{domain.letter('e')}`" for port, domain in part.ports.items()]
+    return ", ".join(dict.fromkeys((found[0], found[-1])))
 
 
 def group_member(group: GroupEntry, name: str, path: tree.Path) -> Scalar:

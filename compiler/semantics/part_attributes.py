@@ -12,7 +12,7 @@ from ..graph.units import METRE, ONE, Dimension
 from ..source import Span
 from ..syntax import tree
 from .errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
-from .part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute
+from .part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
 from .scope import STATIC_ROLES, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
 from .template import Template, Typed
 
@@ -33,11 +33,12 @@ class Part:
 
 
 def static_bounds(
-    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int
-) -> list[Bound]:
+    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int,
+    hint: str = "",
+) -> list[Bound]:  # fmt: skip
     """`count` numbers of one dimension that are known before the run. Raises `Wrong`."""
     template = elaborator.template(value, scope)
-    parts = counted(template, value, (count,), EXPECTED.get(count, f"A list of {count} numbers"))
+    parts = counted(template, value, (count,), EXPECTED[count], hint)
     of_dimension(parts, value, scope, (dimension,), what)
     return static(elaborator, template, scope, what)
 
@@ -85,7 +86,8 @@ def vector(
     elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, planar: bool
 ) -> Vector:
     """A point or vector of the mechanism's space, with z = 0 in the plane."""
-    bounds = static_bounds(elaborator, value, scope, dimension, what, 2 if planar else 3)
+    hint = "In the plane it has two components." if planar else "In space it has three components."
+    bounds = static_bounds(elaborator, value, scope, dimension, what, 2 if planar else 3, hint)
     return bounds[0], bounds[1], NOTHING if planar else bounds[2]
 
 
@@ -103,7 +105,8 @@ class Attributes:
         name, entry = attribute.name, self.part.entry
         allowed = attributes_of(entry.kind, self.part.planar)
         if name not in allowed:
-            listed = f"A {entry.kind} has: {', '.join(allowed)}." if allowed else f"A {entry.kind} has no attributes."
+            noun = noun_of(entry.kind)
+            listed = f"A {noun} has: {', '.join(allowed)}." if allowed else f"A {noun} has no attributes."
             hint = foreign_attribute(entry.kind, name, self.part.planar) or suggestion(name, list(allowed), listed)
             raise Wrong(UnknownAttribute(attribute.span, entry.name, name, hint))
         words = "" if attribute.target is None else attribute.target.words
@@ -129,17 +132,19 @@ class Attributes:
             example = "along = 90 deg" if self.planar and name == "along" else example
             raise Wrong(
                 WrongMechanism(
-                    self.part.declaration.span, f"The {kind} `{own}` has no {what}", f"Give it: `{{ {example} }}`."
+                    self.part.declaration.span,
+                    f"The {noun_of(kind)} `{own}` has no {what}",
+                    f"Give it: `{{ {example} }}`.",
                 )
             )
         return attribute
 
-    def scalar(self, name: str, dimension: Dimension) -> Bound:
+    def scalar(self, name: str, dimension: Dimension, hint: str = "") -> Bound:
         """A number, zero if it is left out."""
         attribute = self.given.get(name)
         if attribute is None:
             return NOTHING
-        (bound,) = static_bounds(self.elaborator, attribute.value, self.part.scope, dimension, f"`{name}`", 1)
+        (bound,) = static_bounds(self.elaborator, attribute.value, self.part.scope, dimension, f"`{name}`", 1, hint)
         return bound
 
     def nonzero(self, name: str, dimension: Dimension, why: str) -> Bound:
@@ -277,8 +282,11 @@ class Attributes:
         variable = None if domain is None else (domain.variable(letter) if letter else "q")
         if domain is None or variable is None or variable not in allowed:
             first = next(iter(ports), "x")
-            hint = f"Write `{name} {first} = …`" if words or len(ports) > 1 else f"Write `{name} = …`"
-            if "f" in allowed and ports:
+            value = "(low, high)" if name == "limits" else "…"
+            hint = f"Write `{name} {first} = {value}`"
+            if words.startswith("attitude") and "attitude" in self.part.entry.groups:
+                hint = "Write `start attitude = (w, x, y, z)`"
+            elif "f" in allowed and ports:
                 hint += f" or `{name} {first}.{ports[first].letter('f')} = …`"
             if len(ports) > 1:
                 hint += f"; its coordinates: {', '.join(ports)}"

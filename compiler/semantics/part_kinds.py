@@ -71,12 +71,19 @@ def kinds_of(planar: bool) -> tuple[str, ...]:
     return tuple(PLANAR if planar else SPATIAL)
 
 
+def noun_of(kind: str) -> str:
+    """What a part of this kind is called in a sentence."""
+    return f"{kind} joint" if kind in ("free", "planar", "universal") else kind
+
+
 def instead_in_the_plane(kind: str) -> str:
     """What to do about a joint that only space has."""
     if kind == "planar":
         return "In the plane it would leave everything, as `free` does: write that, or `multibody … : spatial`."
-    return "Write `multibody … : spatial`, or take a joint that the plane has: " + ", ".join(
-        k for k in FREEDOMS if k not in SPATIAL_JOINTS
+    return (
+        "Write `multibody … : spatial`, or take a joint that the plane has: "
+        + ", ".join(k for k in FREEDOMS if k not in SPATIAL_JOINTS)
+        + "."
     )
 
 
