@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..algebra.formula import Bound
 from ..graph.inertia import is_impossible, principal_moments
 from ..graph.mechanism import GROUND, Body, Frame, Inertia
 from ..graph.units import KILOGRAM, METRE
@@ -22,23 +23,28 @@ def read_body(reader: Attributes) -> Body:
         words = ", ".join(("mass", "inertia", "at", "angle" if part.planar else "turn"))
         what = f"The body `{name}` has a definition"
         raise Wrong(WrongMechanism(definition.span, what, f"A body has attributes in braces: {words}."))
-    mass = reader.scalar("mass", KILOGRAM)
-    _not_negative(reader, "mass", reader.elaborator.value_of(mass, part.entry.span))
-    inertia = _planar_inertia(reader) if part.planar else _inertia(reader)
-    return Body(name, mass, inertia, reader.point("at"), reader.turn(), reader.starts(), part.entry.span)
+    mass, inertia, position, turn, starts = reader.together(
+        lambda: _not_negative(reader, "mass", reader.scalar("mass", KILOGRAM)),
+        lambda: _planar_inertia(reader) if part.planar else _inertia(reader),
+        lambda: reader.point("at"),
+        reader.turn,
+        reader.starts,
+    )
+    return Body(name, mass, inertia, position, turn, starts, part.entry.span)
 
 
-def _not_negative(reader: Attributes, word: str, value: float | None) -> None:
+def _not_negative(reader: Attributes, word: str, bound: Bound) -> Bound:
+    value = reader.elaborator.value_of(bound, reader.part.entry.span)
     if value is not None and value < 0:
         name, span = reader.part.entry.name, reader.part.entry.span
         what = f"The {word} of `{name}` is negative: {value:g}"
         raise Wrong(WrongMechanism(span, what, "Masses and inertias are zero or positive."))
+    return bound
 
 
 def _planar_inertia(reader: Attributes) -> Inertia:
     moment = reader.scalar("inertia", MOMENT, "In the plane a body has one inertia, about the axis out of it.")
-    _not_negative(reader, "inertia", reader.elaborator.value_of(moment, reader.part.entry.span))
-    return Inertia(zz=moment)
+    return Inertia(zz=_not_negative(reader, "inertia", moment))
 
 
 def _inertia(reader: Attributes) -> Inertia:
@@ -76,9 +82,11 @@ def read_frame(reader: Attributes, entry: MechanismEntry) -> Frame:
     if found is not None and found.kind != "body":
         what = f"`{definition.words}` is a {noun_of(found.kind)}, not a body"
         raise Wrong(WrongMechanism(definition.span, what, "A frame is a point of a body, or of `ground`."))
-    axes = reader.word("axes", ("world", "body"), "`axes = world` or `body`: in which its force, torque and pose are.")
-    body = GROUND if found is None else found.name
-    return Frame(name, body, reader.point("at"), part.entry.span, reader.starts(), axes)
+    hint = "`axes = world` or `body`: in which its force, torque and pose are."
+    point, starts, axes = reader.together(
+        lambda: reader.point("at"), reader.starts, lambda: reader.word("axes", ("world", "body"), hint)
+    )
+    return Frame(name, GROUND if found is None else found.name, point, part.entry.span, starts, axes)
 
 
 def part_named(

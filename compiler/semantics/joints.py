@@ -60,21 +60,17 @@ def read_joint(reader: Attributes, entry: MechanismEntry, places: Places) -> Joi
         return _coupling(reader, entry, definition)
     first, second = (_end(reader, end, entry) for end in (definition.first, definition.second))
     _check_bodies(name, definition, first, second, places)
-    if kind in SPANS:
-        _check_span(reader, definition, first, second, places)
-        position = ORIGIN
-    else:
-        position = _position(reader, definition, first, second, places)
-    axis, turn = _axis(reader, kind)
-    other, ratio = ORIGIN, NOTHING
-    if kind == "universal":
-        other = _second_axis(reader, axis)
-    if kind == "screw":
-        ratio = reader.nonzero("lead", METRE, "What turns and does not move along is a hinge.")
-    axes = reader.word("axes", AXES, AXES_HINT)
+    lead = "What turns and does not move along is a hinge."
+    position, (axis, other, turn), ratio, axes, starts, rest, locked = reader.together(
+        lambda: _position(reader, definition, first, second, places),
+        lambda: _directions(reader, kind),
+        lambda: reader.nonzero("lead", METRE, lead) if kind == "screw" else NOTHING,
+        lambda: reader.word("axes", AXES, AXES_HINT),
+        reader.starts, reader.rests, reader.locked,
+    )  # fmt: skip
     return Joint(
-        name, kind, first, second, position, axis, turn, reader.starts(), part.entry.span, axes, other, ratio,
-        reader.rests(), reader.locked(), part.planar,
+        name, kind, first, second, position, axis, turn, starts, part.entry.span, axes, other, ratio, rest, locked,
+        part.planar,
     )  # fmt: skip
 
 
@@ -123,6 +119,9 @@ def _coupling(reader: Attributes, entry: MechanismEntry, definition: tree.Link) 
 # ---------------------------------------------------------------- places
 def _position(reader: Attributes, definition: tree.Link, first: str, second: str, places: Places) -> Vector:
     """Where a joint is: `at`, or the frame that it is on."""
+    if reader.part.entry.kind in SPANS:
+        _check_span(reader, definition, first, second, places)
+        return ORIGIN
     if "at" in reader.given:
         return reader.point("at")
     frames = [n for n in (first, second) if n in places.frames]
@@ -159,6 +158,12 @@ def _distance(reader: Attributes, a: Vector, b: Vector, span: Span, threshold: f
 
 
 # ---------------------------------------------------------------- directions
+def _directions(reader: Attributes, kind: str) -> tuple[Vector, Vector, Vector]:
+    """The axis of a joint, the second one of a universal joint, and how the axes are turned in which it measures."""
+    axis, turn = _axis(reader, kind)
+    return axis, _second_axis(reader, axis) if kind == "universal" else ORIGIN, turn
+
+
 def _axis(reader: Attributes, kind: str) -> tuple[Vector, Vector]:
     """The axis of a joint, and how the axes are turned in which it measures."""
     if kind == "slide" and reader.planar:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..algebra.formula import Bound
 from ..graph.mechanism import ATTITUDE, NOTHING, ORIGIN, Vector
@@ -13,7 +13,7 @@ from ..source import Span
 from ..syntax import tree
 from .errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
 from .part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
-from .scope import STATIC_ROLES, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
+from .scope import STATIC_ROLES, AlreadyTold, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
 from .template import Template, Typed
 
 if TYPE_CHECKING:
@@ -122,6 +122,14 @@ class Attributes:
     @property
     def planar(self) -> bool:
         return self.part.planar
+
+    def together(self, *readings: Callable[[], Any]) -> list[Any]:
+        """What several readings give. Each is done, so that the mistakes of a part are told together. Raises `AlreadyTold`."""
+        before = len(self.elaborator.diagnostics)
+        found = [self.elaborator.guard(reading) for reading in readings]
+        if len(self.elaborator.diagnostics) > before or any(item is None for item in found):
+            raise AlreadyTold
+        return found
 
     def needed(self, name: str) -> tree.Attribute:
         """An attribute that must be there. Raises `Wrong`."""
