@@ -238,7 +238,7 @@ class TestNothingIsDroppedInSilence:
 
 def test_an_unsupported_joint_is_told_with_those_that_exist() -> None:
     text = "model A {\n  multibody m : planar {\n    body a { mass = 1 kg }\n    hing pin : ground to a { at = (0, 0) }\n  }\n  output y = 1\n}\n"
-    assert "`hinge`" in mistake(text, "BG105").help
+    assert "`hinge`" in mistake(text, "BG140").help
 
 
 def test_all_errors_of_a_file_are_reported_together() -> None:
