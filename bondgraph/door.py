@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
     from compiler.graph.domains import BUNDLES, DOMAINS
-    from compiler.graph.network import Element, Junction, Kind
+    from compiler.graph.mechanism import Mechanism, freedoms_of
+    from compiler.graph.network import Element, Junction, Kind, MechanismNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
     from compiler.reduction.certificate import Certificate
@@ -44,6 +45,7 @@ _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
+    "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "reduction.certificate", "Unknown": "reduction.state_space",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
@@ -59,12 +61,13 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph", "Certificate", "Compilation",
-    "CompilationFailed", "Cost", "Dependence", "Diagnostic", "Element", "EquationSystem", "Expression", "InternalError", "Junction", "Kind", "LimitNote",
-    "LinearLoop", "Literal", "Override", "Path", "Plan", "PowerPort", "Program", "Reported", "Scene", "Source", "Span", "StateSpace",
-    "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences",
-    "depends_on", "derivative", "evaluate", "examine", "format_text", "number_text", "parse_expression", "parse_law", "read_text",
-    "read_unit", "render", "scale_of", "symbols", "to_sympy", "uncollected", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph", "Certificate",
+    "Compilation", "CompilationFailed", "Cost", "Dependence", "Diagnostic", "Element", "EquationSystem", "Expression", "InternalError",
+    "Junction", "Kind", "LimitNote", "LinearLoop", "Literal", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",
+    "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts",
+    "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine",
+    "format_text", "freedoms_of", "number_text", "parse_expression", "parse_law", "read_text", "read_unit", "render", "scale_of",
+    "symbols", "to_sympy", "uncollected", "write_text",
 ]  # fmt: skip
 
 

@@ -108,10 +108,10 @@ class Graph(Elements):
         self._parts.append(statement)
         return part
 
-    def multibody(self, name: str, *, gravity: Sequence[Value] | None = None) -> Mechanism:
-        """A planar mechanism: `stage = g.multibody("stage")`, then `stage.body(…)`, `stage.slide(…)`."""
+    def multibody(self, name: str, *, spatial: bool = False, gravity: Sequence[Value] | None = None) -> Mechanism:
+        """A planar or spatial mechanism: `stage = g.multibody("stage")`, then `stage.body(…)`, `stage.slide(…)`."""
         lines = [] if gravity is None else [f"gravity = {value_of(gravity, 'gravity', 'm/s^2')}"]
-        mechanism = Mechanism(self, self._enter(name), lines)
+        mechanism = Mechanism(self, self._enter(name), lines, spatial)
         self._mechanisms.append(mechanism)
         return mechanism
 

@@ -2,31 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ..door import braces
+from ..door import braces, freedoms_of
 from ..errors import UsageError
-from .given import Value, is_number, mapping_of, name_of, path_of, value_of
+from .given import Value, expression_of, is_number, mapping_of, name_of, path_of, value_of
 from .parts import Part
 
 if TYPE_CHECKING:
     from .graph import Graph
 
 GROUND = "ground"
-START_UNITS = {"x": "m", "y": "m", "phi": "rad", "v": "m/s", "omega": "rad/s"}  # of the last letter of what starts
+# Of the last letter of what starts, is limited, or rests.
+UNITS = {"x": "m", "y": "m", "z": "m", "d": "m", "v": "m/s", "omega": "rad/s"} | dict.fromkeys(
+    ("phi", "phi1", "phi2", "rx", "ry", "rz"), "rad"
+)
+AXES = ("from", "to", "middle", "world")
 Given = Mapping[str, tuple[Value, str]]  # attribute -> value and the unit of numbers
+ByCoordinate = Mapping[str, Value] | Value  # a mapping, or of a joint with one freedom what it would map to
 Starts = Mapping[str, Value] | None
+End = Part | str
+
+
+@dataclass(frozen=True, slots=True)
+class _Coordinates:
+    """What is said of the coordinates of a joint."""
+
+    start: Starts = None
+    limits: ByCoordinate = None
+    rest: ByCoordinate = None
+    locked: str | bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mechanism:
-    """A planar mechanism. Numbers are in SI, angles in rad; texts have their own units."""
+    """A planar or spatial mechanism. Numbers are in SI, angles in rad; texts have their own units.
+
+    A place or direction has two components in the plane, three in space. All joints take `start={"phi": 0.1}`; those with freedoms
+    also `limits=(low, high)` (of several freedoms `limits={"x": (low, high)}`), `rest=0.1` (what a coordinate reads in the
+    drawing) and `locked=True`, or a condition of parameters as text.
+    """
 
     graph: Graph
     path: str
     lines: list[str]
+    spatial: bool = False
     _taken: set[str] = field(default_factory=set)
 
     def __str__(self) -> str:
@@ -35,55 +57,122 @@ class Mechanism:
     def __getitem__(self, part: str) -> Part:
         return Part(self.graph, f"{self.path}.{name_of(part)}")
 
+    # ------------------------------------------------------------ bodies
     def body(
         self, name: str, *, mass: Value = None, inertia: Value = None, at: Value = None, angle: Value = None,
-        start: Starts = None,
+        turn: Value = None, start: Starts = None,
     ) -> Part:  # fmt: skip
-        """A rigid body: kg, kg m^2 about its centre of mass, where that centre is (m) and its angle."""
-        given = {"mass": (mass, "kg"), "inertia": (inertia, "kg*m^2"), "at": (at, "m"), "angle": (angle, "")}
-        return self._part("body", name, "", given, start, ("x", "y", "phi"))
+        """A rigid body: kg, kg m^2 about its centre of mass, where that centre is (m), how it is turned.
 
-    def frame(self, name: str, body: Part, *, at: Value) -> Part:
-        """A point that is fixed to a body."""
-        return self._part("frame", name, f" : {self._local(body)}", {"at": (at, "m")}, None, ("x", "y", "phi"))
+        In space `inertia` is (Ixx, Iyy, Izz), or six with Ixy, Ixz, Iyz, in the body's own axes, and `turn` a rotation vector.
+        """
+        given = {
+            "mass": (mass, "kg"), "inertia": (inertia, "kg*m^2"), "at": (at, "m"), "angle": (angle, ""), "turn": (turn, ""),
+        }  # fmt: skip
+        return self._part("body", name, "", given, _Coordinates(start))
 
+    def frame(self, name: str, body: End, *, at: Value, axes: str = "world", start: Starts = None) -> Part:
+        """A point that is fixed to a body or the ground; its force, torque and pose in axes of the `world` or the `body`."""
+        more = _axes(axes, ("world", "body"))
+        return self._part("frame", name, f" : {self._local(body)}", {"at": (at, "m")}, _Coordinates(start), more)
+
+    # ------------------------------------------------------------ joints
     def slide(
-        self, name: str, first: Part | str, second: Part | str, *, along: Value, at: Value = None, start: Starts = None
-    ) -> Part:
+        self, name: str, first: End, second: End, *, along: Value, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
         """A joint that leaves `second` one translation against `first`; `"ground"` is the world."""
-        return self._joint("slide", name, first, second, {"along": (along, ""), "at": (at, "m")}, start, ("x",))
+        given = {"along": (along, ""), "at": (at, "m")}
+        return self._joint("slide", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
     def hinge(
-        self, name: str, first: Part | str, second: Part | str, *, at: Value = None, start: Starts = None
-    ) -> Part:
-        """A joint that leaves a rotation."""
-        return self._joint("hinge", name, first, second, {"at": (at, "m")}, start, ("phi",))
+        self, name: str, first: End, second: End, *, about: Value = None, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
+        """A joint that leaves a rotation, in space `about` an axis."""
+        given = {"about": (about, ""), "at": (at, "m")}
+        return self._joint("hinge", name, first, second, given, _Coordinates(start, limits, rest, locked))
+
+    def planar(
+        self, name: str, first: End, second: End, *, turn: Value = None, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
+        """In space: two translations and a rotation in the plane x y, turned by a rotation vector."""
+        given = {"turn": (turn, ""), "at": (at, "m")}
+        return self._joint("planar", name, first, second, given, _Coordinates(start, limits, rest, locked))
+
+    def cylinder(
+        self, name: str, first: End, second: End, *, along: Value, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
+        """In space: a translation along an axis and a rotation about it."""
+        given = {"along": (along, ""), "at": (at, "m")}
+        return self._joint("cylinder", name, first, second, given, _Coordinates(start, limits, rest, locked))
+
+    def screw(
+        self, name: str, first: End, second: End, *, along: Value, lead: Value, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
+        """In space: a rotation about an axis that moves along it, by the lead (m) in each turn."""
+        given = {"along": (along, ""), "lead": (lead, "m"), "at": (at, "m")}
+        return self._joint("screw", name, first, second, given, _Coordinates(start, limits, rest, locked))
+
+    def universal(
+        self, name: str, first: End, second: End, *, about: Value, then: Value, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
+        """In space: a rotation about an axis of `first`, then about one of `second`."""
+        given = {"about": (about, ""), "then": (then, ""), "at": (at, "m")}
+        return self._joint("universal", name, first, second, given, _Coordinates(start, limits, rest, locked))
+
+    def ball(
+        self, name: str, first: End, second: End, *, at: Value = None, start: Starts = None,
+        limits: ByCoordinate = None, locked: str | bool = False,
+    ) -> Part:  # fmt: skip
+        """In space: all rotations, measured by a rotation vector."""
+        return self._joint("ball", name, first, second, {"at": (at, "m")}, _Coordinates(start, limits, None, locked))
 
     def free(
-        self, name: str, first: Part | str, second: Part | str, *, at: Value = None, angle: Value = None,
-        axes: str = "from", start: Starts = None,
+        self, name: str, first: End, second: End, *, at: Value = None, angle: Value = None, turn: Value = None,
+        axes: str = "from", start: Starts = None, limits: ByCoordinate = None, rest: ByCoordinate = None,
+        locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """A joint that leaves all three freedoms, measured in the axes of a body (`from`, `to`) or between them (`middle`)."""
-        if axes not in ("from", "to", "middle"):
-            raise UsageError(f"axes are from, to or middle, not {axes!r}")
-        given = {"at": (at, "m"), "angle": (angle, "")}
-        more = [] if axes == "from" else [f"axes = {axes}"]
-        return self._joint("free", name, first, second, given, start, ("x", "y", "phi"), more)
+        """A joint that leaves everything, measured in the axes of a body (`from`, `to`), between them (`middle`), or of the `world`."""
+        given = {"at": (at, "m"), "angle": (angle, ""), "turn": (turn, "")}
+        told = _Coordinates(start, limits, rest, locked)
+        return self._joint("free", name, first, second, given, told, _axes(axes, AXES))
 
-    def weld(self, name: str, first: Part | str, second: Part | str) -> Part:
+    def weld(self, name: str, first: End, second: End, *, at: Value = None) -> Part:
         """A joint that leaves nothing."""
-        return self._joint("weld", name, first, second, {}, None, ())
+        return self._joint("weld", name, first, second, {"at": (at, "m")}, _Coordinates())
 
+    def distance(
+        self, name: str, first: End, second: End, *, start: Starts = None, limits: ByCoordinate = None
+    ) -> Part:  # fmt: skip
+        """What lies between two points of bodies, measured: it holds nothing, springs hang on it."""
+        return self._joint("distance", name, first, second, {}, _Coordinates(start, limits))
+
+    def rod(self, name: str, first: End, second: End) -> Part:
+        """A rod without mass between two points: their distance stays as it is drawn."""
+        return self._joint("rod", name, first, second, {}, _Coordinates())
+
+    def gear(self, name: str, first: End, second: End, *, ratio: Value) -> Part:
+        """Ties two hinges: the second turns by `ratio` times the first."""
+        return self._joint("gear", name, first, second, {"ratio": (ratio, "")}, _Coordinates())
+
+    def rack(self, name: str, first: End, second: End, *, radius: Value) -> Part:
+        """Ties a hinge and a slide, which moves by `radius` (m) for each radian."""
+        return self._joint("rack", name, first, second, {"radius": (radius, "m")}, _Coordinates())
+
+    # ------------------------------------------------------------ writing
     def _joint(
-        self, kind: str, name: str, first: Part | str, second: Part | str, given: Given, start: Starts,
-        ports: tuple[str, ...], more: list[str] | None = None,
+        self, kind: str, name: str, first: End, second: End, given: Given, told: _Coordinates, more: list[str] | None = None
     ) -> Part:  # fmt: skip
         link = f" : {self._local(first)} to {self._local(second)}"
-        return self._part(kind, name, link, given, start, ports, more)
+        return self._part(kind, name, link, given, told, more)
 
     def _part(
-        self, kind: str, name: str, definition: str, given: Given, start: Starts, ports: tuple[str, ...],
-        more: list[str] | None = None,
+        self, kind: str, name: str, definition: str, given: Given, told: _Coordinates, more: list[str] | None = None
     ) -> Part:  # fmt: skip
         own = name_of(name)
         if own in self._taken:
@@ -93,16 +182,14 @@ class Mechanism:
             for word, (value, unit) in given.items()
             if value is not None
         ]
-        inner += [
-            *(more or ()),
-            *(_start(own, key, value) for key, value in mapping_of(start or {}, f"the start of `{own}`").items()),
-        ]
+        ports = freedoms_of(kind, not self.spatial)
+        inner += [*(more or ()), *_coordinates(own, ports, told)]
         self._taken.add(own)
         self.lines.append(f"{kind} {own}{definition}{braces(inner)}")
         return Part(self.graph, f"{self.path}.{own}", ports)
 
-    def _local(self, body: Part | str) -> str:
-        """The name of a body inside the mechanism."""
+    def _local(self, body: End) -> str:
+        """The name of a body, frame or joint inside the mechanism."""
         if isinstance(body, str) and body == GROUND:
             return GROUND
         name = str(body).removeprefix(f"{self.path}.")
@@ -112,12 +199,35 @@ class Mechanism:
 
     def text(self) -> list[str]:
         """The lines of its block."""
-        return [f"multibody {self.path} : planar {{", *(f"  {line}" for line in self.lines), "}"]
+        space = "spatial" if self.spatial else "planar"
+        return [f"multibody {self.path} : {space} {{", *(f"  {line}" for line in self.lines), "}"]
 
 
-def _start(owner: str, key: str, value: Value) -> str:
+def _axes(axes: str, allowed: tuple[str, ...]) -> list[str]:
+    if axes not in allowed:
+        raise UsageError(f"axes are {', '.join(allowed[:-1])} or {allowed[-1]}, not {axes!r}")
+    return [] if axes == allowed[0] else [f"axes = {axes}"]
+
+
+def _coordinates(owner: str, ports: tuple[str, ...], told: _Coordinates) -> Iterator[str]:
+    """The attributes of a joint's coordinates."""
+    for word, given in (("limits", told.limits), ("rest", told.rest)):
+        if given is not None:
+            by_name = given if isinstance(given, Mapping) else dict.fromkeys(ports[:1], given)
+            if by_name is not given and len(ports) != 1:
+                raise UsageError(f"`{owner}` has several coordinates: {word}={{{ports[0]!r}: …}}")
+            for key, value in by_name.items():
+                yield _assigned(owner, word, key, value)
+    if told.locked:
+        what = f"`locked` of `{owner}`"
+        yield f"locked = {'true' if told.locked is True else expression_of(told.locked, what)}"
+    for key, value in mapping_of(told.start or {}, f"the start of `{owner}`").items():
+        yield _assigned(owner, "start", key, value)
+
+
+def _assigned(owner: str, word: str, key: str, value: Value) -> str:
     path = path_of(key)
-    unit = START_UNITS.get(path.rpartition(".")[2], "")
+    unit = UNITS.get(path.rpartition(".")[2], "")
     if is_number(value) and not unit:
-        raise UsageError(f"the start of `{owner}`: numbers start {', '.join(START_UNITS)}, not `{path}`")
-    return f"start {path} = {value_of(value, f'the start of `{owner}`', unit)}"
+        raise UsageError(f"the {word} of `{owner}`: numbers are of {', '.join(UNITS)}, not `{path}`")
+    return f"{word} {path} = {value_of(value, f'the {word} of `{owner}`', unit)}"

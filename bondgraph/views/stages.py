@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from ..door import Compilation, write_text
+from ..door import Compilation, Mechanism, MechanismNode, write_text
 from .tables import visible
 
 
@@ -68,6 +68,8 @@ def _graph(compilation: Compilation) -> Iterator[str]:
             node, "domain", ""
         )
         yield f"  {node.kind.value} {node.name} ({listed})  # {_place(node.span)} {node.definition}"
+        if isinstance(node, MechanismNode):
+            yield from _parts(node.mechanism)
     for bond in graph.bonds:
         yield f"  {_end(graph, bond.tail)} -> {_end(graph, bond.head)} : {bond.domain}  # {_place(bond.span)}"
     for named in graph.quantities.values():
@@ -78,6 +80,19 @@ def _graph(compilation: Compilation) -> Iterator[str]:
     for required in graph.requirements:
         owner = f" of {required.name}" if required.name else ""
         yield f"  required{owner}: {required.words}  # {_place(required.span)} {required.text}".rstrip()
+
+
+def _parts(mechanism: Mechanism) -> Iterator[str]:
+    """Bodies, frames and joints, with what each joint leaves."""
+    yield f"    {'planar' if mechanism.planar else 'spatial'}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints"
+    for body in mechanism.bodies:
+        yield f"    body {body.name}  # {_place(body.span)}"
+    for frame in mechanism.frames:
+        yield f"    frame {frame.name} : {frame.body}  # {_place(frame.span)}"
+    for joint in mechanism.joints:
+        leaves = f" ({', '.join(joint.freedoms)})" if joint.freedoms else ""
+        locked = " locked" if joint.locked else ""
+        yield f"    {joint.kind} {joint.name} : {joint.first} to {joint.second}{leaves}{locked}  # {_place(joint.span)}"
 
 
 def _causality(compilation: Compilation) -> Iterator[str]:

@@ -19,6 +19,7 @@ from ..algebra.formula import Bound, bind
 from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed
+from ..graph.mechanism import domain_of
 from ..graph.network import (
     STORAGES,
     Element,
@@ -305,7 +306,7 @@ class _Nodes:
 
     def _readings_of_port(self, node: MechanismNode, port: str, motion: Motion, effort: Expression) -> None:
         """What expressions may read of a mechanism's port: pose, rate and effort."""
-        domain = "rotation" if port.endswith("phi") else "translation"
+        domain = domain_of(port)
         full = f"{node.name}.{port}"
         for variable, expression, suffix in (
             ("q", motion.pose, ""),

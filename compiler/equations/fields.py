@@ -15,6 +15,7 @@ from functools import lru_cache
 from ..algebra.expression import Symbol, add, divide, evaluate, multiply
 from ..algebra.formula import Bound
 from ..errors import Diagnostic
+from ..graph.inertia import inertia_notes
 from ..graph.network import STORAGES, BondGraph, Element, Kind, Law, Own
 from .errors import NotConservative
 from .laws import GIVEN
@@ -119,7 +120,8 @@ def _size(bound: Bound, graph: BondGraph) -> float | None:
 
 
 def notes(graph: BondGraph) -> tuple[str, ...]:
-    """What laws do that one may not expect: resistors that create energy or turn it between ports, fields not checked."""
+    """What laws do that one may not expect: resistors that create energy or turn it between ports, fields not checked,
+    tensors of inertia that no body has."""
     found: list[str] = []
     for node in graph.nodes:
         if isinstance(node, Element) and node.kind is Kind.RESISTOR:
@@ -128,7 +130,7 @@ def notes(graph: BondGraph) -> tuple[str, ...]:
             found.append(
                 f"`{node.name}` may create energy: its law can be solved neither way, so its symmetry is not checked"
             )
-    return tuple(found)
+    return (*found, *inertia_notes(graph))
 
 
 def _checked(element: Element, graph: BondGraph) -> bool:

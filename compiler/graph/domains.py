@@ -70,5 +70,7 @@ BUNDLES: Mapping[str, Mapping[str, str]] = {
     },
 }  # fmt: skip
 
-# The letters of each domain that no other domain shares: enough to know the domain of a law.
-COMPONENT_DOMAINS: Mapping[str, str] = {**BUNDLES["spatial"], **BUNDLES["planar"]}
+# What the components of multibonds are, where nothing else is said: those of bundles and of a universal joint.
+COMPONENT_DOMAINS: Mapping[str, str] = {
+    **BUNDLES["spatial"], **BUNDLES["planar"], "phi1": "rotation", "phi2": "rotation",
+}  # fmt: skip

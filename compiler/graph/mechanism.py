@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from ..algebra.expression import ONE, ZERO
 from ..algebra.formula import Bound, Formula
 from ..source import Span
+from .domains import COMPONENT_DOMAINS
 
 GROUND = "ground"
 NOTHING = Bound(Formula(0, ZERO), ())
@@ -51,7 +52,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A point that is fixed to a body. `axes`: world or body, in which its port and its starts are."""
+    """A point that is fixed to a body or to the ground. `axes`: world or body, in which its port and its starts are."""
 
     name: str
     body: str
@@ -63,7 +64,10 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """What two bodies leave each other: `second` seen from `first`, in a frame given in the reference configuration."""
+    """What two bodies leave each other: `second` seen from `first`, in a frame given in the reference configuration.
+
+    A distance or rod lies between the points of its ends (`Mechanism.point_of`), other joints at `position`.
+    """
 
     name: str
     kind: str  # a key of FREEDOMS
@@ -84,7 +88,7 @@ class Joint:
     @property
     def freedoms(self) -> tuple[str, ...]:
         """The names of its coordinates."""
-        return FREEDOMS[self.kind] if self.planar or self.kind != "free" else POSE
+        return freedoms_of(self.kind, self.planar)
 
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")  # of a body in space
@@ -107,6 +111,38 @@ FREEDOMS: Mapping[str, tuple[str, ...]] = {
     "rack": (),
 }
 
+ATTITUDE = ("w", "x", "y", "z")  # of a body in space: a unit quaternion, read and started as `attitude.w`, …
+HOLDING_NOTHING = frozenset({"free", "distance"})
+COUPLINGS = frozenset({"gear", "rack"})  # they tie two joints
+SPANS = frozenset({"distance", "rod"})  # they lie between two points
+SPATIAL_JOINTS = frozenset({"planar", "cylinder", "screw", "universal", "ball"})
+
+
+def freedoms_of(kind: str, planar: bool) -> tuple[str, ...]:
+    """The power ports of a body or frame (its pose), or of a joint of this kind."""
+    if kind in FREEDOMS and (planar or kind != "free"):
+        return FREEDOMS[kind]
+    return PLANAR_POSE if planar else POSE
+
+
+def reactions_of(kind: str, planar: bool) -> tuple[str, ...]:
+    """What a joint holds with, and can be asked for as `joint.reaction.x`: force and torque on its second body at the
+    joint's point, in world axes; of a rod the force, of a gear the torque and of a rack the force on its second joint."""
+    if kind in HOLDING_NOTHING or kind not in FREEDOMS:
+        return ()
+    if kind in COUPLINGS:
+        return ("phi",) if kind == "gear" else ("x",)
+    pose = PLANAR_POSE if planar else POSE
+    return tuple(p for p in pose if COMPONENT_DOMAINS[p] == "translation") if kind == "rod" else pose
+
+
+def domain_of(port: str) -> str:
+    """The domain of a port or reading of a mechanism: of `pin.phi`, `pin.reaction.x`, `top.attitude.w`."""
+    _, *inner, freedom = port.split(".")
+    if inner == ["attitude"]:
+        return "rotation"  # bare numbers, as angles are
+    return "translation" if freedom == "d" else COMPONENT_DOMAINS[freedom]
+
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
@@ -119,3 +155,12 @@ class Mechanism:
     gravity: Vector
     span: Span
     planar: bool = True
+
+    def body_of(self, place: str) -> str:
+        """The body, or `ground`, that a body's, frame's or the ground's name stands for."""
+        return next((f.body for f in self.frames if f.name == place), place)
+
+    def point_of(self, place: str) -> Vector:
+        """Where that is in the drawing: the frame's point, the body's centre, the origin."""
+        parts: tuple[Frame | Body, ...] = (*self.frames, *self.bodies)
+        return next((p.position for p in parts if p.name == place), ORIGIN)

@@ -19,6 +19,7 @@ from ..graph.mechanism import Vector as Place
 from ..source import Span
 from .errors import NothingMoves
 from .starts import claim_starts, claimed_parts
+from .supported import unsupported
 from .tree import Link, spanning_tree
 
 Vector = tuple[Expression, Expression]
@@ -76,6 +77,9 @@ def mechanism_equations(
     mechanism: Mechanism, efforts: Mapping[str, Expression], wanted: Set[str], builder: Writer
 ) -> MechanismEquations:
     """Write the equations of a mechanism. `efforts` drive its ports; `wanted` are the ports that are read elsewhere."""
+    refused = list(unsupported(mechanism, {*efforts, *wanted}))
+    if refused:
+        return MechanismEquations(diagnostics=refused)
     tree = spanning_tree(mechanism)
     result = MechanismEquations(diagnostics=list(tree.diagnostics))
     if result.diagnostics:

@@ -29,7 +29,8 @@ from .experiments import choose_experiment, experiment_overrides, experiments_of
 from .known import Known
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
-from .mechanisms import build_mechanism, static_bounds
+from .mechanisms import build_mechanism
+from .part_attributes import static_bounds
 from .requirements import read_requirements
 from .resolve import MAXIMUM_MISTAKES
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from ..errors import Diagnostic
 from ..graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC, Domain
+from ..graph.mechanism import domain_of, freedoms_of
 from ..source import Span
 from ..syntax import tree
 from .errors import DomainConflict, UnknownName
@@ -220,28 +221,29 @@ def _names(statements: tuple[tree.Node, ...]) -> Iterator[str]:
             yield statement.name
 
 
-def _parts(mechanism: tree.Mechanism) -> dict[str, str]:
+def _parts(mechanism: tree.Mechanism) -> dict[str, tuple[str, ...]]:
+    """The ports of a mechanism's parts."""
     parts = {}
     for statement in _flat(mechanism.statements):
         if isinstance(statement, tree.Declaration):
-            parts.update({d.name: statement.kind for d in statement.names})
+            ports = freedoms_of(statement.kind, mechanism.space != "spatial")
+            parts.update({d.name: ports for d in statement.names})
     return parts
 
 
-def _mechanism_ends(table: DomainTable, parts: dict[str, str], place: tree.Path, members: list[str]) -> dict[str, Key]:
-    from ..graph.mechanism import FREEDOMS
-
+def _mechanism_ends(
+    table: DomainTable, parts: dict[str, tuple[str, ...]], place: tree.Path, members: list[str]
+) -> dict[str, Key]:
     if not members:
         return {}
-    kind = parts.get(members[0])
-    freedoms = FREEDOMS.get(kind or "", ("x", "y", "phi"))
+    freedoms = parts.get(members[0], ())
     wanted = members[1:2] or list(freedoms)
     result: dict[str, Key] = {}
     for component in wanted:
         if component not in freedoms:
             continue
         key = (place.head, members[0], component)
-        table.learn(key, BUNDLES["planar"][component], place.span)
+        table.learn(key, domain_of(f"{members[0]}.{component}"), place.span)
         result["" if members[1:] or len(freedoms) == 1 else component] = key
     return result
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..errors import CompilationFailed
 from ..graph.domains import DOMAINS, Domain
+from ..graph.network import Requirement
 from ..graph.units import ONE
 from ..scene import Override
 from ..source import Span
@@ -66,6 +67,7 @@ class Elaborator(QuantityResolver):
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
         self.stands: dict[str, Span] = {}  # instance -> where it is declared
         self.requirements: list[tuple[Scope, tree.Requirement]] = []
+        self.limits: list[Requirement] = []  # those of joints
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps

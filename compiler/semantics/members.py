@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from ..graph.domains import GENERIC, Domain
+from ..graph.domains import DOMAINS, GENERIC, Domain
+from ..graph.mechanism import domain_of
 from ..graph.network import Reading
 from ..syntax import tree
 from .errors import UnknownName, WrongType
-from .scope import ElementEntry, Entry, InstanceEntry, PartEntry, Scalar, WallEntry, Wrong, suggestion
+from .part_kinds import noun_of
+from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry, Wrong, suggestion
 
 
 def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
@@ -50,8 +52,11 @@ def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
     return Scalar(Reading(entry.name, "", variable), domain.dimension(variable), "reading", f"{entry.name}.{name}")
 
 
-def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar:
-    """`arm.pin.phi`: a coordinate of a body, joint or frame; of a joint with one freedom also its rate and effort."""
+def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar | GroupEntry:
+    """`arm.pin.phi`: a coordinate of a body, joint or frame; of a joint with one freedom also its rate and effort;
+    its reaction or attitude as a whole."""
+    if name in part.groups:
+        return GroupEntry(part, name)
     if name in part.ports:
         return Scalar(
             Reading(part.mechanism, f"{part.name}.{name}", "q"),
@@ -69,12 +74,50 @@ def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar:
                 "reading",
                 f"{part.mechanism}.{part.name}.{name}",
             )
-    hint = suggestion(
-        name,
-        list(part.ports),
-        f"It has {', '.join(part.ports) or 'no freedom'}; rates are read as `x.v`, `phi.omega`.",
-    )
+    known = [*part.ports, *part.groups]
+    if name == "reaction":
+        hint = (
+            f"A {noun_of(part.kind)} holds nothing, so it has no reaction; what acts on it is read as {_efforts(part)}."
+        )
+    elif name == "attitude" and part.kind != "body":
+        hint = "The attitude is a body's, in space."
+    else:
+        listed = ", ".join(known) or "no freedom"
+        rates = [f"`{port}.{domain.letter('f')}`" for port, domain in part.ports.items()][
+            :: max(1, len(part.ports) - 1)
+        ]
+        hint = suggestion(
+            name, known, f"It has {listed}" + (f"; rates are read as {', '.join(rates)}." if rates else ".")
+        )
     raise Wrong(UnknownName(path.span, name, f"`{part.mechanism}.{part.name}`", hint))
+
+
+def _efforts(part: PartEntry) -> str:
+    """The first and last effort of a part."""
+    found = [f"`{port}.{domain.letter('e')}`" for port, domain in part.ports.items()]
+    return ", ".join(dict.fromkeys((found[0], found[-1])))
+
+
+def group_member(group: GroupEntry, name: str, path: tree.Path) -> Scalar:
+    """`pin.reaction.x`, `top.attitude.w`."""
+    components = group.part.groups[group.name]
+    if name not in components:
+        hint = suggestion(name, list(components), f"It has {', '.join(components)}.")
+        where = f"`{group.part.mechanism}.{group.part.name}.{group.name}`"
+        raise Wrong(UnknownName(path.span, name, where, hint))
+    return group_members(group)[components.index(name)]
+
+
+def group_members(group: GroupEntry) -> tuple[Scalar, ...]:
+    """All that a group reads: efforts of a reaction, four bare numbers of an attitude."""
+    variable = "e" if group.name == "reaction" else "q"
+    found = []
+    for component in group.part.groups[group.name]:
+        port = f"{group.part.name}.{group.name}.{component}"
+        dimension = DOMAINS[domain_of(port)].dimension(variable)
+        name = f"{group.part.mechanism}.{port}"
+        found.append(Scalar(Reading(group.part.mechanism, port, variable), dimension, "reading", name))
+    return tuple(found)
 
 
 def wall_member(entry: WallEntry, name: str, path: tree.Path) -> Scalar:
@@ -140,6 +183,10 @@ def not_a_number(entry: Entry, path: tree.Path) -> Wrong:
                     "Read something in it: an output, or the variable of an element.",
                 )
             )
+        case GroupEntry(part=part, name=group):
+            first, last = part.groups[group][0], part.groups[group][-1]
+            hint = f"Read one of its components: `{name}.{first}` to `.{last}`."
+            return Wrong(WrongType(path.span, "A number", f"the {group} of `{part.name}`", hint))
     return Wrong(
         WrongType(path.span, "A number", f"`{name}`, which is none", "Read one of its variables: `.x`, `.phi`, `.x.v`.")
     )

@@ -17,9 +17,9 @@ MAXIMUM_READINGS = 6  # values that a warning shows
 
 
 def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
-    """The conditions of all instances; what is wrong in them is collected."""
+    """The conditions of all instances, and the limits of joints; what is wrong in them is collected."""
     found = [elaborator.guard(_read, elaborator, scope, statement) for scope, statement in elaborator.requirements]
-    return tuple(item for item in found if item is not None)
+    return (*(item for item in found if item is not None), *elaborator.limits)
 
 
 def _read(elaborator: Elaborator, scope: Scope, statement: tree.Requirement) -> Requirement:

@@ -16,6 +16,7 @@ from ..algebra.formula import Bound, Formula, bind
 from ..algebra.interpolate import OutsideTable
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import DOMAINS, Domain
+from ..graph.mechanism import domain_of
 from ..graph.network import TIME, Named, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension, Scale
 from ..scene import Override
@@ -31,7 +32,16 @@ from .errors import (
     WrongType,
 )
 from .known import Known
-from .members import element_member, not_a_number, part_member, port_variable, wall_member, wall_variable
+from .members import (
+    element_member,
+    group_member,
+    group_members,
+    not_a_number,
+    part_member,
+    port_variable,
+    wall_member,
+    wall_variable,
+)
 from .scales import scale_of
 from .scope import (
     STATIC_ROLES,
@@ -40,6 +50,7 @@ from .scope import (
     Broken,
     ElementEntry,
     Entry,
+    GroupEntry,
     InstanceEntry,
     Items,
     MechanismEntry,
@@ -281,6 +292,8 @@ class Resolver(ABC):
             )
         if isinstance(entry, Scalar | Items):
             return entry
+        if isinstance(entry, GroupEntry) and entry.name == "attitude":
+            return Items(name, group_members(entry))
         if isinstance(entry, Array):
             first = next(iter(entry.items.values()))
             if not isinstance(first, Scalar | Pending):
@@ -354,8 +367,12 @@ class Resolver(ABC):
                 return part
             case PartEntry():
                 return part_member(entry, step.name, path)
+            case GroupEntry():
+                return group_member(entry, step.name, path)
             case Scalar(reference=Reading(node, port), role="port") if node in self.walls:
                 return wall_variable(self.walls[node], port, step.name, path)
+            case Scalar(reference=Reading(_, port), name=whole) if ".attitude." in port:
+                raise Wrong(UnknownName(path.span, step.name, f"`{whole}`", "An attitude is four bare numbers."))
             case Scalar(reference=Reading(node, port, variable), role=role) if role == "port" or variable in "qp":
                 # `stage.platform.x.v`, `spring.x.F`: a port's other variables behind its displacement
                 return port_variable(node, port, self.port_domain(node, port), step.name, path)
@@ -373,7 +390,7 @@ class Resolver(ABC):
         element = self.element_names.get(node)
         if element is not None:
             return element.ports[port]
-        return DOMAINS["rotation" if port.endswith("phi") else "translation"]
+        return DOMAINS[domain_of(port)]
 
     # ------------------------------------------------------------ what is resolved when it is asked for
     @abstractmethod

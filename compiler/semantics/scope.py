@@ -151,6 +151,15 @@ class PartEntry:
     kind: str
     ports: Mapping[str, Domain]
     span: Span
+    groups: Mapping[str, tuple[str, ...]]  # what is only read of it: `reaction`, of a body in space `attitude`
+
+
+@dataclass(frozen=True, slots=True)
+class GroupEntry:
+    """`pin.reaction`, `top.attitude`: what is only read, component by component."""
+
+    part: PartEntry
+    name: str
 
 
 @dataclass(slots=True)
@@ -160,6 +169,7 @@ class MechanismEntry:
     name: str
     parts: Scope
     span: Span
+    planar: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +198,7 @@ Entry = (
     | WallEntry
     | InstanceEntry
     | PartEntry
+    | GroupEntry
     | MechanismEntry
 )
 

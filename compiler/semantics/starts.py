@@ -6,7 +6,7 @@ a coordinate or its rate in a mechanism, an integral by its name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -19,8 +19,8 @@ from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import WrongExperiment, WrongType
-from .mechanisms import static_bounds
-from .scope import Scalar, Scope, Wrong
+from .part_attributes import attitude_bounds, static_bounds
+from .scope import Items, Scalar, Scope, Wrong
 
 STARTED = {"q": "qe", "p": "pf"}  # what a storage keeps -> the variables by which its start is given
 Given = tuple[str, Bound]
@@ -69,7 +69,8 @@ class Starts:
             for (name, path), bound in self.parts.items()
             if name == mechanism and path.startswith(before)
         }
-        return replace(part, starts={**part.starts, **found}) if found else part
+        kept = {k: b for k, b in part.starts.items() if not _says_the_same(k, found)}
+        return replace(part, starts={**kept, **found}) if found else part
 
 
 def read_starts(
@@ -90,6 +91,9 @@ def _read(
     words = step.target.words
     found = elaborator.lookup(step.target, root)
     if not isinstance(found, Scalar):
+        if _is_attitude(found):
+            _read_attitude(elaborator, step, root, found, result)
+            return
         raise Wrong(WrongType(step.target.span, "One quantity", "a list", f"Start its items: `{words}[1]`."))
     what = f"`start {words}`"
     (bound,) = static_bounds(elaborator, step.value, root, found.dimension or ONE, what, 1)
@@ -100,6 +104,8 @@ def _read(
                 raise Wrong(WrongExperiment(step.target.span, f"`{words}` has no start", hint))
             _once(step, ("", name), result)
             result.integrals[name] = bound
+        case Reading(node, port) if node in elaborator.mechanism_parts and ".attitude." in port:
+            raise Wrong(_no_start(step, "Start all four: `start … .attitude = (w, x, y, z)`."))
         case Reading(node, port, variable) if node in elaborator.mechanism_parts:
             if variable not in "qf":
                 raise Wrong(_no_start(step, "A part of a mechanism starts at a place, `x` or `phi`, and with a rate."))
@@ -112,6 +118,27 @@ def _read(
             result.elements[node, port] = variable, bound
         case _:
             raise Wrong(_no_start(step, "Start a storage, a joint or body, or a signal that is `integral(…)`."))
+
+
+def _says_the_same(key: str, found: Mapping[str, Bound]) -> bool:
+    """Whether a start of the model says how a body is turned, which the experiment says in the other way."""
+    if key.startswith("attitude."):
+        return bool({"rx", "ry", "rz"} & found.keys())
+    return key in ("rx", "ry", "rz") and "attitude.w" in found
+
+
+def _is_attitude(found: Items) -> bool:
+    """Whether a list is the attitude of a body, and not a quantity that reads it."""
+    return all(isinstance(i.reference, Reading) and ".attitude." in i.reference.port for i in found.items)
+
+
+def _read_attitude(elaborator: Elaborator, step: tree.Set, root: Scope, found: Items, result: Starts) -> None:
+    """`start stage.top.attitude = (w, x, y, z)`."""
+    bounds = attitude_bounds(elaborator, step.value, root)
+    for item, bound in zip(found.items, bounds or (), strict=False):
+        assert isinstance(item.reference, Reading)
+        _once(step, item.reference[:2], result)
+        result.parts[item.reference[:2]] = bound
 
 
 def _check_storage(step: tree.Set, element: Element | None, port: str, variable: str) -> None:

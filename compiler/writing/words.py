@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Bound
 from ..graph.domains import DOMAINS
+from ..graph.mechanism import domain_of
 from ..graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Named, Own, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension
 from .errors import UnwrittenPort
@@ -30,6 +31,10 @@ class Words:
     def bound(self, bound: Bound, wanted: Dimension) -> str:
         """A bound formula as text, in the SI unit of a dimension."""
         return self.printer.text(self._named(bound), wanted)
+
+    def usual(self, bound: Bound) -> Dimension:
+        """The dimension of a bound formula in which bare numbers have none."""
+        return self.printer.usual(self._named(bound))
 
     def condition(self, bound: Bound) -> str:
         """A bound condition as text."""
@@ -71,10 +76,7 @@ class Words:
         if isinstance(node, Junction):
             return Word(f"{name}.{self.letter(node.domain, variable)}", DOMAINS[node.domain].dimension(variable))
         if isinstance(node, MechanismNode):
-            part, _, freedom = reading.port.rpartition(".")
-            domain = DOMAINS["rotation" if freedom == "phi" else "translation"]
-            path = f"{name}.{self.names.parts[node.mechanism.name, part]}.{freedom}"
-            return Word(path if variable == "q" else f"{path}.{domain.letter(variable)}", domain.dimension(variable))
+            return self._of_a_part(node, reading)
         port = next(p for p in node.ports if p.name == reading.port)
         letter = self.letter(port.domain, variable)
         if node.kind in TWO_SIDED:
@@ -82,6 +84,14 @@ class Words:
         else:
             path = f"{name}.{port.name}.{letter}" if port.name else f"{name}.{letter}"
         return Word(path, DOMAINS[port.domain].dimension(variable))
+
+    def _of_a_part(self, node: MechanismNode, reading: Reading) -> Word:
+        """`stage.pin.phi`, `stage.pin.phi.omega`, `stage.pin.reaction.x`."""
+        part, _, inner = reading.port.partition(".")
+        domain, variable = DOMAINS[domain_of(reading.port)], reading.variable
+        path = f"{self.names.nodes[node.name]}.{self.names.parts[node.mechanism.name, part]}.{inner}"
+        alone = variable == "q" or "." in inner  # a reaction or attitude has no letters
+        return Word(path if alone else f"{path}.{domain.letter(variable)}", domain.dimension(variable))
 
     def _at_a_node(self, reading: Reading) -> Reading:
         """A reading of a model's port as one of a node. Raises `Refused`."""

@@ -119,7 +119,7 @@ class _Writer:
     # ------------------------------------------------------------ nodes
     def _node(self, node: Node) -> Iterator[str]:
         if isinstance(node, MechanismNode):
-            yield from mechanism_lines(node.mechanism, self.names, self.words.bound)
+            yield from mechanism_lines(node.mechanism, self.names, self.words)
         elif isinstance(node, Junction):
             name = self.names.nodes[node.name]
             yield f"{node.kind.value} {name}{'' if self.plain else f' : {node.domain}'}{former_name(node.name, name)}"

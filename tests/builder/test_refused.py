@@ -347,7 +347,7 @@ def test_calls_that_make_no_sense() -> None:
         ("is one of integral, derivative, effort, flow", lambda: g.R("r", "F = v", prefer="both")),
         ("`start x` of `c`: a number needs its unit here", lambda: g.C("c", "F = k*x", start={"x": 1e-3})),
         (
-            "numbers start x, y, phi, v, omega, not `F`",
+            "numbers are of x, y, z, d, v, omega, phi, phi1, phi2, rx, ry, rz, not `F`",
             lambda: g.multibody("m0").hinge("h", "ground", "ground", start={"F": 1}),
         ),
         (
@@ -362,7 +362,7 @@ def test_calls_that_make_no_sense() -> None:
         ("already has an experiment `twice`", lambda: [g.experiment("twice", 1) for _ in "12"]),
         ("a plain graph has no units", lambda: Graph("P", plain=True).parameter("a", 1, "m")),
         ("a list has two items or more", lambda: g.parameter("a", [1])),
-        ("axes are from, to or middle", lambda: g.multibody("m1").free("f", "ground", "ground", axes="x")),
+        ("axes are from, to, middle or world", lambda: g.multibody("m1").free("f", "ground", "ground", axes="x")),
         ("`m2` has no body `b`", lambda: g.multibody("m2").hinge("h", "ground", "b")),
         ("cannot contain itself", lambda: g.instance("i", g)),
         ("is no model of the library", lambda: g.instance("i", "Diode")),

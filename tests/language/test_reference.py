@@ -17,6 +17,7 @@ import bondgraph
 from bondgraph.starter import starter_text
 from compiler.errors import Diagnostic
 from compiler.graph.domains import BUNDLES, DOMAINS
+from compiler.graph.network import MechanismNode
 from compiler.graph.units import UNITS, Scale
 from compiler.semantics.functions import FUNCTIONS
 from compiler.semantics.scope import RESERVED
@@ -34,7 +35,8 @@ TEXT = LANGUAGE.read_text(encoding="utf-8")
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """A fenced example: `kind` is bg (a whole text), bg-part (statements of a model), bg-later or csv; `name` that of a file."""
+    """A fenced example: `kind` is bg (a whole text), bg-part (statements of a model), bg-drawn (a mechanism that may not move yet),
+    bg-later or csv; `name` that of a file."""
 
     kind: str
     name: str
@@ -52,6 +54,7 @@ def fences(file: Path) -> Iterator[Fence]:
 
 ALL = [*fences(LANGUAGE), *fences(README)]
 EXAMPLES = [f for f in ALL if f.kind in ("bg", "bg-part")]
+DRAWN = [f for f in ALL if f.kind == "bg-drawn"]
 LATER = [f for f in ALL if f.kind == "bg-later"]
 
 
@@ -81,6 +84,16 @@ class TestExamples:
                 result = bondgraph.load(file, model.name).simulate(experiment)
                 assert result.names and np.isfinite(result.values).all()
 
+    @pytest.mark.parametrize("fence", DRAWN, ids=lambda f: f.place)
+    def test_mechanisms_are_drawn(self, fence: Fence, folder: Path) -> None:
+        """They reach the graph. What does not move yet is refused with its place; what moves runs."""
+        file = saved(fence, folder)
+        assert MechanismNode in {type(n) for n in bondgraph.load(file).compilation().whole_graph.nodes}
+        found = bondgraph.check(file)
+        assert {d.code for d in found} <= {"BG201", "BG203"}
+        if not found:
+            self.test_checks_and_runs(fence, folder)
+
     @pytest.mark.parametrize("fence", LATER, ids=lambda f: f.place)
     def test_what_is_not_available_yet_is_refused_so(self, fence: Fence, folder: Path) -> None:
         """If this fails, something has become available: describe it, with an example that runs."""
@@ -95,7 +108,7 @@ class TestExamples:
     def test_there_are_examples(self) -> None:
         assert len(EXAMPLES) >= 20 and len(LATER) >= 2
 
-    @pytest.mark.parametrize("fence", [f for f in EXAMPLES if f.kind == "bg"], ids=lambda f: f.place)
+    @pytest.mark.parametrize("fence", [f for f in (*EXAMPLES, *DRAWN) if f.kind != "bg-part"], ids=lambda f: f.place)
     def test_they_are_formatted(self, fence: Fence) -> None:
         assert format_text(Source("example", fence.text)) == fence.text
 

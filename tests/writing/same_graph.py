@@ -10,7 +10,7 @@ import numpy as np
 from compiler.algebra.expression import Expression, Number, Symbol, substitute
 from compiler.algebra.formula import Bound
 from compiler.driver import Compilation
-from compiler.graph.mechanism import Body
+from compiler.graph.mechanism import Body, Joint
 from compiler.graph.network import BondGraph, Element, End, Junction, MechanismNode, Own, Quantity, Reading
 
 
@@ -42,7 +42,7 @@ class Same:
             case Quantity(name):
                 return Symbol(Quantity(self.quantities.get(name, name)))
             case Reading(node, port, variable):
-                part, _, freedom = port.rpartition(".")
+                part, _, freedom = port.partition(".")
                 port = f"{self.parts[node, part]}.{freedom}" if (node, part) in self.parts else port
                 return Symbol(Reading(self.nodes[node], port, variable))
         raise AssertionError(argument)
@@ -68,6 +68,9 @@ class Same:
     # ------------------------------------------------------------ all of it
     def check(self) -> None:
         first, second = self.first, self.second
+        for mine, theirs in zip(first.requirements, second.requirements, strict=True):
+            self.bounds(mine.condition, theirs.condition)
+            assert mine.text == theirs.text
         assert first.name == second.name
         assert self.ends(first, mapped=True) == self.ends(second, mapped=False)
         for a, b in zip(first.nodes, second.nodes, strict=True):
@@ -135,8 +138,14 @@ class Same:
                 vectors.append(tuple(tuple(getattr(b.inertia, f.name) for f in fields(b.inertia)) for b in (x, y)))
             for p, q in ((p, q) for mine, theirs in vectors for p, q in zip(mine, theirs, strict=True)):
                 self.bounds(p, q)
-            for field in ("kind", "axes"):
+            for field in ("kind", "axes", "locked", "planar"):
                 assert getattr(x, field, None) == getattr(y, field, None)
+            if isinstance(x, Joint):
+                self.bounds(x.ratio, y.ratio)
+            rests = getattr(x, "rest", {}), getattr(y, "rest", {})
+            assert rests[0].keys() == rests[1].keys()
+            for key in rests[0]:
+                self.bounds(rests[0][key], rests[1][key])
             for field in ("body", "first", "second"):
                 mine = getattr(x, field, None)
                 assert self.parts.get((a.name, str(mine)), mine) == getattr(y, field, None)
@@ -144,6 +153,7 @@ class Same:
             assert starts[0].keys() == starts[1].keys()
             for key in starts[0]:
                 self.bounds(starts[0][key], starts[1][key])
+        assert a.mechanism.planar == b.mechanism.planar
         for p, q in zip(a.mechanism.gravity, b.mechanism.gravity, strict=True):
             self.bounds(p, q)
 
