@@ -20,7 +20,7 @@ class Writer(Protocol):
     def folded(self, bound: Bound) -> Expression: ...
     def state(self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True) -> None: ...
     def claim(self, value: Expression, start: Expression, name: str, span: Span) -> None: ...
-    def differentiated(self, target: int, of: Expression, span: Span, owner: str) -> None: ...
+    def differentiated(self, target: int, of: int, span: Span, owner: str) -> None: ...
 
 
 class Script:
@@ -28,6 +28,7 @@ class Script:
 
     def __init__(self, mechanism: Mechanism, builder: Writer) -> None:
         self.builder, self.owner, self.span = builder, mechanism.name, mechanism.span
+        self._constants: dict[str, Expression] = {}
 
     def named(self, name: str) -> str:
         """The full name of something of the mechanism."""
@@ -63,8 +64,10 @@ class Script:
         return a, b, c
 
     def constant(self, bound: Bound, name: str, unit: str = "") -> Expression:
-        """What the text bound, with a name."""
-        return self.let(name, self.builder.folded(bound), unit)
+        """What the text bound, with a name, by which it is found again."""
+        if name not in self._constants:
+            self._constants[name] = self.let(name, self.builder.folded(bound), unit)
+        return self._constants[name]
 
     def place(self, place: Place, name: str, unit: str = "m") -> Vector:
         """A vector of the drawing, in world axes."""

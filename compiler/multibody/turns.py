@@ -220,6 +220,11 @@ def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
+def conjugate(p: Quaternion) -> Quaternion:
+    """The turn the other way round."""
+    return p[0], negate(p[1]), negate(p[2]), negate(p[3])
+
+
 def of_quaternion(script: Script, p: Quaternion, name: str) -> AnyTurn:
     """The rotation of a quaternion of any length: that its norm is only nearly 1 makes no other rotation of it."""
     w, x, y, z = p
