@@ -114,9 +114,7 @@ def _columns(columns: Sequence[Sequence[float]]) -> Basis:
     return tuple((columns[0][r], columns[1][r], columns[2][r]) for r in range(3))
 
 
-def turned_to(
-    axis: tuple[float, float, float], basis: Basis
-) -> tuple[tuple[AxialTurn, ...], int, Basis]:
+def turned_to(axis: tuple[float, float, float], basis: Basis) -> tuple[tuple[AxialTurn, ...], int, Basis]:
     """Constant turns after which one of the axes lies along a given one (in the axes of the basis), which of them that is,
     and the turned basis."""
     zero = [k for k in range(3) if abs(axis[k]) < NEARLY]

@@ -199,4 +199,3 @@ class Chords:
             self.kinematics.push(second, force, NULL, f"{name}.second")
             self.kinematics.push(first, negated(force), NULL, f"{name}.first")
         return {f"{name}.d": Motion(flow, Symbol(held), held)}
-

@@ -99,7 +99,9 @@ class Coordinates:
     def _rest(self, part: Joint | Body, letter: str) -> Expression:
         """What a coordinate reads in the drawing."""
         if isinstance(part, Joint):
-            return self.script.constant(part.rest[letter], f"{part.name}.{letter} rest") if letter in part.rest else ZERO
+            return (
+                self.script.constant(part.rest[letter], f"{part.name}.{letter} rest") if letter in part.rest else ZERO
+            )
         if letter == "phi":
             return self.script.constant(part.turn[2], f"{part.name} angle", "1")
         return self.script.constant(part.position["xyz".index(letter)], f"{part.name} at.{letter}", "m")
@@ -163,7 +165,9 @@ class Coordinates:
             return p, turn.back(script, f, f"{name} spin")
         if f != zeros:
             f = turned_by_rates(script, p, v, f, f"{name} spin")
-        if link.reverse:  # seen from the other side: the inverse turn, in whose axes the spin is against that in the first's
+        if (
+            link.reverse
+        ):  # seen from the other side: the inverse turn, in whose axes the spin is against that in the first's
             f = turn.apply(script, f, f"{name} spin seen")
             p, f = conjugate(p), negated(f)
         return p, f
@@ -186,5 +190,3 @@ def _four(v: Sequence[int]) -> Quaternion:
 
 def _three(v: Sequence[int]) -> Vector:
     return Symbol(v[0]), Symbol(v[1]), Symbol(v[2])
-
-

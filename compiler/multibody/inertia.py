@@ -35,7 +35,8 @@ def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
     """The sum over the bodies of a link."""
     script, link = kinematics.script, moving.link
     assert link is not None
-    mass, moment, tensor = ZERO, NULL, NO_MATRIX
+    mass: Expression = ZERO
+    moment, tensor = NULL, NO_MATRIX
     for body in link.bodies:
         m = script.constant(body.mass, f"{body.name} mass", "kg")
         arm = to_own(moving.basis, minus(kinematics.centres[body.name], moving.origin))
@@ -76,7 +77,5 @@ def _steiner(m: Expression, arm: Vector) -> Matrix:
     if is_null(arm):
         return NO_MATRIX
     square = dot(arm, arm)
-    rows = [
-        [multiply(m, add(square if r == c else ZERO, negate(arm[r] * arm[c]))) for c in range(3)] for r in range(3)
-    ]
+    rows = [[multiply(m, add(square if r == c else ZERO, negate(arm[r] * arm[c]))) for c in range(3)] for r in range(3)]
     return (rows[0][0], rows[0][1], rows[0][2]), (rows[1][0], rows[1][1], rows[1][2]), (rows[2][0], rows[2][1], rows[2][2])  # fmt: skip

@@ -194,7 +194,8 @@ class Kinematics:
         way = snapped(to_own(moving.basis, moving.direction))
         if link.step.kind == "slide":
             at_rest = self.centres[link.bodies[0].name] if link.bodies and moving.parent is None else parent.origin
-            moving.origin, along = at_rest, ONE
+            moving.origin = at_rest
+            along: Expression = ONE
         else:
             moving.origin = self.pin(link)
             along = self._lead(link)
@@ -224,12 +225,12 @@ class Kinematics:
             return way
         along = [k for k in range(3) if way[(k + 1) % 3] == ZERO and way[(k + 2) % 3] == ZERO]
         constant: tuple[AxialTurn, ...] = ()
+        sign: Expression = ONE
         if along:
             (k,) = along
             sign = way[k]
         else:
             constant, k, moving.basis = turned_to(known, moving.basis)
-            sign = ONE
         angle = self.script.let(f"{q.name} angle", multiply(sign, q.moved), "1")
         moving.passage = (*constant, AxialTurn(k, angle))
         return scaled(sign, UNIT[k])
@@ -441,4 +442,3 @@ def _constant(basis: Basis) -> AnyTurn:
     rows = tuple(zip(*basis, strict=True))
     less = tuple(tuple(Number(rows[r][c] - float(r == c)) for c in range(3)) for r in range(3))
     return AnyTurn(less, (ONE, ZERO, ZERO, ZERO))  # type: ignore[arg-type]
-

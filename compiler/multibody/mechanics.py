@@ -129,5 +129,3 @@ class Mechanics:
                     wrench = [add(load[r], *(multiply(matrix[r][k], a[k]) for k in PLACES)) for r in PLACES]
                     effort = add(*(multiply(axis[r], wrench[r]) for r in PLACES if axis[r] != ZERO))
                     self.result.efforts[coordinate.name] = self.script.let(f"{coordinate.name} effort", effort)
-
-

@@ -14,7 +14,7 @@ from .motion import MechanismEquations, Motion
 from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
 from .turns import NO_TURN, AxialTurn, Turn, composed, conjugate, of_rotation_vector
-from .vectors import Vector
+from .vectors import UNIT, Vector, scaled
 
 
 class Ports:
@@ -62,13 +62,17 @@ class Ports:
         """Of a body: in its centre of mass."""
         centre = self.kinematics.centres[body.name]
         placed = self.kinematics.placed(body.name, centre, body.name)
-        drawn = of_rotation_vector(self.script, self.script.place(body.turn, f"{body.name} turn", "1"), f"{body.name} drawn")
+        drawn = of_rotation_vector(
+            self.script, self.script.place(body.turn, f"{body.name} turn", "1"), f"{body.name} drawn"
+        )
         self._pose(body.name, placed, drawn, centre)
 
     def frame(self, frame: Frame) -> None:
         """Of a frame: in its point, in world axes or its body's."""
         point = self.script.place(frame.position, f"{frame.name} at")
-        self._pose(frame.name, self.kinematics.placed(frame.body, point, frame.name), NO_TURN, point, frame.axes == "body")
+        self._pose(
+            frame.name, self.kinematics.placed(frame.body, point, frame.name), NO_TURN, point, frame.axes == "body"
+        )
 
     def _pose(self, name: str, placed: Placed, drawn: Turn, point: Vector, own_axes: bool = False) -> None:
         script, states = self.script, self.kinematics.states.scalars
@@ -105,10 +109,9 @@ class Ports:
         for letter, part in zip("wxyz", parts, strict=True):
             self.result.readings[f"{name}.attitude.{letter}"] = part
         if isinstance(turn, AxialTurn):
-            vector = [ZERO, ZERO, ZERO]
-            vector[turn.axis] = turn.angle
+            vector = scaled(turn.angle, UNIT[turn.axis])
         else:
-            vector = list(rotation_vector(script, parts, f"{name}.vector"))
+            vector = rotation_vector(script, parts, f"{name}.vector")
         for i, letter in enumerate(("rx", "ry", "rz")):
             self.result.motions[f"{name}.{letter}"] = Motion(spin[i], vector[i], None)
 

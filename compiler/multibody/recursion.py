@@ -17,7 +17,7 @@ from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics, Moving
 from .placed import Placed
-from .vectors import NULL, Vector, cross, is_null, negated, plus
+from .vectors import NULL, Matrix, Vector, cross, is_null, negated, plus
 
 Row = list[Expression]  # of six
 PLACES = range(6)
@@ -178,8 +178,7 @@ class Recursion:
         assert moving.parent is not None
         if any(x != ZERO for x in prescribed):
             load = [
-                self._let(f"{name}.p{r}", add(load[r], *(matrix[r][k] * prescribed[k] for k in PLACES)))
-                for r in PLACES
+                self._let(f"{name}.p{r}", add(load[r], *(matrix[r][k] * prescribed[k] for k in PLACES))) for r in PLACES
             ]
         turn, couple, mass = _blocks(matrix)
         torque, force = (load[0], load[1], load[2]), (load[3], load[4], load[5])
@@ -194,9 +193,11 @@ class Recursion:
             # about the parent's point: H + r x M, and J + r x H^T + (r x (H + r x M)^T)^T
             first = [cross(r, column) for column in couple]  # rows: r x H^T by columns of H^T, which are rows of H
             across = [cross(r, (mass[0][c], mass[1][c], mass[2][c])) for c in range(3)]  # columns of r x M
-            couple_new = [[self._let(f"{name}.h{a}{b}", couple[a][b] + across[b][a]) for b in range(3)] for a in range(3)]
+            couple_new = [
+                [self._let(f"{name}.h{a}{b}", couple[a][b] + across[b][a]) for b in range(3)] for a in range(3)
+            ]
             second = [cross(r, (row[0], row[1], row[2])) for row in couple_new]
-            turn_new = [[ZERO] * 3 for _ in range(3)]
+            turn_new: list[list[Expression]] = [[ZERO] * 3 for _ in range(3)]
             for a in range(3):
                 for b in range(a, 3):
                     value = add(turn[a][b], first[a][b], second[b][a])
@@ -236,7 +237,7 @@ class Recursion:
         assert link is not None
         name = link.coordinates[-1]
         floats = link.step.kind == "float"
-        known = [ZERO] * 6 if floats else self._carried(moving, name)
+        known: Row = [ZERO] * 6 if floats else self._carried(moving, name)
         for column, coordinate in zip(_rows(moving), moving.coordinates, strict=False):
             if not floats and coordinate.driven:
                 known = [add(k, multiply(c, coordinate.acceleration)) for k, c in zip(known, column, strict=True)]
@@ -326,19 +327,17 @@ def _apart(a: Expression, b: Expression) -> Expression:
     return ZERO if a == b else a - b
 
 
-def _blocks(m: Square) -> tuple[tuple[Vector, ...], ...]:  # type: ignore[type-arg]
+def _blocks(m: Square) -> tuple[Matrix, Matrix, Matrix]:
     """J, H and M."""
-    return tuple(
-        _matrix([[m[r + a][c + b] for b in range(3)] for a in range(3)]) for r, c in ((0, 0), (0, 3), (3, 3))
-    )
+    j, h, mass = (_matrix([row[c : c + 3] for row in m[r : r + 3]]) for r, c in ((0, 0), (0, 3), (3, 3)))
+    return j, h, mass
 
 
-def _matrix(rows: list[list[Expression]]) -> tuple[Vector, Vector, Vector]:
+def _matrix(rows: list[list[Expression]]) -> Matrix:
     a, b, c = ((row[0], row[1], row[2]) for row in rows)
     return a, b, c
 
 
-def _square(turn: tuple[Vector, ...], couple: tuple[Vector, ...], mass: tuple[Vector, ...]) -> Square:
+def _square(turn: Matrix, couple: Matrix, mass: Matrix) -> Square:
     top = [[*turn[r], *couple[r]] for r in range(3)]
     return [*top, *([*(couple[c][r] for c in range(3)), *mass[r]] for r in range(3))]
-

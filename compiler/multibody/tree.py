@@ -187,9 +187,7 @@ class _Growth:
                     continue
                 reverse = self._group_of(joint.second) == near
                 bodies = tuple(members[far])
-                self.start[far] = self._row(
-                    steps_of(joint), joint, self.start[near], reverse, bodies, joint.locked
-                )
+                self.start[far] = self._row(steps_of(joint), joint, self.start[near], reverse, bodies, joint.locked)
                 self.used.add(joint.name)
                 queue.append(far)
 

@@ -76,7 +76,7 @@ class AxialTurn:
     def swing(self, script: Script, v: Vector, name: str) -> Vector:
         """(R - 1) v."""
         i, j = (self.axis + 1) % 3, (self.axis + 2) % 3
-        result = [ZERO, ZERO, ZERO]
+        result: list[Expression] = [ZERO, ZERO, ZERO]
         if not self.is_none and (v[i] != ZERO or v[j] != ZERO):
             less = self.versine(script, name)
             result[i] = script.let(f"{name}.d{'xyz'[i]}", negate(less * v[i]) - self.sin * v[j], "m")
@@ -104,7 +104,7 @@ class AxialTurn:
             p = script.let(f"{name}.p", cs * across + cc * along)
             new[i][j] = script.let(f"{name}.ij", p - e)
             new[j][i] = new[i][j] if b == e else script.let(f"{name}.ji", p - b)
-        out = [ZERO, ZERO, ZERO]  # what couples the plane with the axis turns as a vector
+        out: list[Expression] = [ZERO, ZERO, ZERO]  # what couples the plane with the axis turns as a vector
         out[i], out[j] = m[i][k], m[j][k]
         turned = self.apply(script, (out[0], out[1], out[2]), f"{name}.k")
         new[i][k], new[j][k] = turned[i], turned[j]
@@ -119,7 +119,7 @@ class AxialTurn:
     def deviation(self, script: Script, name: str) -> Matrix:
         """R - 1."""
         i, j = (self.axis + 1) % 3, (self.axis + 2) % 3
-        new = [[ZERO] * 3 for _ in range(3)]
+        new: list[list[Expression]] = [[ZERO] * 3 for _ in range(3)]
         if not self.is_none:
             new[i][i] = new[j][j] = negate(self.versine(script, name))
             new[i][j], new[j][i] = negate(self.sin), self.sin
@@ -128,7 +128,7 @@ class AxialTurn:
     def quaternion(self, script: Script, name: str) -> Quaternion:
         """Unit, (w, x, y, z)."""
         half = multiply(HALF, self.angle)
-        parts = [ZERO, ZERO, ZERO]
+        parts: list[Expression] = [ZERO, ZERO, ZERO]
         parts[self.axis] = call("sin", half)
         return call("cos", half), parts[0], parts[1], parts[2]
 
@@ -164,7 +164,7 @@ class AnyTurn:
         """R m R^T of a symmetric matrix: half of it is computed."""
         r = summed(UNIT, self.less)
         half = script.matrix(f"{name}.half", product(r, m))
-        new = [[ZERO] * 3 for _ in range(3)]
+        new: list[list[Expression]] = [[ZERO] * 3 for _ in range(3)]
         for i in range(3):
             for j in range(i, 3):
                 value = add(*(half[i][k] * r[j][k] for k in range(3)))
