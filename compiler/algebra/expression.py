@@ -66,15 +66,19 @@ class Symbol(Expression):
 
 
 class Apply(Expression):
-    """An operator applied to operands; the hash is kept, as these are looked up all the time."""
+    """An operator applied to operands; the hash is kept, as these are looked up all the time.
 
-    __slots__ = ("_hash", "operands", "operator")
+    A `closed` sum or product stays one operand where it is added or multiplied again: it is used elsewhere too.
+    """
+
+    __slots__ = ("_hash", "closed", "operands", "operator")
     operator: str
     operands: tuple[Expression, ...]
 
-    def __init__(self, operator: str, operands: tuple[Expression, ...]) -> None:
+    def __init__(self, operator: str, operands: tuple[Expression, ...], closed: bool = False) -> None:
         self.operator = operator
         self.operands = operands
+        self.closed = closed
         self._hash = hash((operator, operands))
 
     def __hash__(self) -> int:
@@ -206,7 +210,7 @@ LONGEST_OPENED = (
 
 
 def _opens(x: Expression, operator: str) -> TypeGuard[Apply]:
-    return isinstance(x, Apply) and x.operator == operator and len(x.operands) <= LONGEST_OPENED
+    return isinstance(x, Apply) and x.operator == operator and not x.closed and len(x.operands) <= LONGEST_OPENED
 
 
 def add(*terms: Expression) -> Expression:
@@ -242,7 +246,7 @@ def multiply(*factors: Expression) -> Expression:
     if not rest:
         return Number(number)
     if number != 1.0:
-        if len(rest) == 1 and isinstance(rest[0], Apply) and rest[0].operator == "add" and number == -1.0:
+        if len(rest) == 1 and _opens(rest[0], "add") and number == -1.0:
             return Apply("add", tuple(negate(term) for term in rest[0].operands))
         rest.insert(0, Number(number))
     return rest[0] if len(rest) == 1 else Apply("multiply", tuple(rest))
@@ -368,6 +372,18 @@ def truth_of(condition: Expression) -> bool | None:
 
 def _no_symbol(key: Hashable) -> float:
     raise AssertionError(key)
+
+
+JOINING = frozenset({"abs", "sign", "sqrt", "power", "root"})  # factors that may cancel with others
+
+
+def closed(x: Expression) -> Expression:
+    """The same, to be used in several places: a sum or product that is not opened where it stands in another."""
+    if not isinstance(x, Apply) or x.closed or x.operator not in ("add", "multiply"):
+        return x
+    if x.operator == "multiply" and (x.operands[0] == MINUS_ONE or any(isinstance(o, Apply) and o.operator in JOINING for o in x.operands)):  # fmt: skip
+        return x
+    return Apply(x.operator, x.operands, True)
 
 
 # ---------------------------------------------------------------- walking

@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..errors import CompilationFailed
-from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode
+from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode, Port
+from ..multibody.tree import drivable
 from .conflict import bond_to_itself, conflict_of, no_strokes
 from .errors import StrokeConflict
 from .laws import has_start, is_linear, wants_effort, written_effort, written_stored
@@ -124,7 +125,8 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
                     reason = Reason(Because.FREE_END, number)
                     yield Stroke(graph.incident[number][0], End(number, 0), node.kind is Kind.ONE, reason)
             case MechanismNode():
-                yield from _of_ports(strokes, number, [False] * len(node.ports), Because.MECHANISM)
+                may = drivable(node.mechanism)
+                yield from (s for s, p in _of_mechanism(strokes, number, node) if p.name not in may)
             case Element(kind=Kind.EFFORT_SOURCE | Kind.FLOW_SOURCE):
                 effort = node.kind is Kind.EFFORT_SOURCE
                 yield from _of_ports(strokes, number, [effort] * len(node.ports), Because.SOURCE)
@@ -160,9 +162,12 @@ def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because
 
 
 def _choices(strokes: Strokes) -> Iterator[Stroke]:
-    """All choices, what matters most first: wishes for storages, storages, wishes for others, nonlinear laws, linear
+    """All choices, what matters most first: mechanisms' joints, wishes for storages, storages, wishes for others, nonlinear laws, linear
     resistors, what is left. The wish of a resistor does not deny a storage its integral form: nothing might decide that then."""
     graph = strokes.graph
+    for number, node in enumerate(graph.nodes):
+        if isinstance(node, MechanismNode):
+            yield from (stroke for stroke, _ in _of_mechanism(strokes, number, node))
     elements = [(n, node) for n, node in enumerate(graph.nodes) if isinstance(node, Element)]
     storages = [(n, node) for n, node in elements if node.kind in STORAGES]
     yield from _wishes(strokes, sorted(storages, key=lambda item: _against(item[1])))
@@ -177,6 +182,12 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
     yield from (s for n, node in resistors if is_linear(node) for s in _as_written(strokes, n, node))
     for number, bond in enumerate(graph.bonds):
         yield Stroke(number, bond.tail, True, Reason(Because.FREE, bond.tail.node))
+
+
+def _of_mechanism(strokes: Strokes, number: int, node: MechanismNode) -> Iterator[tuple[Stroke, Port]]:
+    """A mechanism takes efforts and gives flows; only those of its joints may be given to it, where nothing else can be."""
+    strokes_of_ports = _of_ports(strokes, number, [False] * len(node.ports), Because.MECHANISM)
+    return zip(strokes_of_ports, node.ports, strict=True)
 
 
 def _wishes(strokes: Strokes, elements: list[tuple[int, Element]]) -> Iterator[Stroke]:

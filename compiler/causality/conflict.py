@@ -130,7 +130,7 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
     else:
         what, hint = _words(strokes, place, decide, names, several)
     if any(c.because is Because.MECHANISM for c in chains):
-        hint = "A mechanism takes efforts and gives flows: push it with an Se, or put a spring or damper on a 0-junction between."
+        hint = "Bodies and frames take efforts and give flows: push with an Se, put a spring or damper on a 0-junction between, or drive a joint."
     for chain in chains:
         if chain.because is Because.REQUIRED:
             hint += f" Or leave out the `require` of `{nodes[chain.node].name}`."

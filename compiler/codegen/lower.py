@@ -6,6 +6,7 @@ Equal subexpressions are one node, whatever assignment they come from.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -21,6 +22,7 @@ from ..algebra.expression import (
     Symbol,
     add,
     call,
+    closed,
     divide,
     multiply,
     negate,
@@ -111,11 +113,14 @@ def lower(space: StateSpace) -> Lowered:
         slopes[number] = {position: ONE}
     switching = _Switching(result)
     formulas: set[Formula] = set()
+    uses = Counter(a for step in space.steps if isinstance(step, Assignment) for a in step.arguments)
     for step in space.steps:
         if isinstance(step, LinearLoop):
             _lower_loop(result, step, slopes)
         else:
             _lower_assignment(result, step, slopes, switching, formulas)
+            if uses[step.target] > 1:
+                result.values[step.target] = closed(result.values[step.target])
     result.differentiated = len(formulas)
     rates = [*(s.rate for s in space.states), *(u.residual for u in space.unknowns)]
     result.rates = tuple(result.values[v] for v in rates)

@@ -131,6 +131,10 @@ class EquationBuilder:
         variable = self.held(value, name, "", span)
         self.claims.append(Claim(variable, self.static(start, f"{name} at the start", span), name, span))
 
+    def differentiated(self, target: int, of: int, span: Span, owner: str) -> None:
+        """`target := d(of)/dt`, which index reduction expands."""
+        self.derivatives.append(Derivative(target, of, span, owner))
+
     def folded(self, bound: Bound) -> Expression:
         """What the text bound, over variable numbers, with known zeros put in."""
 

@@ -280,27 +280,39 @@ class _Nodes:
     def _mechanism(self, number: int, node: MechanismNode) -> None:
         """Efforts into the mechanism, flows and coordinates out of it."""
         efforts: dict[str, Expression] = {}
+        flows: dict[str, Expression] = {}
+        signs: dict[str, float] = {}
         for port_number, port in enumerate(node.ports):
             bond = self.bond_of[End(number, port_number)]
-            sign = 1.0 if self.graph.bonds[bond].head.node == number else -1.0
-            efforts[port.name] = multiply(Number(sign), Symbol(self.efforts[bond]))
+            signs[port.name] = 1.0 if self.graph.bonds[bond].head.node == number else -1.0
+            if self.causal.decides_effort(bond, number):
+                flows[port.name] = Symbol(self.flows[bond])
+            else:
+                efforts[port.name] = multiply(Number(signs[port.name]), Symbol(self.efforts[bond]))
         read = [a for definition in self.graph.definitions() for a in definition.arguments]
         read += [a for n in self.graph.nodes if isinstance(n, Element) for a in n.arguments]
         wanted = {a.port for a in read if isinstance(a, Reading) and a.node == node.name}
-        result = mechanism_equations(node.mechanism, efforts, wanted, self.to)
+        result = mechanism_equations(node.mechanism, efforts, flows, wanted, self.to)
         if result.diagnostics:  # without its motion nothing that reads it can be written
             raise CompilationFailed([*self.to.diagnostics, *result.diagnostics])
         for port_number, port in enumerate(node.ports):
-            motion = result.motions.get(port.name)
-            if motion is None:
-                continue
-            bond = self.bond_of[End(number, port_number)]
-            self.to.assign(self.flows[bond], motion.flow, node.span, f"{node.name}.{port.name}")
-            flow = self.to.root(self.flows[bond])
+            motion, bond = result.motions[port.name], self.bond_of[End(number, port_number)]
+            owner = f"{node.name}.{port.name}"
+            if port.name in result.efforts:
+                effort = multiply(Number(signs[port.name]), result.efforts[port.name])
+                self.to.assign(self.efforts[bond], effort, node.span, owner)
+            else:
+                self.to.assign(self.flows[bond], motion.flow, node.span, owner)
             if motion.displacement is not None:
-                self.to.knows_integral(flow, motion.displacement)
+                self.to.knows_integral(self.to.root(self.flows[bond]), motion.displacement)
         for name, motion in result.motions.items():
-            self._readings_of_port(node, name, motion, efforts.get(name, ZERO))
+            self._readings_of_port(node, name, motion, efforts.get(name, result.efforts.get(name, ZERO)))
+        for name, expression in result.readings.items():
+            domain = domain_of(name)
+            unit = unit_of(domain, "e" if ".reaction." in name else "q")
+            held = self.to.held(expression, f"{node.name}.{name}", unit, node.span)
+            for variable in "qe":
+                self.to.readings[Reading(node.name, name, variable)] = held
         if result.energy is not None:
             self.to.stored[node.name] = result.energy
 

@@ -1,5 +1,7 @@
 """A mechanism as one multiport: efforts in, flows and coordinates out."""
 
-from .dynamics import Motion, mechanism_equations
+from .mechanics import mechanism_equations
+from .motion import MechanismEquations, Motion
+from .tree import drivable
 
-__all__ = ["Motion", "mechanism_equations"]
+__all__ = ["MechanismEquations", "Motion", "drivable", "mechanism_equations"]

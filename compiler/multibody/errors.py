@@ -29,14 +29,3 @@ class NothingMoves(Diagnostic):
     coordinate: str
     body: str
     what: str
-
-
-@dataclass(frozen=True, slots=True)
-class NotMovedYet(Diagnostic):
-    """BG203."""
-
-    code = "BG203"
-    title = "{what} is not supported by this version"
-    advice = "{hint}"
-    what: str
-    hint: str

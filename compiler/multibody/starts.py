@@ -7,18 +7,16 @@ which nothing was said move, as little as it takes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from ..graph.mechanism import Body, Frame, Joint, Mechanism
+from .motion import MechanismEquations
+from .script import Script
+from .tree import Tree
 
-if TYPE_CHECKING:
-    from .dynamics import Motion, Writer
-    from .tree import Link
 
-
-def claimed_parts(mechanism: Mechanism, links: tuple[Link, ...]) -> Mapping[str, Body | Frame | Joint]:
+def claimed_parts(mechanism: Mechanism, tree: Tree) -> Mapping[str, Body | Frame | Joint]:
     """The parts with a start that have no coordinates of their own."""
-    own = {link.body.name if link.joint is None else link.joint.name for link in links}
+    own = {link.part.name for link in tree.links}
     return {part.name: part for part in _parts(mechanism) if part.starts and part.name not in own}
 
 
@@ -28,13 +26,15 @@ def _parts(mechanism: Mechanism) -> Iterator[Body | Frame | Joint]:
     yield from mechanism.frames
 
 
-def claim_starts(
-    mechanism: Mechanism, claimed: Mapping[str, Body | Frame | Joint], motions: Mapping[str, Motion], builder: Writer
-) -> None:
+def claim_starts(script: Script, claimed: Mapping[str, Body | Frame | Joint], result: MechanismEquations) -> None:
     """Each of their starts as a claim."""
     for part in claimed.values():
         for key, bound in part.starts.items():
-            freedom, _, rate = key.partition(".")
-            motion = motions[f"{part.name}.{freedom}"]
-            value = motion.flow if rate else motion.pose
-            builder.claim(value, builder.folded(bound), f"{mechanism.name}.{part.name}.{freedom}", part.span)
+            freedom, is_rate = (key[:-2], True) if key.endswith(".f") else (key, False)
+            port = f"{part.name}.{freedom}"
+            if port in result.motions:
+                motion = result.motions[port]
+                value = motion.flow if is_rate else motion.pose
+            else:
+                value = result.readings[port]
+            script.builder.claim(value, script.builder.folded(bound), script.named(port), part.span)

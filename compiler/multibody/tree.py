@@ -1,92 +1,212 @@
-"""A mechanism as a tree: each body hangs on ground or on another body; `free` joints stay outside of it as chords.
+"""A mechanism as a tree of links: each moves in one elementary way against ground or another link, and carries bodies.
 
-A joint that leaves all three planar freedoms constrains nothing, so its coordinates are explicit functions of the poses that
-it joins. Bodies that no other joint ties to the ground get their pose as coordinates.
+What is welded together (or locked where it was drawn) is one link. A joint with several coordinates is a row of elementary
+ones with links between that carry nothing: a cylinder is a slide and a hinge. A `free` joint or a `distance` constrains
+nothing and stays outside as a chord; bodies that nothing ties to the ground have their pose as coordinates. What is left
+over closes loops.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import networkx
+from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
 
-from ..errors import Diagnostic
-from ..graph.mechanism import GROUND, Body, Joint, Mechanism
-from .errors import ClosedLoop
+CHORDS = frozenset({"free", "distance"})
+CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One elementary freedom: hinge, slide, screw, ball or float, in a direction of its joint, with its coordinates."""
+
+    kind: str
+    direction: str  # axis, other_axis, or an axis x, y, z of the joint's own; a ball has none
+    letters: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A body in the tree. `joint` is None for a body whose pose is its coordinates; `reversed` if the joint was drawn from it."""
+    """What one elementary freedom moves. `reverse` if the joint was drawn from it; fixed ones stay where they start."""
 
-    body: Body
-    parent: int | None  # position in the tree; None: ground
-    joint: Joint | None
-    reversed: bool
+    step: Step
+    part: Joint | Body  # what has the coordinates: a body that floats has its own
+    parent: int | None  # a link; None: ground
+    reverse: bool
+    bodies: tuple[Body, ...]  # the first of them has its point of reference in its centre of mass
+    fixed: bool = False
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """The names of its coordinates: of its joint, or of its own pose."""
-        if self.joint is None:
-            return tuple(f"{self.body.name}.{c}" for c in ("x", "y", "phi"))
-        return tuple(f"{self.joint.name}.{c}" for c in self.joint.freedoms)
+        """Their names."""
+        return tuple(f"{self.part.name}.{letter}" for letter in self.step.letters)
 
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """Bodies so that parents come first, and the chords."""
+    """Links so that parents come first, where each body is, what constrains nothing and what closes loops."""
 
     links: tuple[Link, ...]
+    place: Mapping[str, int | None]  # body -> its link; None: at rest on the ground
     chords: tuple[Joint, ...]
-    diagnostics: tuple[Diagnostic, ...]
+    closing: tuple[Joint, ...]
+    welds: tuple[Joint, ...]  # joints that leave nothing
+
+    def path(self, body: str) -> list[str]:
+        """The bodies from one to the ground, for messages."""
+        names = [] if body == GROUND else [body]
+        link = None if body == GROUND else self.place[body]
+        while link is not None:
+            link = self.links[link].parent
+            names += [b.name for b in self.links[link].bodies[:1]] if link is not None else []
+        return [*names, GROUND]
+
+
+STEPS: Mapping[str, tuple[Step, ...]] = {
+    "slide": (Step("slide", "axis", ("x",)),),
+    "hinge": (Step("hinge", "axis", ("phi",)),),
+    "screw": (Step("screw", "axis", ("phi",)),),
+    "cylinder": (Step("slide", "axis", ("x",)), Step("hinge", "axis", ("phi",))),
+    "planar": (Step("slide", "x", ("x",)), Step("slide", "y", ("y",)), Step("hinge", "z", ("phi",))),
+    "universal": (Step("hinge", "axis", ("phi1",)), Step("hinge", "other_axis", ("phi2",))),
+    "ball": (Step("ball", "", ("rx", "ry", "rz")),),
+}
+IN_SPACE = (*(Step("slide", c, (c,)) for c in "xyz"), *STEPS["ball"])
+FLOATING = (Step("float", "", POSE),)
+
+
+def steps_of(joint: Joint) -> tuple[Step, ...]:
+    """The elementary freedoms of a joint, from its first body to its second."""
+    if joint.kind == "free":
+        return STEPS["planar"] if joint.planar else IN_SPACE
+    return STEPS[joint.kind]
+
+
+def is_weld(joint: Joint) -> bool:
+    """Whether a joint leaves nothing and is where it was drawn."""
+    return joint.kind == "weld" or (joint.locked and joint.kind not in CLOSING | {"distance"} and not joint.starts)
+
+
+def is_chord(joint: Joint) -> bool:
+    """Whether it only measures and pushes."""
+    return joint.kind == "distance" or (joint.kind == "free" and not joint.locked)
+
+
+def ends_of(mechanism: Mechanism) -> Mapping[str, str]:
+    """What a joint may name -> the body (or ground) that it is on."""
+    bodies = {b.name: b.name for b in mechanism.bodies}
+    return {GROUND: GROUND, **bodies, **{f.name: f.body for f in mechanism.frames}}
 
 
 def spanning_tree(mechanism: Mechanism) -> Tree:
-    """Grow the tree from the ground over all joints but `free` ones; what remains starts from a body with its own pose."""
-    bodies = {b.name: b for b in mechanism.bodies}
-    network = networkx.MultiGraph()
-    network.add_nodes_from([GROUND, *bodies])
-    for joint in mechanism.joints:
-        if joint.kind != "free":
-            network.add_edge(joint.first, joint.second, key=joint.name, joint=joint)
-    links: list[Link] = []
-    place: dict[str, int | None] = {GROUND: None}
-    used: set[str] = set()
-    for root in [GROUND, *bodies]:
-        if root not in place:
-            place[root] = len(links)
-            links.append(Link(bodies[root], None, None, False))
-        elif root != GROUND:
-            continue
-        for near, far, key in _breadth_first(network, root):
-            if far in place:
-                continue
-            joint = network.edges[near, far, key]["joint"]
-            place[far] = len(links)
-            links.append(Link(bodies[far], place[near], joint, joint.second == near))
-            used.add(joint.name)
-    diagnostics: list[Diagnostic] = []
-    for joint in mechanism.joints:
-        if joint.kind != "free" and joint.name not in used:
-            diagnostics.append(ClosedLoop(joint.span, joint.kind, joint.name, _loop(network, joint)))
-    return Tree(tuple(links), tuple(j for j in mechanism.joints if j.kind == "free"), tuple(diagnostics))
+    """Grow the tree from the ground; what remains starts from a body with its own pose."""
+    return _Growth(mechanism).tree()
 
 
-def _breadth_first(network: networkx.MultiGraph, root: str) -> Iterable[tuple[str, str, str]]:
-    """Edges from the root outwards, in the order of declaration."""
-    seen = {root}
-    queue = [root]
-    for near in queue:
-        for far in network.adj[near]:
-            if far not in seen:
-                seen.add(far)
+class _Growth:
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self.on = mechanism, ends_of(mechanism)
+        self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in mechanism.bodies)]}
+        self.links: list[Link] = []
+        self.start: dict[str, int | None] = {}  # group -> its link
+        self.used: set[str] = set()
+
+    def tree(self) -> Tree:
+        welds = [j for j in self.mechanism.joints if is_weld(j)]
+        for joint in welds:
+            self._weld(joint)
+        members: dict[str, list[Body]] = {}
+        for body in self.mechanism.bodies:
+            members.setdefault(self._root(body.name), []).append(body)
+        neighbours: dict[str, list[tuple[str, Joint]]] = {}
+        for joint in self.mechanism.joints:
+            if joint.kind not in CLOSING and not is_chord(joint) and not is_weld(joint):
+                first, second = self._group_of(joint.first), self._group_of(joint.second)
+                if first != second:
+                    neighbours.setdefault(first, []).append((second, joint))
+                    neighbours.setdefault(second, []).append((first, joint))
+        self._grow(GROUND, None, members, neighbours)
+        for group in members:
+            if group not in self.start:
+                self._grow(group, self._float(members[group]), members, neighbours)
+        place = {name: self.start[self._root(name)] for name in self.group if name != GROUND}
+        closing = [j for j in self.mechanism.joints if not is_chord(j) and j.name not in self.used]
+        chords = [j for j in self.mechanism.joints if is_chord(j)]
+        kept = [j for j in welds if j.name in self.used]
+        return Tree(tuple(self.links), place, tuple(chords), tuple(closing), tuple(kept))
+
+    def _root(self, name: str) -> str:
+        while self.group[name] != name:
+            self.group[name] = self.group[self.group[name]]
+            name = self.group[name]
+        return name
+
+    def _group_of(self, end: str) -> str:
+        return self._root(self.on[end])
+
+    def _weld(self, joint: Joint) -> None:
+        """Two groups are one; that of the ground, or of what was declared first, gives it the name."""
+        first, second = self._group_of(joint.first), self._group_of(joint.second)
+        if first == second:
+            return
+        order = list(self.group)
+        name, other = sorted((first, second), key=order.index)
+        self.group[other] = name
+        self.used.add(joint.name)
+
+    def _float(self, bodies: list[Body]) -> int:
+        body = bodies[0]
+        if not self.mechanism.planar:
+            self.links.append(Link(FLOATING[0], body, None, False, tuple(bodies)))
+            return len(self.links) - 1
+        return self._row(STEPS["planar"], body, None, False, tuple(bodies), False)
+
+    def _row(
+        self, steps: tuple[Step, ...], part: Joint | Body, parent: int | None, reverse: bool, bodies: tuple[Body, ...],
+        fixed: bool,
+    ) -> int:  # fmt: skip
+        steps = steps[::-1] if reverse else steps
+        for number, step in enumerate(steps):
+            carried = bodies if number == len(steps) - 1 else ()
+            self.links.append(Link(step, part, parent, reverse, carried, fixed))
+            parent = len(self.links) - 1
+        assert parent is not None
+        return parent
+
+    def _grow(
+        self, root: str, link: int | None, members: Mapping[str, list[Body]],
+        neighbours: Mapping[str, list[tuple[str, Joint]]],
+    ) -> None:  # fmt: skip
+        """Breadth first, in the order of declaration."""
+        self.start[root] = link
+        queue = [root]
+        for near in queue:
+            for far, joint in neighbours.get(near, ()):
+                if far in self.start:
+                    continue
+                reverse = self._group_of(joint.second) == near
+                bodies = tuple(members[far])
+                self.start[far] = self._row(steps_of(joint), joint, self.start[near], reverse, bodies, joint.locked)
+                self.used.add(joint.name)
                 queue.append(far)
-                yield near, far, next(iter(network.adj[near][far]))
 
 
-def _loop(network: networkx.MultiGraph, joint: Joint) -> str:
-    others = network.copy()
-    others.remove_edge(joint.first, joint.second, key=joint.name)
-    path = networkx.shortest_path(others, joint.first, joint.second)
-    return " - ".join([*path, joint.first])
+def drivable(mechanism: Mechanism) -> frozenset[str]:
+    """The ports whose flow the network may decide: coordinates of tree joints, one by one (not those of a ball)."""
+    links = spanning_tree(mechanism).links
+    return frozenset(
+        c
+        for link in links
+        for c in link.coordinates
+        if isinstance(link.part, Joint) and not link.fixed and len(link.coordinates) == 1
+    )
+
+
+def loop_of(tree: Tree, joint: Joint, mechanism: Mechanism) -> list[str]:
+    """The bodies around the loop that a joint closes, for messages."""
+    on = ends_of(mechanism)
+    first, second = (tree.path(on[end]) for end in (joint.first, joint.second))
+    shared = [n for n in first if n in second]
+    meeting = shared[0]
+    return [*first[: first.index(meeting)], meeting, *reversed(second[: second.index(meeting)]), on[joint.first]]

@@ -256,7 +256,7 @@ class TestConflicts:
         assert any("`supply`" in why for _, why in found.related()) or "`supply`" in found.sentence
 
     def test_a_source_on_a_mechanism(self) -> None:
-        text = "model A {\n  multibody m : planar {\n    body b { mass = 1 kg }\n    slide guide : ground to b { along = 0 }\n  }\n  Sf s : v = 1 [m/s]\n  s -> m.guide\n}\n"
+        text = "model A {\n  multibody m : planar {\n    body b { mass = 1 kg }\n    slide guide : ground to b { along = 0 }\n  }\n  Sf s : v = 1 [m/s]\n  s -> m.b.x\n}\n"
         found = mistake(text, "BG301")
         words = found.sentence + " ".join(w for _, w in found.related())
         assert "`s`" in words and ("`m`" in words or "`m.guide" in words)

@@ -1,0 +1,201 @@
+"""What constrains nothing: `free` joints and distances, explicit functions of the poses that they join.
+
+A free joint measures the gap between the two places of its point (in the drawing there is none) along axes that turn with
+the first body, with the second, by half of the turn between them, or not at all, and the rotation vector of the second body seen from the
+first. Its efforts are dual to the rates of these, so the wrench of an energy in them follows from power, for all motions: forces
+F on the second and -F on the first body, and a moment gap x F, which the axes leave to the bodies that they turn with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, multiply
+from ..graph.mechanism import PLANAR_POSE, POSE, Joint
+from .kinematics import Kinematics
+from .motion import Motion
+from .placed import Placed
+from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
+from .turns import HALF, NO_TURN, AxialTurn, Quaternion, Turn, composed, conjugate, of_quaternion, quaternion_product
+from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, plus, scaled
+
+
+@dataclass(frozen=True, slots=True)
+class _Ends:
+    """Both sides of a free joint, its axes on each of them and as drawn, and what is between."""
+
+    first: Placed
+    second: Placed
+    base: Turn
+    far: Turn
+    drawn: Turn
+    gap: Vector
+    spin: Vector  # of the second against the first
+
+
+@dataclass(frozen=True, slots=True)
+class _Relative:
+    """The turn of the second body against the first: quaternion, rotation vector and its spin, in the axes `inside`."""
+
+    parts: Quaternion
+    vector: Vector
+    spin: Vector
+    inside: Turn
+    axial: AxialTurn | None = None  # if it is about one axis at all times
+    back: Turn = NO_TURN  # seen from the world: what turns the torque on the second body to that on the first
+
+
+@dataclass(frozen=True, slots=True)
+class _Axes:
+    """In which the gap is measured, and their spin. `follow`: the part of a moment that they leave to the second body."""
+
+    turn: Turn
+    spin: Vector
+    follow: Callable[[Vector], Vector]
+
+
+class Chords:
+    """Writes chords; efforts are on their coordinates."""
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        self.kinematics, self.script = kinematics, kinematics.script
+
+    def sides(self, joint: Joint, points: tuple[Vector, Vector]) -> tuple[Placed, Placed]:
+        """Both sides of a joint."""
+        bodies = [self.kinematics.on[end] for end in (joint.first, joint.second)]
+        names = ["first", "second"] if bodies[0] == bodies[1] else bodies
+        first, second = (
+            self.kinematics.placed(body, point, f"{joint.name}.{name}")
+            for body, point, name in zip(bodies, points, names, strict=True)
+        )
+        return first, second
+
+    # ------------------------------------------------------------ free joints
+    def free(self, joint: Joint, efforts: Mapping[str, Expression]) -> dict[str, Motion]:
+        """The motions of a free joint's ports; its wrench is put on the bodies."""
+        script, name = self.script, joint.name
+        ends = self._ends(joint)
+        relative = self._relative(joint, ends)
+        axes = self._axes(joint, ends, relative)
+        drift = minus(ends.second.velocity, ends.first.velocity)
+        drift = script.vector(f"{name}.drift", minus(drift, cross(axes.spin, ends.gap)), "m/s")
+        turning = rates_from_spin(script, relative.parts, relative.vector, relative.spin, False, f"{name}.turning")
+        along = axes.turn.back(script, ends.gap, f"{name}.along"), relative.vector
+        rates = axes.turn.back(script, drift, f"{name}.rates"), turning
+        self._push(joint, efforts, ends, relative, axes)
+        letters = PLANAR_POSE if joint.planar else POSE
+        chosen = [(0, 0), (0, 1), (1, 2)] if joint.planar else [(k, i) for k in (0, 1) for i in range(3)]
+        motions = {}
+        for letter, (kind, i) in zip(letters, chosen, strict=True):
+            rest = script.constant(joint.rest[letter], f"{name}.{letter} rest") if letter in joint.rest else ZERO
+            held = script.held(f"{name}.{letter}", along[kind][i] + rest, ("m", "1")[kind])
+            flow = script.let(f"{name}.{letter}.{('v', 'omega')[kind]}", rates[kind][i], ("m/s", "1/s")[kind])
+            motions[f"{name}.{letter}"] = Motion(flow, Symbol(held), held)
+        return motions
+
+    def _ends(self, joint: Joint) -> _Ends:
+        script, name = self.script, joint.name
+        point = script.place(joint.position, f"{name} at")
+        first, second = self.sides(joint, (point, point))
+        gap = script.vector(f"{name}.gap", minus(second.displacement, first.displacement), "m")
+        drawn = self.kinematics.joint_turn(joint)
+        base = composed(script, first.turn, drawn, f"{name}.axes")
+        far = composed(script, second.turn, drawn, f"{name}.far axes")
+        spin = script.vector(f"{name}.spin", minus(second.spin, first.spin), "1/s")
+        return _Ends(first, second, base, far, drawn, gap, spin)
+
+    def _relative(self, joint: Joint, ends: _Ends) -> _Relative:
+        script, name = self.script, joint.name
+        base, far = ends.base, ends.far
+        if isinstance(base, AxialTurn) and isinstance(far, AxialTurn) and (base.axis == far.axis or base.is_none or far.is_none):  # fmt: skip
+            axis = far.axis if base.is_none else base.axis
+            angle = ZERO if base.angle == far.angle else far.angle - base.angle
+            turn = AxialTurn(axis, script.let(f"{name}.turn", angle, "1"))
+            vector = scaled(turn.angle, UNIT[axis])
+            spin = base.back(script, ends.spin, f"{name}.own spin")
+            return _Relative(turn.quaternion(script, name), vector, spin, base, turn)
+        first, second = base.quaternion(script, f"{name}.base"), far.quaternion(script, f"{name}.far")
+        if joint.axes == "world":
+            return self._seen_from_world(joint, ends, first, second)
+        p = self._named(quaternion_product(conjugate(first), second), name)
+        spin = base.back(script, ends.spin, f"{name}.own spin")
+        return _Relative(p, rotation_vector(script, p, f"{name}.vector"), spin, base)
+
+    def _seen_from_world(self, joint: Joint, ends: _Ends, first: Quaternion, second: Quaternion) -> _Relative:
+        """The turn S that leads from the first body to the second, in world axes as the joint was drawn in them: its spin is that
+        of the second body less S times that of the first."""
+        script, name = self.script, joint.name
+        drawn = ends.drawn.quaternion(script, f"{name}.drawn")
+        across = quaternion_product(second, conjugate(first))
+        p = self._named(quaternion_product(conjugate(drawn), quaternion_product(across, drawn)), name)
+        turn = of_quaternion(script, p, f"{name}.across")
+        own = [ends.drawn.back(script, side.spin, f"{name}.{n}") for side, n in ((ends.first, "a"), (ends.second, "b"))]
+        spin = minus(own[1], turn.apply(script, own[0], f"{name}.brought"))
+        spin = script.vector(f"{name}.own spin", spin, "1/s")
+        return _Relative(p, rotation_vector(script, p, f"{name}.vector"), spin, ends.drawn, None, turn)
+
+    def _named(self, p: Quaternion, name: str) -> Quaternion:
+        w, x, y, z = (self.script.let(f"{name}.relative.{c}", part, "1") for c, part in zip("wxyz", p, strict=True))
+        return w, x, y, z
+
+    def _axes(self, joint: Joint, ends: _Ends, relative: _Relative) -> _Axes:
+        match joint.axes:
+            case "world":
+                return _Axes(ends.drawn, NULL, lambda moment: NULL)
+            case "to":
+                return _Axes(ends.far, ends.second.spin, lambda moment: moment)
+            case "middle":
+                return self._middle(joint, ends, relative)
+        return _Axes(ends.base, ends.first.spin, lambda moment: NULL)
+
+    def _middle(self, joint: Joint, ends: _Ends, relative: _Relative) -> _Axes:
+        """Half of the turn. With R its matrix, its spin against the first body is (1 + R)^-1 of the whole one w, that is
+        1/2 (w - t x w) with t along the axis, tan(a/4) long."""
+        script, name = self.script, joint.name
+        if relative.axial is not None:
+            angle = script.let(f"{name}.half turn", multiply(HALF, relative.axial.angle), "1")
+            axes = composed(script, ends.base, AxialTurn(relative.axial.axis, angle), f"{name}.middle")
+            return _Axes(axes, plus(ends.first.spin, scaled(HALF, ends.spin)), lambda moment: scaled(HALF, moment))
+        w, x, y, z = relative.parts
+        above = script.let(f"{name}.above", w + call("sqrt", add(w * w, x * x, y * y, z * z)))
+        half = of_quaternion(script, (above, x, y, z), f"{name}.half")
+        axes = composed(script, ends.base, half, f"{name}.middle")
+        tangent = script.vector(f"{name}.tangent", (divide(x, above), divide(y, above), divide(z, above)))
+        t = ends.base.apply(script, tangent, f"{name}.tangent world")
+        spin = script.vector(f"{name}.follow", scaled(HALF, minus(ends.spin, cross(t, ends.spin))), "1/s")
+        return _Axes(axes, plus(ends.first.spin, spin), lambda moment: scaled(HALF, plus(moment, cross(t, moment))))
+
+    def _push(
+        self, joint: Joint, efforts: Mapping[str, Expression], ends: _Ends, relative: _Relative, axes: _Axes
+    ) -> None:  # fmt: skip
+        script, name = self.script, joint.name
+        e = [efforts.get(f"{name}.{letter}", ZERO) for letter in POSE]
+        dual: Vector = (e[3], e[4], efforts.get(f"{name}.phi", e[5]))
+        force = axes.turn.apply(script, (e[0], e[1], e[2]), f"{name}.force")
+        own = torque_from_efforts(script, relative.parts, relative.vector, dual, False, f"{name}.torque")
+        torque = relative.inside.apply(script, own, f"{name}.torque world")
+        seen = relative.back.back(script, own, f"{name}.torque seen")
+        reaction = torque if relative.back.is_none else relative.inside.apply(script, seen, f"{name}.reaction")
+        moment = NULL if joint.axes == "world" else script.vector(f"{name}.moment", cross(ends.gap, force), "N*m")
+        kept = script.vector(f"{name}.kept", axes.follow(moment), "N*m")
+        self.kinematics.push(ends.second, force, minus(torque, kept), f"{name}.second")
+        self.kinematics.push(ends.first, negated(force), negated(plus(reaction, minus(moment, kept))), f"{name}.first")
+
+    # ------------------------------------------------------------ distances
+    def distance(self, joint: Joint, points: tuple[Vector, Vector], efforts: Mapping[str, Expression]) -> dict[str, Motion]:  # fmt: skip
+        """The distance between two points, and the force that drives them apart."""
+        script, name = self.script, joint.name
+        first, second = self.sides(joint, points)
+        drawn = minus(points[1], points[0])
+        across = script.vector(f"{name}.across", plus(drawn, minus(second.displacement, first.displacement)), "m")
+        held = script.held(f"{name}.d", call("sqrt", dot(across, across)), "m")
+        x, y, z = (divide(c, Symbol(held)) for c in across)
+        way = script.vector(f"{name}.way", (x, y, z))
+        flow = script.let(f"{name}.d.v", dot(way, minus(second.velocity, first.velocity)), "m/s")
+        effort = efforts.get(f"{name}.d", ZERO)
+        if effort != ZERO:
+            force = script.vector(f"{name}.force", scaled(effort, way), "N")
+            self.kinematics.push(second, force, NULL, f"{name}.second")
+            self.kinematics.push(first, negated(force), NULL, f"{name}.first")
+        return {f"{name}.d": Motion(flow, Symbol(held), held)}

@@ -1,0 +1,43 @@
+"""Kinetic energy and that of gravity, for the energy balance; vanishes from a program that does not ask for it."""
+
+from __future__ import annotations
+
+from ..algebra.expression import ZERO, Expression, add, multiply, negate
+from .kinematics import Kinematics, Moving
+from .recursion import Recursion
+from .turns import HALF
+from .vectors import applied, cross, dot, is_null, minus, plus
+
+
+def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
+    """Of all bodies, J."""
+    terms = []
+    for index, moving in enumerate(kinematics.moving):
+        assert moving.link is not None
+        if not moving.link.bodies:
+            continue
+        terms.append(_kinetic(kinematics, recursion, moving, index))
+        for body in moving.link.bodies if not is_null(recursion.gravity) else ():
+            centre = kinematics.centres[body.name]
+            mass = kinematics.script.constant(body.mass, f"{body.name} mass", "kg")
+            place = plus(centre, kinematics.moved(index, centre, f"{body.name} centre"))
+            terms.append(negate(multiply(mass, dot(recursion.gravity, place))))
+    return add(*terms)
+
+
+def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: Moving, index: int) -> Expression:
+    """1/2 m v.v + v.(spin x moment) + 1/2 spin.J spin, v of the point of reference."""
+    inertia, spin = recursion.inertias[index], moving.spin
+    assert moving.link is not None
+    floats = moving.link.step.kind == "float"
+    v = tuple(c.rate for c in moving.coordinates) if floats else kinematics.velocity(index)
+    terms = [multiply(HALF, inertia.mass, dot((v[0], v[1], v[2]), (v[0], v[1], v[2])))]
+    if not is_null(spin):
+        terms.append(multiply(HALF, dot(spin, applied(inertia.tensor, spin))))
+        swept = cross(spin, inertia.moment)
+        if not is_null(swept):
+            terms.append(dot(kinematics.velocity(index), swept))
+    return add(*terms)
+
+
+_ = ZERO, minus

@@ -1,0 +1,131 @@
+"""A mechanism from the tree to its equations: poses and rates, wrenches, accelerations, what is read of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+
+from ..algebra.expression import ZERO, Expression, add, multiply
+from ..graph.mechanism import Joint, Mechanism
+from .chords import Chords
+from .energy import energy
+from .errors import ClosedLoop
+from .kinematics import Kinematics
+from .motion import MechanismEquations, Motion
+from .placed import Placed
+from .ports import Ports
+from .reactions import reaction
+from .recursion import PLACES, Recursion
+from .script import Script, Writer
+from .starts import claim_starts, claimed_parts
+from .tree import Tree, loop_of, spanning_tree
+from .vectors import Vector
+
+
+def mechanism_equations(
+    mechanism: Mechanism, efforts: Mapping[str, Expression], flows: Mapping[str, Expression], wanted: Set[str],
+    builder: Writer,
+) -> MechanismEquations:  # fmt: skip
+    """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
+    ports that are read elsewhere."""
+    tree = spanning_tree(mechanism)
+    if tree.closing:
+        loops = [(j, " - ".join(loop_of(tree, j, mechanism))) for j in tree.closing]
+        return MechanismEquations(diagnostics=[ClosedLoop(j.span, j.kind, j.name, loop) for j, loop in loops])
+    return Mechanics(mechanism, tree, efforts, flows, wanted, builder).write()
+
+
+class Mechanics:
+    """One mechanism while it is written; the README says what closing joints are written over."""
+
+    def __init__(
+        self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
+        wanted: Set[str], builder: Writer,
+    ) -> None:  # fmt: skip
+        self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, efforts, wanted
+        self.script = Script(mechanism, builder)
+        self.result = MechanismEquations()
+        self.claimed = claimed_parts(mechanism, tree)
+        self.used = {name.partition(".")[0] for name in (*efforts, *flows, *wanted)} | set(self.claimed)
+        reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
+        self.reacting = [j for j in mechanism.joints if j.name in reacting]
+        self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
+        self.recursion = Recursion(self.kinematics, efforts)
+
+    def write(self) -> MechanismEquations:
+        """All of it."""
+        self._ports()
+        claim_starts(self.script, self.claimed, self.result)
+        self.recursion.run()
+        self.result.diagnostics += self.recursion.diagnostics
+        if not self.result.diagnostics:
+            self._reactions()
+            self._driven()
+            total = energy(self.kinematics, self.recursion)
+            self.result.energy = self.script.held("energy", total, "J") if total != ZERO else None
+        return self.result
+
+    # ------------------------------------------------------------ for closing joints
+    def placed(self, body: str, point: Vector, name: str) -> Placed:
+        """A point of a body (or of the ground) and how it moves; in the drawing it is at `point`. World axes."""
+        return self.kinematics.placed(body, point, name)
+
+    def push(self, placed: Placed, force: Vector, torque: Vector, name: str) -> None:
+        """A force at a placed point and a torque on its body, world axes; before the recursion."""
+        self.kinematics.push(placed, force, torque, name)
+
+    def accelerations(self, placed: Placed, name: str) -> tuple[Vector, Vector]:
+        """Of a placed point and of its body's spin, world axes; after the recursion."""
+        return self.recursion.seen(placed, name)
+
+    # ------------------------------------------------------------ what the graph sees
+    def _ports(self) -> None:
+        ports, chords = Ports(self.kinematics, self.efforts, self.result), Chords(self.kinematics)
+        for moving in self.kinematics.moving:
+            ports.tree_joint(moving)
+        for body in self.mechanism.bodies:
+            if body.name in self.used:
+                ports.body(body)
+        for frame in self.mechanism.frames:
+            if frame.name in self.used:
+                ports.frame(frame)
+        for joint in self.tree.chords:
+            if joint.name in self.used:
+                self.result.motions |= self._chord(chords, joint)
+        for joint in self.tree.welds:
+            for letter in joint.freedoms:
+                rest = self.script.constant(joint.rest[letter], f"{joint.name} rest") if letter in joint.rest else ZERO
+                self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, None)
+
+    def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, Motion]:
+        if joint.kind == "free":
+            return chords.free(joint, self.efforts)
+        first, second = (self._point_of(end) for end in (joint.first, joint.second))
+        return chords.distance(joint, (first, second), self.efforts)
+
+    def _point_of(self, end: str) -> Vector:
+        """Where an end of a distance is in the drawing: a frame's point, a body's centre, the origin."""
+        if end in self.kinematics.centres:
+            return self.kinematics.centres[end]
+        for frame in self.mechanism.frames:
+            if frame.name == end:
+                return self.script.place(frame.position, f"{frame.name} at")
+        return ZERO, ZERO, ZERO
+
+    def _reactions(self) -> None:
+        """Of joints of the tree: their last link carries the second body."""
+        last = {link.part.name: index for index, link in enumerate(self.tree.links)}
+        for joint in self.reacting:
+            if joint.name in last:
+                self.result.readings |= reaction(self.kinematics, self.recursion, last[joint.name], joint)
+
+    def _driven(self) -> None:
+        """The efforts of driven coordinates: what their joint has to bring up along the freedom."""
+        for index, moving in enumerate(self.kinematics.moving):
+            for column, coordinate in zip(moving.columns, moving.coordinates, strict=False):
+                if coordinate.driven:
+                    angular, linear = self.recursion.acceleration(index)
+                    a, axis = (*angular, *linear), (*column[0], *column[1])
+                    matrix, load = self.recursion.matrices[index], self.recursion.loads[index]
+                    wrench = [add(load[r], *(multiply(matrix[r][k], a[k]) for k in PLACES)) for r in PLACES]
+                    effort = add(*(multiply(axis[r], wrench[r]) for r in PLACES if axis[r] != ZERO))
+                    self.result.efforts[coordinate.name] = self.script.let(f"{coordinate.name} effort", effort)

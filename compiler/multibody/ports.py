@@ -1,0 +1,130 @@
+"""Ports of bodies, frames and tree joints: where wrenches come in and poses and rates are read.
+
+A body's port is in its centre of mass, a frame's in its point: force and torque in world axes, or in a frame's body's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..algebra.expression import ZERO, Expression, Symbol, negate
+from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame
+from .kinematics import Kinematics, Moving
+from .motion import MechanismEquations, Motion
+from .placed import Placed
+from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
+from .turns import NO_TURN, AxialTurn, Turn, composed, conjugate, of_rotation_vector
+from .vectors import UNIT, Vector, scaled
+
+
+class Ports:
+    """Writes ports; `efforts` come in through them."""
+
+    def __init__(self, kinematics: Kinematics, efforts: Mapping[str, Expression], result: MechanismEquations) -> None:
+        self.kinematics, self.script, self.efforts, self.result = kinematics, kinematics.script, efforts, result
+        self.planar = kinematics.mechanism.planar
+
+    # ------------------------------------------------------------ tree joints
+    def tree_joint(self, moving: Moving) -> None:
+        """The ports of a link's coordinates."""
+        link = moving.link
+        assert link is not None
+        if isinstance(link.part, Body):
+            return
+        if link.step.kind == "ball":
+            self._ball(moving)
+            return
+        for coordinate in moving.coordinates:
+            displacement = None if coordinate.target is None else self.script.held(coordinate.name, coordinate.value)
+            self.result.motions[coordinate.name] = Motion(coordinate.rate, coordinate.value, displacement)
+
+    def _ball(self, moving: Moving) -> None:
+        """The rotation vector of the second body seen from the first, its rates, and the torque dual to these."""
+        link, attitude, script = moving.link, moving.attitude, self.script
+        assert link is not None
+        assert attitude is not None
+        name = link.part.name
+        seen = conjugate(attitude.parts) if link.reverse else attitude.parts
+        for letter, part in zip("wxyz", seen, strict=True):
+            self.result.readings[f"{name}.attitude.{letter}"] = part
+        r = rotation_vector(script, attitude.parts, f"{name}.vector")
+        rates = rates_from_spin(script, attitude.parts, r, attitude.spin, True, f"{name}.turning")
+        efforts = [self.efforts.get(c, ZERO) for c in link.coordinates]
+        sign = negate if link.reverse else _same
+        dual: Vector = (sign(efforts[0]), sign(efforts[1]), sign(efforts[2]))
+        moving.drive = torque_from_efforts(script, attitude.parts, r, dual, True, f"{name}.torque")
+        for letter, value, rate in zip(link.coordinates, r, rates, strict=True):
+            held = script.held(letter, sign(value), "1")
+            self.result.motions[letter] = Motion(script.let(f"{letter}.omega", sign(rate), "1/s"), Symbol(held), held)
+
+    # ------------------------------------------------------------ bodies and frames
+    def body(self, body: Body) -> None:
+        """Of a body: in its centre of mass."""
+        centre = self.kinematics.centres[body.name]
+        placed = self.kinematics.placed(body.name, centre, body.name)
+        drawn = of_rotation_vector(
+            self.script, self.script.place(body.turn, f"{body.name} turn", "1"), f"{body.name} drawn"
+        )
+        self._pose(body.name, placed, drawn, centre)
+
+    def frame(self, frame: Frame) -> None:
+        """Of a frame: in its point, in world axes or its body's."""
+        point = self.script.place(frame.position, f"{frame.name} at")
+        self._pose(
+            frame.name, self.kinematics.placed(frame.body, point, frame.name), NO_TURN, point, frame.axes == "body"
+        )
+
+    def _pose(self, name: str, placed: Placed, drawn: Turn, point: Vector, own_axes: bool = False) -> None:
+        script, states = self.script, self.kinematics.states.scalars
+        letters = PLANAR_POSE if self.planar else POSE
+        velocity, spin = placed.velocity, placed.spin
+        if own_axes:
+            velocity = placed.turn.back(script, velocity, f"{name}.v own")
+            spin = placed.turn.back(script, spin, f"{name}.omega own")
+        turned = [f"{name}.{c}" in self.efforts for c in letters]
+        for i, letter in enumerate(("x", "y") if self.planar else ("x", "y", "z")):
+            port = f"{name}.{letter}"
+            state = states.get(port)
+            pose = state.value if state is not None else script.let(port, point[i] + placed.displacement[i], "m")
+            shift = placed.displacement[i] if state is None else state.moved
+            displacement = script.held(f"{port} moved", shift, "m") if turned[i] and not own_axes else None
+            self.result.motions[port] = Motion(velocity[i], pose, displacement)
+        attitude = composed(script, placed.turn, drawn, f"{name}.pose")
+        self._attitude(name, attitude, spin, states, placed)
+        if any(turned):
+            self._push(name, placed, own_axes)
+
+    def _attitude(self, name: str, turn: Turn, spin: Vector, states: Mapping[str, object], placed: Placed) -> None:
+        script = self.script
+        if self.planar:
+            port = f"{name}.phi"
+            state = self.kinematics.states.scalars.get(port)
+            angle = turn.angle if isinstance(turn, AxialTurn) else ZERO
+            pose = state.value if state is not None else angle
+            moved = placed.turn.angle if isinstance(placed.turn, AxialTurn) else ZERO
+            displacement = script.held(f"{port} moved", moved, "1") if port in self.efforts else None
+            self.result.motions[port] = Motion(spin[2], pose, displacement)
+            return
+        parts = turn.quaternion(script, f"{name}.pose")
+        for letter, part in zip("wxyz", parts, strict=True):
+            self.result.readings[f"{name}.attitude.{letter}"] = part
+        if isinstance(turn, AxialTurn):
+            vector = scaled(turn.angle, UNIT[turn.axis])
+        else:
+            vector = rotation_vector(script, parts, f"{name}.vector")
+        for i, letter in enumerate(("rx", "ry", "rz")):
+            self.result.motions[f"{name}.{letter}"] = Motion(spin[i], vector[i], None)
+
+    def _push(self, name: str, placed: Placed, own_axes: bool) -> None:
+        e = [self.efforts.get(f"{name}.{c}", ZERO) for c in POSE]
+        force: Vector = (e[0], e[1], e[2])
+        torque: Vector = (e[3], e[4], self.efforts.get(f"{name}.phi", e[5]))
+        if own_axes:
+            force = placed.turn.apply(self.script, force, f"{name}.force")
+            torque = placed.turn.apply(self.script, torque, f"{name}.torque")
+        if placed.body != GROUND:
+            self.kinematics.push(placed, force, torque, name)
+
+
+def _same(x: Expression) -> Expression:
+    return x

@@ -1,0 +1,35 @@
+"""Reactions of tree joints: what passes through a joint onto its second body, at the joint's point, in world axes.
+
+That is all of it: what constrains, and what is put on through the joint's port. Written only for joints that are asked.
+"""
+
+from __future__ import annotations
+
+from ..algebra.expression import Expression, add
+from ..graph.mechanism import PLANAR_POSE, POSE, Joint
+from .axes import to_own
+from .kinematics import Kinematics
+from .recursion import PLACES, Recursion
+from .vectors import Vector, cross, minus, negated
+
+
+def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Joint) -> dict[str, Expression]:
+    """`pin.reaction.x` and so on, of the joint whose last link is `index`."""
+    script, name = kinematics.script, f"{joint.name}.reaction"
+    moving = kinematics.moving[index]
+    assert moving.link is not None
+    angular, linear = recursion.acceleration(index)
+    a = (*angular, *linear)
+    matrix, load = recursion.matrices[index], recursion.loads[index]
+    wrench = [script.let(f"{name}.own{r}", add(load[r], *(matrix[r][k] * a[k] for k in PLACES))) for r in PLACES]
+    force: Vector = (wrench[3], wrench[4], wrench[5])
+    point = script.place(joint.position, f"{joint.name} at")
+    arm = moving.inner(script, to_own(moving.basis, minus(point, moving.origin)), f"{name}.arm")
+    torque = minus((wrench[0], wrench[1], wrench[2]), cross(script.vector(f"{name}.arm", arm, "m"), force))
+    force = kinematics.world(index, force, f"{name}.f")
+    torque = kinematics.world(index, script.vector(f"{name}.t", torque), f"{name}.t world")
+    if moving.link.reverse:
+        force, torque = negated(force), negated(torque)
+    parts = dict(zip((*POSE, "phi"), (*force, *torque, torque[2]), strict=True))
+    letters = PLANAR_POSE if joint.planar else POSE
+    return {f"{name}.{c}": parts[c] for c in letters}

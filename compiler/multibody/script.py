@@ -1,0 +1,75 @@
+"""What the equations of a mechanism are written with: names for what is used again, all of them the mechanism's own."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ..algebra.expression import Expression, Number, Symbol
+from ..algebra.formula import Bound
+from ..graph.mechanism import Mechanism
+from ..graph.mechanism import Vector as Place
+from ..source import Span
+from .vectors import Matrix, Vector
+
+
+class Writer(Protocol):
+    """What this room needs of the equations' builder."""
+
+    def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int: ...
+    def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None: ...
+    def folded(self, bound: Bound) -> Expression: ...
+    def state(self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True) -> None: ...
+    def claim(self, value: Expression, start: Expression, name: str, span: Span) -> None: ...
+    def differentiated(self, target: int, of: int, span: Span, owner: str) -> None: ...
+
+
+class Script:
+    """Writes assignments of one mechanism."""
+
+    def __init__(self, mechanism: Mechanism, builder: Writer) -> None:
+        self.builder, self.owner, self.span = builder, mechanism.name, mechanism.span
+        self._constants: dict[str, Expression] = {}
+
+    def named(self, name: str) -> str:
+        """The full name of something of the mechanism."""
+        return f"{self.owner}.{name}"
+
+    def let(self, name: str, expression: Expression, unit: str = "") -> Expression:
+        """A name for an expression, unless it is one already."""
+        if isinstance(expression, Number | Symbol):
+            return expression
+        return Symbol(self.computed(name, expression, unit))
+
+    def computed(self, name: str, expression: Expression, unit: str = "") -> int:
+        """A new variable that an expression computes."""
+        variable = self.builder.variable(self.named(name), "computed", unit)
+        self.builder.assign(variable, expression, self.span, self.owner)
+        return variable
+
+    def held(self, name: str, expression: Expression, unit: str = "") -> int:
+        """The variable that holds an expression."""
+        if isinstance(expression, Symbol):
+            assert isinstance(expression.key, int)
+            return expression.key
+        return self.computed(name, expression, unit)
+
+    def vector(self, name: str, v: Vector, unit: str = "") -> Vector:
+        """Names for the components."""
+        x, y, z = (self.let(f"{name}.{c}", item, unit) for c, item in zip("xyz", v, strict=True))
+        return x, y, z
+
+    def matrix(self, name: str, m: Matrix) -> Matrix:
+        """Names for the entries."""
+        a, b, c = (self.vector(f"{name}.{c}", row) for c, row in zip("xyz", m, strict=True))
+        return a, b, c
+
+    def constant(self, bound: Bound, name: str, unit: str = "") -> Expression:
+        """What the text bound, with a name, by which it is found again."""
+        if name not in self._constants:
+            self._constants[name] = self.let(name, self.builder.folded(bound), unit)
+        return self._constants[name]
+
+    def place(self, place: Place, name: str, unit: str = "m") -> Vector:
+        """A vector of the drawing, in world axes."""
+        x, y, z = (self.constant(p, f"{name}.{c}", unit) for c, p in zip("xyz", place, strict=True))
+        return x, y, z
