@@ -206,6 +206,8 @@ def drivable(mechanism: Mechanism) -> frozenset[str]:
 def loop_of(tree: Tree, joint: Joint, mechanism: Mechanism) -> list[str]:
     """The bodies around the loop that a joint closes, for messages."""
     on = ends_of(mechanism)
+    if joint.first not in on:  # a gear or rack joins joints
+        return [joint.first, joint.second]
     first, second = (tree.path(on[end]) for end in (joint.first, joint.second))
     shared = [n for n in first if n in second]
     meeting = shared[0]

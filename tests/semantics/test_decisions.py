@@ -212,8 +212,8 @@ class TestNothingIsDroppedInSilence:
     @pytest.mark.parametrize(
         "statement",
         [
-            "when mass.v > 1 [m/s] { mass.v = 0 [m/s] }", "mode resting = false", "multibody m : spatial { body b { mass = 1 kg } }", "function f(x) = x",
-            "multibody m : planar {\n body a { mass = 1 kg }\n body b { mass = 1 kg, at = (1 m, 0) }\n distance d : a to b\n }",
+            "when mass.v > 1 [m/s] { mass.v = 0 [m/s] }", "mode resting = false", "multibody m : spatial { body b { mass = 1 kg, inertia = 1 [kg*m^2]*(1, 1, 1) } }", "function f(x) = x",
+            "multibody m : planar {\n body a { mass = 1 kg, inertia = 1 [kg*m^2] }\n body b { mass = 1 kg, inertia = 1 [kg*m^2], at = (1 m, 0) }\n distance d : a to b\n }",
         ],
     )  # fmt: skip
     def test_what_is_not_supported_yet_is_an_error_with_its_place(self, statement: str) -> None:
