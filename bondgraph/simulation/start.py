@@ -84,8 +84,9 @@ def _reach(function: Any, x: Any) -> Any:
 
 def _check(program: Program, space: StateSpace, constants: Any, value: Any, reach: Any, full: Any, at: Any) -> None:
     time, inputs, mode = at
-    others = program.claims(time, np.zeros(len(full)), inputs, constants, mode)
-    size = np.maximum(np.maximum(np.abs(value - np.asarray(others)), np.abs(np.asarray(others))), reach)
+    others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))
+    others = np.where(np.isfinite(others), others, value)  # a turn has no direction where all states are zero
+    size = np.maximum(np.maximum(np.abs(value - others), np.abs(others)), reach)
     bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]
     if not bad:
         return
