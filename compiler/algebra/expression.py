@@ -87,12 +87,14 @@ class Apply(Expression):
     def __eq__(self, other: object) -> bool:
         if self is other:
             return True
-        return (
-            isinstance(other, Apply)
-            and self._hash == other._hash
-            and self.operator == other.operator
-            and self.operands == other.operands
-        )
+        if not isinstance(other, Apply) or self._hash != other._hash or self.operator != other.operator:
+            return False
+        if self.operands != other.operands:
+            return False
+        other.operands = (
+            self.operands
+        )  # one from now on: what is used several times is compared once, not once for each path
+        return True
 
     def __repr__(self) -> str:
         return f"{self.operator}({', '.join(map(repr, self.operands))})"

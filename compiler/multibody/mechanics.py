@@ -8,7 +8,7 @@ from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
 from .chords import Chords
 from .energy import energy
-from .errors import ClosedLoop
+from .errors import ClosedLoop, NoReaction
 from .kinematics import Kinematics
 from .motion import MechanismEquations, Motion
 from .placed import Placed
@@ -31,6 +31,10 @@ def mechanism_equations(
     if tree.closing:
         loops = [(j, " - ".join(loop_of(tree, j, mechanism))) for j in tree.closing]
         return MechanismEquations(diagnostics=[ClosedLoop(j.span, j.kind, j.name, loop) for j, loop in loops])
+    read = {n.partition(".")[0] for n in wanted if ".reaction." in n}
+    welded = [j for j in tree.welds if j.name in read]
+    if welded:
+        return MechanismEquations(diagnostics=[NoReaction(j.span, j.kind, j.name) for j in welded])
     return Mechanics(mechanism, tree, efforts, flows, wanted, builder).write()
 
 

@@ -239,6 +239,18 @@ def test_a_shared_subexpression_is_walked_once() -> None:
     assert substitute(x, lambda s: ONE) == Number(2.0**40)
 
 
+def test_what_is_shared_is_compared_once() -> None:
+    """Two that were built apart: forty steps, too; and one that differs at the bottom is told apart."""
+
+    def doubled(x: Expression) -> Expression:
+        for _ in range(40):
+            x = Apply("add", (x, x))
+        return x
+
+    assert doubled(X) == doubled(Symbol("x"))
+    assert doubled(X) != doubled(Symbol("y"))
+
+
 @pytest.mark.parametrize("build", [add, multiply])
 def test_many_operands(build: Callable[..., Expression]) -> None:
     """A flat sum or product of thousands is one node, and is walked without recursion trouble."""

@@ -1,0 +1,55 @@
+"""Starts of mechanisms in space: attitudes, rotation vectors and spins of what hangs on joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph
+
+TEXT = """
+model Top {{
+  multibody space : spatial {{
+    body disc {{ mass = 0.5 kg, inertia = 1 [kg*m^2]*(7, 7, 12), at = (0, 0, 1 m) {starts} }}
+    ball foot : ground to disc {{ at = (0, 0, 0) {joint} }}
+    frame tip : disc {{ at = (0, 0, 2 m) {frame} }}
+  }}
+  output rx = space.disc.rx, ry = space.disc.ry, rz = space.disc.rz, spin = space.disc.rz.omega
+  output w = space.disc.attitude.w, x = space.disc.attitude.x, y = space.disc.attitude.y, z = space.disc.attitude.z
+  output height = space.tip.z, aside = space.tip.y, vx = space.tip.x.v
+}}
+"""
+
+
+def start_of(starts: str = "", joint: str = "", frame: str = "") -> dict[str, float]:
+    """Outputs at the start."""
+    model = bondgraph.load(TEXT.format(**{k: f", {v}" if v else "" for k, v in (("starts", starts), ("joint", joint), ("frame", frame))}))  # fmt: skip
+    result = model.simulate(to="1 us")
+    return {name: float(result[name][0]) for name in result.names}
+
+
+def test_an_attitude_of_a_body_on_a_joint() -> None:
+    """Half the angle in the quaternion, the whole one in the rotation vector; a spin about an axis of the world."""
+    found = start_of("start attitude = (cos(10 deg), sin(10 deg), 0, 0), start rz.omega = 200 [1/s]")
+    turned = np.radians(20)
+    assert (found["rx"], found["ry"], found["rz"]) == pytest.approx((turned, 0, 0), abs=1e-12)
+    assert (found["w"], found["x"], found["y"], found["z"]) == pytest.approx((np.cos(turned / 2), np.sin(turned / 2), 0, 0), abs=1e-12)  # fmt: skip
+    assert found["spin"] == pytest.approx(200, rel=1e-12)
+    assert (found["height"], found["aside"]) == pytest.approx((2 * np.cos(turned), -2 * np.sin(turned)), rel=1e-12)
+
+
+@pytest.mark.parametrize("where", ["starts", "joint"])
+def test_a_rotation_vector_of_body_or_joint(where: str) -> None:
+    """The same here: the joint is on the ground and was drawn upright."""
+    found = start_of(**{where: "start rx = 0.3, start ry = -0.2, start rz = 0.1"})
+    assert (found["rx"], found["ry"], found["rz"]) == pytest.approx((0.3, -0.2, 0.1), rel=1e-9)
+    r = np.array([0.3, -0.2, 0.1])
+    angle = np.linalg.norm(r)
+    n, up = r / angle, np.array([0.0, 0.0, 2.0])
+    tip = up * np.cos(angle) + np.cross(n, up) * np.sin(angle) + n * (n @ up) * (1 - np.cos(angle))  # Rodrigues
+    assert (found["aside"], found["height"]) == pytest.approx(tuple(tip[1:]), rel=1e-9)
+
+
+def test_a_frame_says_how_it_moves() -> None:
+    """The tip 2 m above the joint moves at 3 m/s: 1.5 rad/s about y."""
+    assert start_of(frame="start x.v = 3 [m/s]")["vx"] == pytest.approx(3, rel=1e-12)
