@@ -7,6 +7,7 @@ from collections.abc import Mapping, Set
 from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
 from .chords import Chords
+from .determined import undetermined
 from .energy import energy
 from .errors import ClosedLoop
 from .kinematics import Kinematics
@@ -56,6 +57,10 @@ class Mechanics:
         self._ports()
         claim_starts(self.script, self.claimed, self.result)
         self.recursion.run()
+        if not self.recursion.diagnostics:
+            lost = undetermined(self.kinematics, self.recursion)
+            if lost is not None:
+                self.recursion.nothing(*lost)
         self.result.diagnostics += self.recursion.diagnostics
         if not self.result.diagnostics:
             self._reactions()
