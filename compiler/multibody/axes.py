@@ -76,7 +76,7 @@ def branches(links: Sequence[Link], directions: Sequence[Vector]) -> list[Branch
 
 def _branch(moves: Sequence[tuple[str, Vector]]) -> Branch:
     kinds = {kind for kind, _ in moves}
-    if not kinds <= {"slide", "hinge"}:
+    if not kinds <= {"slide", "hinge", "weld"}:
         return ANYWHERE
     if "hinge" not in kinds:
         return Branch(True, WORLD, SLIDING)

@@ -113,5 +113,3 @@ class _Unwritten(Script):
 
     def let(self, name: str, expression: Expression, unit: str = "") -> Expression:
         return expression
-
-

@@ -28,11 +28,12 @@ def mechanism_equations(
 ) -> MechanismEquations:  # fmt: skip
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
-    tree = spanning_tree(mechanism)
+    reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
+    tree = spanning_tree(mechanism, reacting)
     if tree.closing:
         loops = [(j, " - ".join(loop_of(tree, j, mechanism))) for j in tree.closing]
         return MechanismEquations(diagnostics=[ClosedLoop(j.span, j.kind, j.name, loop) for j, loop in loops])
-    return Mechanics(mechanism, tree, efforts, flows, wanted, builder).write()
+    return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
 
 
 class Mechanics:
@@ -40,14 +41,13 @@ class Mechanics:
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
-        wanted: Set[str], builder: Writer,
+        wanted: Set[str], reacting: Set[str], builder: Writer,
     ) -> None:  # fmt: skip
         self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, efforts, wanted
         self.script = Script(mechanism, builder)
         self.result = MechanismEquations()
         self.claimed = claimed_parts(mechanism, tree)
         self.used = {name.partition(".")[0] for name in (*efforts, *flows, *wanted)} | set(self.claimed)
-        reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
         self.reacting = [j for j in mechanism.joints if j.name in reacting]
         self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
         self.recursion = Recursion(self.kinematics, efforts)
@@ -99,7 +99,8 @@ class Mechanics:
         for joint in self.tree.welds:
             for letter in joint.freedoms:
                 rest = self.script.constant(joint.rest[letter], f"{joint.name} rest") if letter in joint.rest else ZERO
-                self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, None)
+                held = self.script.held(f"{joint.name}.{letter}", rest)
+                self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, held)
 
     def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, Motion]:
         if joint.kind == "free":

@@ -35,7 +35,7 @@ class Ports:
             self._ball(moving)
             return
         for coordinate in moving.coordinates:
-            displacement = None if coordinate.target is None else self.script.held(coordinate.name, coordinate.value)
+            displacement = self.script.held(coordinate.name, coordinate.value)
             self.result.motions[coordinate.name] = Motion(coordinate.rate, coordinate.value, displacement)
 
     def _ball(self, moving: Moving) -> None:

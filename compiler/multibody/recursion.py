@@ -73,7 +73,7 @@ class Recursion:
             if 0 in active:
                 torque = _gyroscopic(self.kinematics.squares(moving), inertia)
         torque, force = plus(torque, negated(moving.torque)), plus(force, negated(moving.force))
-        name = f"{moving.link.coordinates[-1]} load"
+        name = f"{moving.link.name} load"
         return [self._let(f"{name}{i}", x) if i in active else ZERO for i, x in enumerate((*torque, *force))]
 
     def _let(self, name: str, x: Expression) -> Expression:
@@ -84,7 +84,7 @@ class Recursion:
         moving = self.moving[index]
         link = moving.link
         assert link is not None
-        name = link.coordinates[-1]
+        name = link.name
         matrix, load = [list(row) for row in self.matrices[index]], list(self.loads[index])
         self._world_load(moving, load)
         prescribed: Row = [*moving.bias[0], *moving.bias[1]]
@@ -239,7 +239,7 @@ class Recursion:
         moving = self.moving[index]
         link = moving.link
         assert link is not None
-        name = link.coordinates[-1]
+        name = link.name
         floats = link.step.kind == "float"
         known: Row = [ZERO] * 6 if floats else self._carried(moving, name)
         for column, coordinate in zip(_rows(moving), moving.coordinates, strict=False):
@@ -292,7 +292,7 @@ class Recursion:
     def acceleration(self, index: int) -> tuple[Vector, Vector]:
         """Of a link's axes and point of reference, own axes, against free fall."""
         k = self.known[index]
-        name = f"{self.kinematics.tree.links[index].coordinates[-1]}.a"
+        name = f"{self.kinematics.tree.links[index].name}.a"
         if index in self.pushed:
             own = self.kinematics.own(index, self.pushed.pop(index), f"{name} pushed")
             k = [*k[:3], *(add(x, y) for x, y in zip(k[3:], own, strict=True))]
