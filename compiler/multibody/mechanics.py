@@ -110,12 +110,7 @@ class Mechanics:
 
     def _point_of(self, end: str) -> Vector:
         """Where an end of a distance is in the drawing: a frame's point, a body's centre, the origin."""
-        if end in self.kinematics.centres:
-            return self.kinematics.centres[end]
-        for frame in self.mechanism.frames:
-            if frame.name == end:
-                return self.script.place(frame.position, f"{frame.name} at")
-        return ZERO, ZERO, ZERO
+        return self.script.place(self.mechanism.point_of(end), f"{end} at")
 
     def _reactions(self) -> None:
         """Of joints of the tree: their last link carries the second body."""
