@@ -135,6 +135,15 @@ class EquationBuilder:
         """`target := d(of)/dt`, which index reduction expands."""
         self.derivatives.append(Derivative(target, of, span, owner))
 
+    def definition(self, variable: int) -> Expression | float | None:
+        """What computes a variable explicitly, or the value of a parameter; None for what is neither."""
+        variable = self.root(variable)
+        assignment = self._explicit(variable)
+        if assignment is not None:
+            return assignment.expression
+        found = self.variables[variable]
+        return found.value if found.role == "parameter" else None
+
     def folded(self, bound: Bound) -> Expression:
         """What the text bound, over variable numbers, with known zeros put in."""
 

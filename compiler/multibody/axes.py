@@ -21,6 +21,7 @@ from .vectors import Vector, dot
 Basis = tuple[tuple[float, float, float], ...]  # rows; world = basis * own, in the drawing
 WORLD: Basis = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NEARLY = 1e-14
+ROUNDING = 2e-15  # of a vector's length, after it was turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +42,16 @@ IN_PLANE = (2, 3, 4)
 
 
 def to_own(basis: Basis, v: Vector) -> Vector:
-    """A vector of the world in other axes."""
-    return v if basis is WORLD else _product(tuple(zip(*basis, strict=True)), v)
+    """A vector of the world in other axes; what is zero there but for rounding is zero."""
+    if basis is WORLD:
+        return v
+    turned = _product(tuple(zip(*basis, strict=True)), v)
+    known = numbers(turned)
+    if known is None:
+        return turned
+    least = ROUNDING * math.sqrt(sum(c * c for c in known))
+    x, y, z = (Number(c) if abs(c) > least else ZERO for c in known)
+    return x, y, z
 
 
 def to_world(basis: Basis, v: Vector) -> Vector:
@@ -76,7 +85,7 @@ def branches(links: Sequence[Link], directions: Sequence[Vector]) -> list[Branch
 
 def _branch(moves: Sequence[tuple[str, Vector]]) -> Branch:
     kinds = {kind for kind, _ in moves}
-    if not kinds <= {"slide", "hinge"}:
+    if not kinds <= {"slide", "hinge", "weld"}:
         return ANYWHERE
     if "hinge" not in kinds:
         return Branch(True, WORLD, SLIDING)

@@ -29,14 +29,3 @@ class NothingMoves(Diagnostic):
     coordinate: str
     body: str
     what: str
-
-
-@dataclass(frozen=True, slots=True)
-class NoReaction(Diagnostic):
-    """BG203."""
-
-    code = "BG203"
-    title = "The reaction of the {kind} `{joint}` cannot be read by this version: what it joins is computed as one body"
-    advice = "Read the reaction of a joint that moves, or join the two with a hinge and a stiff spring on it."
-    kind: str
-    joint: str

@@ -142,6 +142,8 @@ class Kinematics:
             self._float(moving)
         elif link.step.kind == "ball":
             self._ball(moving)
+        elif link.step.kind == "weld":
+            self._weld(moving)
         elif branch.still:
             self._still(moving)
         else:
@@ -184,6 +186,18 @@ class Kinematics:
             bias = plus(self.centripetal(parent, near), self.centripetal(moving, far))
         moving.columns = [(NULL if link.step.kind == "slide" else way, linear)]
         moving.bias = (NULL, script.vector(f"{name}.bias", bias, "m/s^2"))
+
+    def _weld(self, moving: Moving) -> None:
+        """What a parent carries, as a link of its own."""
+        script, link, parent = self.script, moving.link, self.parent_of(moving)
+        assert link is not None
+        own_point = moving.branch.still or moving.parent is None
+        moving.origin = self.centres[link.bodies[0].name] if own_point else parent.origin
+        moving.angle, moving.spin, moving.carried = parent.angle, parent.spin, parent.spin
+        near = NULL if moving.parent is None else to_own(moving.basis, minus(moving.origin, parent.origin))
+        moving.shift = parent.inner(script, near, f"{link.name}.near")
+        bias = self.centripetal(parent, moving.shift)
+        moving.bias = (NULL, script.vector(f"{link.name}.bias", bias, "m/s^2"))
 
     def _turning(self, moving: Moving) -> None:
         """A hinge, screw or slide, in axes that turn with what moves."""
@@ -280,7 +294,7 @@ class Kinematics:
     def squares(self, moving: Moving) -> tuple[Expression, ...]:
         """Products of the spin's components: xx, yy, zz, xy, xz, yz."""
         assert moving.link is not None
-        name = moving.link.coordinates[-1]
+        name = moving.link.name
         if not moving.squares:
             x, y, z = moving.spin
             pairs = (("xx", x, x), ("yy", y, y), ("zz", z, z), ("xy", x, y), ("xz", x, z), ("yz", y, z))
@@ -292,7 +306,7 @@ class Kinematics:
         if moving.link is None or is_null(moving.spin) or is_null(arm):
             return NULL
         xx, yy, zz, xy, xz, yz = self.squares(moving)
-        name = moving.link.coordinates[-1]
+        name = moving.link.name
         across = [self.script.let(f"{name} spin across {c}", negate(a + b)) for c, a, b in (("x", yy, zz), ("y", xx, zz), ("z", xx, yy))]  # fmt: skip
         return applied(((across[0], xy, xz), (xy, across[1], yz), (xz, yz, across[2])), arm)
 
@@ -307,14 +321,14 @@ class Kinematics:
     def _turn(self, moving: Moving, index: int) -> Turn:
         script, link = self.script, moving.link
         assert link is not None
-        name = f"{link.coordinates[-1]} world"
+        name = f"{link.name} world"
         if moving.branch.still:
             third = tuple(row[2] for row in moving.basis)
             return about(script, (Number(third[0]), Number(third[1]), Number(third[2])), moving.angle, name)
         parent = NO_TURN if moving.parent is None else self.turn(moving.parent)
         if moving.attitude is not None:
             own = moving.passage[-1]
-        elif link.step.kind == "slide":
+        elif link.step.kind in ("slide", "weld"):
             own = NO_TURN
         else:
             own = about(script, moving.direction, moving.coordinates[0].moved, f"{name} own")
@@ -324,7 +338,7 @@ class Kinematics:
         """Of a link's point of reference from the drawing, world axes."""
         found = self.displacements.get(index)
         if found is None:
-            name = f"{self.tree.links[index].coordinates[-1]} displaced"
+            name = f"{self.tree.links[index].name} displaced"
             found = self.script.vector(name, self._displacement(self.moving[index], index), "m")
             self.displacements[index] = found
         return found
@@ -332,10 +346,12 @@ class Kinematics:
     def _displacement(self, moving: Moving, index: int) -> Vector:
         script, link = self.script, moving.link
         assert link is not None
-        name = link.coordinates[-1]
+        name = link.name
         if link.step.kind == "float":
             x, y, z = (c.moved for c in moving.coordinates)
             return x, y, z
+        if link.step.kind == "weld":
+            return self.moved(moving.parent, moving.origin, f"{name} seat")
         if link.step.kind == "slide":
             q = moving.coordinates[0]
             parent = NO_TURN if moving.parent is None else self.turn(moving.parent)
@@ -365,7 +381,7 @@ class Kinematics:
         moving = self.moving[index]
         script, link = self.script, moving.link
         assert link is not None
-        name = f"{link.bodies[0].name if link.bodies else link.coordinates[-1]}.velocity"
+        name = f"{link.bodies[0].name if link.bodies else link.name}.velocity"
         if link.step.kind == "float":
             found = moving.back(script, self._rates(moving), name)
         else:

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Set
 from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
 from .chords import Chords
+from .determined import undetermined
 from .energy import energy
-from .errors import ClosedLoop, NoReaction
+from .errors import ClosedLoop
 from .kinematics import Kinematics
 from .motion import MechanismEquations, Motion
 from .placed import Placed
@@ -27,15 +28,12 @@ def mechanism_equations(
 ) -> MechanismEquations:  # fmt: skip
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
-    tree = spanning_tree(mechanism)
+    reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
+    tree = spanning_tree(mechanism, reacting)
     if tree.closing:
         loops = [(j, " - ".join(loop_of(tree, j, mechanism))) for j in tree.closing]
         return MechanismEquations(diagnostics=[ClosedLoop(j.span, j.kind, j.name, loop) for j, loop in loops])
-    read = {n.partition(".")[0] for n in wanted if ".reaction." in n}
-    welded = [j for j in tree.welds if j.name in read]
-    if welded:
-        return MechanismEquations(diagnostics=[NoReaction(j.span, j.kind, j.name) for j in welded])
-    return Mechanics(mechanism, tree, efforts, flows, wanted, builder).write()
+    return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
 
 
 class Mechanics:
@@ -43,14 +41,13 @@ class Mechanics:
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
-        wanted: Set[str], builder: Writer,
+        wanted: Set[str], reacting: Set[str], builder: Writer,
     ) -> None:  # fmt: skip
         self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, efforts, wanted
         self.script = Script(mechanism, builder)
         self.result = MechanismEquations()
         self.claimed = claimed_parts(mechanism, tree)
         self.used = {name.partition(".")[0] for name in (*efforts, *flows, *wanted)} | set(self.claimed)
-        reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
         self.reacting = [j for j in mechanism.joints if j.name in reacting]
         self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
         self.recursion = Recursion(self.kinematics, efforts)
@@ -60,6 +57,10 @@ class Mechanics:
         self._ports()
         claim_starts(self.script, self.claimed, self.result)
         self.recursion.run()
+        if not self.recursion.diagnostics:
+            lost = undetermined(self.kinematics, self.recursion)
+            if lost is not None:
+                self.recursion.nothing(*lost)
         self.result.diagnostics += self.recursion.diagnostics
         if not self.result.diagnostics:
             self._reactions()
@@ -98,7 +99,8 @@ class Mechanics:
         for joint in self.tree.welds:
             for letter in joint.freedoms:
                 rest = self.script.constant(joint.rest[letter], f"{joint.name} rest") if letter in joint.rest else ZERO
-                self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, None)
+                held = self.script.held(f"{joint.name}.{letter}", rest)
+                self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, held)
 
     def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, Motion]:
         if joint.kind == "free":
@@ -108,12 +110,7 @@ class Mechanics:
 
     def _point_of(self, end: str) -> Vector:
         """Where an end of a distance is in the drawing: a frame's point, a body's centre, the origin."""
-        if end in self.kinematics.centres:
-            return self.kinematics.centres[end]
-        for frame in self.mechanism.frames:
-            if frame.name == end:
-                return self.script.place(frame.position, f"{frame.name} at")
-        return ZERO, ZERO, ZERO
+        return self.script.place(self.mechanism.point_of(end), f"{end} at")
 
     def _reactions(self) -> None:
         """Of joints of the tree: their last link carries the second body."""

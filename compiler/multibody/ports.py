@@ -13,7 +13,7 @@ from .kinematics import Kinematics, Moving
 from .motion import MechanismEquations, Motion
 from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
-from .turns import NO_TURN, AxialTurn, Turn, composed, conjugate, of_rotation_vector
+from .turns import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
 from .vectors import UNIT, Vector, scaled
 
 
@@ -35,7 +35,7 @@ class Ports:
             self._ball(moving)
             return
         for coordinate in moving.coordinates:
-            displacement = None if coordinate.target is None else self.script.held(coordinate.name, coordinate.value)
+            displacement = self.script.held(coordinate.name, coordinate.value)
             self.result.motions[coordinate.name] = Motion(coordinate.rate, coordinate.value, displacement)
 
     def _ball(self, moving: Moving) -> None:
@@ -44,9 +44,6 @@ class Ports:
         assert link is not None
         assert attitude is not None
         name = link.part.name
-        seen = conjugate(attitude.parts) if link.reverse else attitude.parts
-        for letter, part in zip("wxyz", seen, strict=True):
-            self.result.readings[f"{name}.attitude.{letter}"] = part
         r = rotation_vector(script, attitude.parts, f"{name}.vector")
         rates = rates_from_spin(script, attitude.parts, r, attitude.spin, True, f"{name}.turning")
         efforts = [self.efforts.get(c, ZERO) for c in link.coordinates]

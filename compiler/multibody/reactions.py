@@ -6,11 +6,10 @@ That is all of it: what constrains, and what is put on through the joint's port.
 from __future__ import annotations
 
 from ..algebra.expression import Expression, add
-from ..graph.mechanism import PLANAR_POSE, POSE, Joint
-from .axes import to_own
+from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Joint
 from .kinematics import Kinematics
 from .recursion import PLACES, Recursion
-from .vectors import Vector, cross, minus, negated
+from .vectors import cross, minus, negated, plus
 
 
 def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Joint) -> dict[str, Expression]:
@@ -22,12 +21,14 @@ def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Jo
     a = (*angular, *linear)
     matrix, load = recursion.matrices[index], recursion.loads[index]
     wrench = [script.let(f"{name}.own{r}", add(load[r], *(matrix[r][k] * a[k] for k in PLACES))) for r in PLACES]
-    force: Vector = (wrench[3], wrench[4], wrench[5])
+    force = kinematics.world(index, (wrench[3], wrench[4], wrench[5]), f"{name}.f")
+    about_reference = kinematics.world(index, (wrench[0], wrench[1], wrench[2]), f"{name}.t")
+    # The point is where the second body has it: that of a slide may be far from where the first body does.
     point = script.place(joint.position, f"{joint.name} at")
-    arm = moving.inner(script, to_own(moving.basis, minus(point, moving.origin)), f"{name}.arm")
-    torque = minus((wrench[0], wrench[1], wrench[2]), cross(script.vector(f"{name}.arm", arm, "m"), force))
-    force = kinematics.world(index, force, f"{name}.f")
-    torque = kinematics.world(index, script.vector(f"{name}.t", torque), f"{name}.t world")
+    second = kinematics.on[joint.second]
+    there = kinematics.moved(None if second == GROUND else kinematics.tree.place[second], point, f"{name}.point")
+    arm = plus(minus(point, moving.origin), minus(there, kinematics.displacement(index)))
+    torque = minus(about_reference, cross(script.vector(f"{name}.arm", arm, "m"), force))
     if moving.link.reverse:
         force, torque = negated(force), negated(torque)
     parts = dict(zip((*POSE, "phi"), (*force, *torque, torque[2]), strict=True))

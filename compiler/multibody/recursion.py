@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from ..algebra.expression import MINUS_ONE, ONE, ZERO, Expression, Symbol, add, divide, multiply, negate
 from ..graph.mechanism import GROUND
 from .axes import to_own
+from .coordinates import is_turning
 from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics, Moving
@@ -72,7 +73,7 @@ class Recursion:
             if 0 in active:
                 torque = _gyroscopic(self.kinematics.squares(moving), inertia)
         torque, force = plus(torque, negated(moving.torque)), plus(force, negated(moving.force))
-        name = f"{moving.link.coordinates[-1]} load"
+        name = f"{moving.link.name} load"
         return [self._let(f"{name}{i}", x) if i in active else ZERO for i, x in enumerate((*torque, *force))]
 
     def _let(self, name: str, x: Expression) -> Expression:
@@ -83,7 +84,7 @@ class Recursion:
         moving = self.moving[index]
         link = moving.link
         assert link is not None
-        name = link.coordinates[-1]
+        name = link.name
         matrix, load = [list(row) for row in self.matrices[index]], list(self.loads[index])
         self._world_load(moving, load)
         prescribed: Row = [*moving.bias[0], *moving.bias[1]]
@@ -134,7 +135,7 @@ class Recursion:
         push = [self._let(f"{name}.u{r}", add(*(matrix[r][k] * column[k] for k in places))) for r in PLACES]
         inertia = self._let(f"{name}.d", add(*(column[k] * push[k] for k in places)))
         if inertia == ZERO:
-            self._nothing(moving, number)
+            self.nothing(moving, number)
             return False
         step = Elimination(number, column, unit, push, inertia)
         step.pull = self._let(f"{name}.drive", effort - add(*(column[k] * load[k] for k in places)))
@@ -161,16 +162,19 @@ class Recursion:
                     load[r] = self._let(f"{name}.b{r}", load[r] + step.whole[r] * step.pull)
         return True
 
-    def _nothing(self, moving: Moving, number: int) -> None:
+    def nothing(self, moving: Moving, number: int) -> None:
+        """Tell that nothing moves along a coordinate."""
         link = moving.link
         assert link is not None
-        name = link.coordinates[min(number, len(link.coordinates) - 1)]
-        letter = name.rpartition(".")[2]
-        what = "inertia" if letter.startswith(("phi", "r")) else "mass"
-        bodies = [b.name for i, m in enumerate(self.moving) if i >= self.moving.index(moving) and m.link for b in m.link.bodies]  # fmt: skip
-        body = bodies[0] if bodies else link.part.name
-        span = next((b.span for b in self.kinematics.mechanism.bodies if b.name == body), link.part.span)
-        self.diagnostics.append(NothingMoves(span, name, body, what))
+        name = link.coordinates[number]
+        what = "inertia" if is_turning(name.rpartition(".")[2]) else "mass"
+        outside = {self.moving.index(moving)}
+        for index, other in enumerate(self.moving):
+            if other.parent in outside:
+                outside.add(index)
+        found = [b for i in sorted(outside) for b in self.kinematics.tree.links[i].bodies]
+        body = found[0] if found else self.kinematics.mechanism.bodies[0]
+        self.diagnostics.append(NothingMoves(body.span, name, body.name, what))
 
     def _hand_over(self, index: int, matrix: Square, load: Row, prescribed: Row, name: str) -> None:
         """What is left of a link's inertia and load, on its parent, about the parent's point."""
@@ -235,7 +239,7 @@ class Recursion:
         moving = self.moving[index]
         link = moving.link
         assert link is not None
-        name = link.coordinates[-1]
+        name = link.name
         floats = link.step.kind == "float"
         known: Row = [ZERO] * 6 if floats else self._carried(moving, name)
         for column, coordinate in zip(_rows(moving), moving.coordinates, strict=False):
@@ -288,7 +292,7 @@ class Recursion:
     def acceleration(self, index: int) -> tuple[Vector, Vector]:
         """Of a link's axes and point of reference, own axes, against free fall."""
         k = self.known[index]
-        name = f"{self.kinematics.tree.links[index].coordinates[-1]}.a"
+        name = f"{self.kinematics.tree.links[index].name}.a"
         if index in self.pushed:
             own = self.kinematics.own(index, self.pushed.pop(index), f"{name} pushed")
             k = [*k[:3], *(add(x, y) for x, y in zip(k[3:], own, strict=True))]

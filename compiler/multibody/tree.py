@@ -8,7 +8,7 @@ over closes loops.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
@@ -19,7 +19,10 @@ CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One elementary freedom: hinge, slide, screw, ball or float, in a direction of its joint, with its coordinates."""
+    """One elementary freedom in a direction of its joint, with its coordinates: hinge, slide, screw, ball or float.
+
+    Or none: a weld that is asked for its reaction.
+    """
 
     kind: str
     direction: str  # axis, other_axis, or an axis x, y, z of the joint's own; a ball has none
@@ -41,6 +44,11 @@ class Link:
     def coordinates(self) -> tuple[str, ...]:
         """Their names."""
         return tuple(f"{self.part.name}.{letter}" for letter in self.step.letters)
+
+    @property
+    def name(self) -> str:
+        """What it is called in equations."""
+        return self.coordinates[-1] if self.step.letters else self.part.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +82,7 @@ STEPS: Mapping[str, tuple[Step, ...]] = {
 }
 IN_SPACE = (*(Step("slide", c, (c,)) for c in "xyz"), *STEPS["ball"])
 FLOATING = (Step("float", "", POSE),)
+WELDED = (Step("weld", "", ()),)
 
 
 def steps_of(joint: Joint) -> tuple[Step, ...]:
@@ -99,29 +108,30 @@ def ends_of(mechanism: Mechanism) -> Mapping[str, str]:
     return {GROUND: GROUND, **bodies, **{f.name: f.body for f in mechanism.frames}}
 
 
-def spanning_tree(mechanism: Mechanism) -> Tree:
-    """Grow the tree from the ground; what remains starts from a body with its own pose."""
-    return _Growth(mechanism).tree()
+def spanning_tree(mechanism: Mechanism, apart: Set[str] = frozenset()) -> Tree:
+    """Grow the tree from the ground; what remains starts from a body with its own pose. `apart`: welds between links."""
+    return _Growth(mechanism, apart).tree()
 
 
 class _Growth:
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, apart: Set[str]) -> None:
         self.mechanism, self.on = mechanism, ends_of(mechanism)
+        self.welds = [j for j in mechanism.joints if is_weld(j) and j.name not in apart]
         self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in mechanism.bodies)]}
         self.links: list[Link] = []
         self.start: dict[str, int | None] = {}  # group -> its link
         self.used: set[str] = set()
 
     def tree(self) -> Tree:
-        welds = [j for j in self.mechanism.joints if is_weld(j)]
-        for joint in welds:
+        merged = {j.name for j in self.welds}
+        for joint in self.welds:
             self._weld(joint)
         members: dict[str, list[Body]] = {}
         for body in self.mechanism.bodies:
             members.setdefault(self._root(body.name), []).append(body)
         neighbours: dict[str, list[tuple[str, Joint]]] = {}
         for joint in self.mechanism.joints:
-            if joint.kind not in CLOSING and not is_chord(joint) and not is_weld(joint):
+            if joint.kind not in CLOSING and not is_chord(joint) and joint.name not in merged:
                 first, second = self._group_of(joint.first), self._group_of(joint.second)
                 if first != second:
                     neighbours.setdefault(first, []).append((second, joint))
@@ -133,7 +143,7 @@ class _Growth:
         place = {name: self.start[self._root(name)] for name in self.group if name != GROUND}
         closing = [j for j in self.mechanism.joints if not is_chord(j) and j.name not in self.used]
         chords = [j for j in self.mechanism.joints if is_chord(j)]
-        kept = [j for j in welds if j.name in self.used]
+        kept = [j for j in self.welds if j.name in self.used]
         return Tree(tuple(self.links), place, tuple(chords), tuple(closing), tuple(kept))
 
     def _root(self, name: str) -> str:
@@ -187,7 +197,14 @@ class _Growth:
                     continue
                 reverse = self._group_of(joint.second) == near
                 bodies = tuple(members[far])
-                self.start[far] = self._row(steps_of(joint), joint, self.start[near], reverse, bodies, joint.locked)
+                self.start[far] = self._row(
+                    WELDED if is_weld(joint) else steps_of(joint),
+                    joint,
+                    self.start[near],
+                    reverse,
+                    bodies,
+                    joint.locked,
+                )
                 self.used.add(joint.name)
                 queue.append(far)
 
