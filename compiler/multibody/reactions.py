@@ -11,6 +11,8 @@ from .kinematics import Kinematics
 from .recursion import PLACES, Recursion
 from .vectors import cross, minus, negated, plus
 
+UNITS = ("N*m", "N*m", "N*m", "N", "N", "N")  # of a wrench
+
 
 def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Joint) -> dict[str, Expression]:
     """`pin.reaction.x` and so on, of the joint whose last link is `index`."""
@@ -20,7 +22,9 @@ def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Jo
     angular, linear = recursion.acceleration(index)
     a = (*angular, *linear)
     matrix, load = recursion.matrices[index], recursion.loads[index]
-    wrench = [script.let(f"{name}.own{r}", add(load[r], *(matrix[r][k] * a[k] for k in PLACES))) for r in PLACES]
+    wrench = [
+        script.let(f"{name}.own{r}", add(load[r], *(matrix[r][k] * a[k] for k in PLACES)), UNITS[r]) for r in PLACES
+    ]
     force = kinematics.world(index, (wrench[3], wrench[4], wrench[5]), f"{name}.f")
     about_reference = kinematics.world(index, (wrench[0], wrench[1], wrench[2]), f"{name}.t")
     # The point is where the second body has it: that of a slide may be far from where the first body does.
