@@ -18,7 +18,9 @@ def run(running: Running, state: dict[str, float], to: float) -> list[dict[str, 
     start = np.array([state[n] for n in names])
 
     def rates(t: float, x: Any) -> Any:
-        return running.program.derivative(t, x, running.inputs, running.constants, running.program.switches(t, running.constants))
+        return running.program.derivative(
+            t, x, running.inputs, running.constants, running.program.switches(t, running.constants)
+        )
 
     found = solve_ivp(rates, (0, to), start, method="DOP853", rtol=1e-11, atol=1e-12, t_eval=np.linspace(0, to, 5))
     assert found.success
@@ -59,7 +61,8 @@ def test_momentum_and_angular_momentum(seed: int) -> None:
     tree = next(
         t
         for t in (RandomTree(4, 1000 * seed + s, ("float", "hinge", "ball", "universal", "slide")) for s in range(500))
-        if [p.kind == "float" for p in t.parts] == [True, False, False, False] and all(p.parent >= 0 for p in t.parts[1:])
+        if [p.kind == "float" for p in t.parts] == [True, False, False, False]
+        and all(p.parent >= 0 for p in t.parts[1:])
     )
     tree.gravity = np.zeros(3)
     running = Running(tree.drawing().compiled(everything=True))
@@ -87,7 +90,7 @@ def test_a_free_asymmetric_top() -> None:
         w = np.array([values[f"m.b0.spin.{c}"] for c in "xyz"])
         read = running.outputs(values)
         world = np.array([read[f"b0.{c}:f"] for c in ("rx", "ry", "rz")])
-        _, rates = moved(tree, values)
+        moved(tree, values)
         turn = tree.poses(np.zeros(6))[0][1]
         np.testing.assert_allclose(world, turn @ w, atol=1e-9)
         kept.append([*(turn @ tree.tensors[0] @ w), w @ tree.tensors[0] @ w])
