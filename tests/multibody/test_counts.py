@@ -196,7 +196,10 @@ def test_a_manipulator_in_space_that_moves_in_a_plane(axes: str) -> None:
     efforts = {n: (0.3 * i - 1) * 1e-6 for i, n in enumerate(in_space.program.inputs.names)}
     flat = {names.get(n, n): v for n, v in state.items()}
     found = in_space.rates(state, inputs=efforts), in_space.outputs(state)
-    expected = in_plane.rates(flat, inputs={n.replace("rz", "phi"): v for n, v in efforts.items()}), in_plane.outputs(flat)
+    expected = (
+        in_plane.rates(flat, inputs={n.replace("rz", "phi"): v for n, v in efforts.items()}),
+        in_plane.outputs(flat),
+    )
     for name, value in found[0].items():
         assert value == pytest.approx(expected[0][names.get(name, name)], rel=1e-12)
     for name, value in found[1].items():
