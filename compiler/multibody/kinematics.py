@@ -24,7 +24,7 @@ Spatial = tuple[Vector, Vector]  # about the point of reference: spin and veloci
 TURNING = frozenset({"hinge", "screw"})
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Moving:
     """A link while it is computed, in its own axes about its point of reference.
 
@@ -33,6 +33,7 @@ class Moving:
     """
 
     link: Link | None
+    index: int  # in the tree; -1: the ground
     parent: int | None
     branch: Branch
     basis: Basis
@@ -132,12 +133,12 @@ class Kinematics:
         """The ground in the axes of a branch."""
         basis = branch.basis
         if basis not in self._grounds:
-            self._grounds[basis] = Moving(None, None, branch, basis, NULL)
+            self._grounds[basis] = Moving(None, -1, None, branch, basis, NULL)
         return self._grounds[basis]
 
     def _moved(self, link: Link, branch: Branch, direction: Vector) -> Moving:
         basis = branch.basis if link.parent is None else self.moving[link.parent].basis
-        moving = Moving(link, link.parent, branch, basis, NULL, direction=direction)
+        moving = Moving(link, len(self.moving), link.parent, branch, basis, NULL, direction=direction)
         if link.step.kind == "float":
             self._float(moving)
         elif link.step.kind == "ball":

@@ -18,7 +18,7 @@ from .reactions import reaction
 from .recursion import PLACES, Recursion
 from .script import Script, Writer
 from .starts import claim_starts, claimed_parts
-from .tree import Tree, loop_of, spanning_tree
+from .tree import Tree, is_weld, loop_of, spanning_tree
 from .vectors import Vector
 
 
@@ -96,11 +96,20 @@ class Mechanics:
         for joint in self.tree.chords:
             if joint.name in self.used:
                 self.result.motions |= self._chord(chords, joint)
-        for joint in self.tree.welds:
-            for letter in joint.freedoms:
-                rest = self.script.constant(joint.rest[letter], f"{joint.name} rest") if letter in joint.rest else ZERO
-                held = self.script.held(f"{joint.name}.{letter}", rest)
-                self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, held)
+        for joint in self.mechanism.joints:
+            if is_weld(joint):
+                self._locked(joint)
+
+    def _locked(self, joint: Joint) -> None:
+        """What a joint reads that was locked where it was drawn."""
+        for letter in joint.freedoms:
+            rest = (
+                self.script.constant(joint.rest[letter], f"{joint.name}.{letter} rest")
+                if letter in joint.rest
+                else ZERO
+            )
+            held = self.script.held(f"{joint.name}.{letter}", rest)
+            self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, held)
 
     def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, Motion]:
         if joint.kind == "free":

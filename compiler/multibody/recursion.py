@@ -103,16 +103,15 @@ class Recursion:
         """A force in world axes on a floating body turns with it, unless nothing there depends on its turn."""
         if is_null(moving.world_force) or self._is_alone(moving):
             return
-        index = self.moving.index(moving)
-        force = self.kinematics.own(index, self.script.vector("push", moving.world_force), "push own")
+        force = self.kinematics.own(moving.index, self.script.vector("push", moving.world_force), "push own")
         for i in range(3):
             load[3 + i] = load[3 + i] - force[i]
 
     def _is_alone(self, moving: Moving) -> bool:
         """Whether a floating link is no other's parent and has its centre of mass in its point of reference."""
-        index = self.moving.index(moving)
         assert moving.link is not None
-        return moving.link.step.kind == "float" and index not in self._parents and is_null(self.inertias[index].moment)
+        floats, has_arm = moving.link.step.kind == "float", not is_null(self.inertias[moving.index].moment)
+        return floats and moving.index not in self._parents and not has_arm
 
     def _effort(self, moving: Moving, number: int) -> Expression:
         assert moving.link is not None
@@ -168,7 +167,7 @@ class Recursion:
         assert link is not None
         name = link.coordinates[number]
         what = "inertia" if is_turning(name.rpartition(".")[2]) else "mass"
-        outside = {self.moving.index(moving)}
+        outside = {moving.index}
         for index, other in enumerate(self.moving):
             if other.parent in outside:
                 outside.add(index)

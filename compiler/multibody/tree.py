@@ -59,7 +59,6 @@ class Tree:
     place: Mapping[str, int | None]  # body -> its link; None: at rest on the ground
     chords: tuple[Joint, ...]
     closing: tuple[Joint, ...]
-    welds: tuple[Joint, ...]  # joints that leave nothing
 
     def path(self, body: str) -> list[str]:
         """The bodies from one to the ground, for messages."""
@@ -143,8 +142,7 @@ class _Growth:
         place = {name: self.start[self._root(name)] for name in self.group if name != GROUND}
         closing = [j for j in self.mechanism.joints if not is_chord(j) and j.name not in self.used]
         chords = [j for j in self.mechanism.joints if is_chord(j)]
-        kept = [j for j in self.welds if j.name in self.used]
-        return Tree(tuple(self.links), place, tuple(chords), tuple(closing), tuple(kept))
+        return Tree(tuple(self.links), place, tuple(chords), tuple(closing))
 
     def _root(self, name: str) -> str:
         while self.group[name] != name:

@@ -58,7 +58,7 @@ ROOMS = {
     "graph": {"algebra"},
     "semantics": {"syntax", "graph", "algebra"},
     "multibody": {"graph", "algebra"},
-    "causality": {"graph", "algebra"},
+    "causality": {"multibody", "graph", "algebra"},  # which ports of a mechanism may be driven
     "equations": {"causality", "multibody", "graph", "algebra"},
     "reduction": {"equations", "algebra"},
     "codegen": {"reduction", "equations", "algebra"},

@@ -163,3 +163,44 @@ def test_a_plane_in_space(basis: object, more: int) -> None:
     expected, found = Running(plane).rates(state), Running(space).rates(state)
     for name in names:
         assert found[name] == pytest.approx(expected[name], rel=1e-12)
+
+
+def stage(planar: bool, axes: str) -> tuple[Compilation, dict[str, str]]:
+    """A platform between three shuttles, each with efforts on the three freedoms of a chord; names of states in space -> in the plane."""
+    drawn = Drawing(planar, (0.0, 0.0, 0.0))
+    tensor = (0.0, 0.0, 2.9e-17, 0.0, 0.0, 0.0) if planar else (1e-17, 1e-17, 2.9e-17, 0.0, 0.0, 0.0)
+    drawn.body("platform", 2.1e-9, tensor)
+    if not planar:
+        drawn.joint("held", "planar", "ground", "platform")
+    ports = []
+    for i in range(3):
+        angle = math.radians(120 * i)
+        c, s = math.cos(angle), math.sin(angle)
+        drawn.body(f"shuttle{i}", 4e-8)
+        drawn.joint(f"guide{i}", "slide", "ground", f"shuttle{i}", axis=(-s, c, 0.0))
+        at = (1.7e-4 * c + 5e-4 * s, 1.7e-4 * s - 5e-4 * c, 0.0)
+        drawn.joint(f"flex{i}", "free", f"shuttle{i}", "platform", at, turn=(0.0, 0.0, angle), axes=axes)
+        ports += [f"flex{i}.{letter}" for letter in ("x", "y", "phi" if planar else "rz")]
+    names = {f"m.held.{c}{v}": f"m.platform.{c}{v}" for c, v in (("x", ""), ("x", ".v"), ("y", ""), ("y", ".v"), ("phi", ""), ("phi", ".omega"))}  # fmt: skip
+    return drawn.compiled([f"{p}{v}" for p in ports for v in ("", ":f")], ports, everything=True), names
+
+
+@pytest.mark.parametrize("axes", ["from", "to", "middle", "world"])
+def test_a_manipulator_in_space_that_moves_in_a_plane(axes: str) -> None:
+    """A planar joint to the ground: the same states, operations and values, chords included."""
+    (plane, _), (space, names) = stage(True, axes), stage(False, axes)
+    assert sum(operations(space)) <= sum(operations(plane))
+    in_plane, in_space = Running(plane), Running(space)
+    assert {names.get(n, n) for n in in_space.program.states.names} == set(in_plane.program.states.names)
+    state = {n: (0.1 * i - 0.5) * 1e-5 for i, n in enumerate(in_space.program.states.names)}
+    efforts = {n: (0.3 * i - 1) * 1e-6 for i, n in enumerate(in_space.program.inputs.names)}
+    flat = {names.get(n, n): v for n, v in state.items()}
+    found = in_space.rates(state, inputs=efforts), in_space.outputs(state)
+    expected = (
+        in_plane.rates(flat, inputs={n.replace("rz", "phi"): v for n, v in efforts.items()}),
+        in_plane.outputs(flat),
+    )
+    for name, value in found[0].items():
+        assert value == pytest.approx(expected[0][names.get(name, name)], rel=1e-12)
+    for name, value in found[1].items():
+        assert value == pytest.approx(expected[1][name.replace("rz", "phi")], rel=1e-12, abs=1e-30)

@@ -183,15 +183,18 @@ def test_a_locked_joint_is_welded_where_it_starts() -> None:
         drawn.joint("one", "hinge", "ground", "a", (0, 0, 0), (0, 1, 0))
         drawn.joint("two", "hinge", "a", "b", (1.5, 0, 0), (0, 1, 0), start=start, locked=True)
         running = Running(drawn.compiled(["two.phi", "two.phi:f"], everything=True))
+        asked = Running(drawn.compiled(["two.phi", "two.reaction.ry"], everything=True))
         assert [n for n in running.program.states.names if "two" in n] == []
         angle = (start or {}).get("phi", 0.0)
         assert running.outputs({}) == {"two.phi": angle, "two.phi:f": 0.0}
+        assert asked.outputs({})["two.phi"] == angle
         arm = np.array([1.5, 0, 0]) + np.array(
             [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
         ) @ [0.5, 0, 0.5]
         inertia = 0.2 + 0.2 + 1.0 + 2.0 * arm @ arm
         torque = 9.81 * (1.0 * 1.0 + 2.0 * arm[0])  # about y: z x F
-        assert running.rates({})["m.one.phi.omega"] == pytest.approx(torque / inertia, rel=1e-13)
+        for made in (running, asked):
+            assert made.rates({})["m.one.phi.omega"] == pytest.approx(torque / inertia, rel=1e-13)
 
 
 def test_rest_is_what_a_coordinate_reads_in_the_drawing() -> None:
