@@ -7,8 +7,8 @@ from collections.abc import Mapping, Set
 from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
 from .chords import Chords
+from .closure import Closure
 from .energy import energy
-from .errors import ClosedLoop
 from .kinematics import Kinematics
 from .motion import MechanismEquations, Motion
 from .placed import Placed
@@ -17,7 +17,7 @@ from .reactions import reaction
 from .recursion import PLACES, Recursion
 from .script import Script, Writer
 from .starts import claim_starts, claimed_parts
-from .tree import Tree, loop_of, spanning_tree
+from .tree import Tree, spanning_tree
 from .vectors import Vector
 
 
@@ -28,9 +28,6 @@ def mechanism_equations(
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
     tree = spanning_tree(mechanism)
-    if tree.closing:
-        loops = [(j, " - ".join(loop_of(tree, j, mechanism))) for j in tree.closing]
-        return MechanismEquations(diagnostics=[ClosedLoop(j.span, j.kind, j.name, loop) for j, loop in loops])
     return Mechanics(mechanism, tree, efforts, flows, wanted, builder).write()
 
 
@@ -41,7 +38,7 @@ class Mechanics:
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
         wanted: Set[str], builder: Writer,
     ) -> None:  # fmt: skip
-        self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, efforts, wanted
+        self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, dict(efforts), wanted
         self.script = Script(mechanism, builder)
         self.result = MechanismEquations()
         self.claimed = claimed_parts(mechanism, tree)
@@ -49,15 +46,20 @@ class Mechanics:
         reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
         self.reacting = [j for j in mechanism.joints if j.name in reacting]
         self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
-        self.recursion = Recursion(self.kinematics, efforts)
+        self.recursion = Recursion(self.kinematics, self.efforts)
+        self.closure = Closure(self)
 
     def write(self) -> MechanismEquations:
         """All of it."""
         self._ports()
+        self.closure.begin()
+        if self.result.diagnostics:
+            return self.result
         claim_starts(self.script, self.claimed, self.result)
         self.recursion.run()
         self.result.diagnostics += self.recursion.diagnostics
         if not self.result.diagnostics:
+            self.closure.end()
             self._reactions()
             self._driven()
             total = energy(self.kinematics, self.recursion)
