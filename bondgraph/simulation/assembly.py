@@ -9,29 +9,21 @@ do so only here make the start a singular pose, from which nothing says how the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..errors import RunFailed
-from .constraints import Constraints
+from .constraints import Assembled, Constraints
 
 ITERATIONS = 50
 RANK = 1e-7  # of the largest singular value, where slopes are differences
 FULL = 1e-9  # the same, where they are exact
 DIFFERENCE = 1e-6
 CLOSE = 1e-6  # relative: by how much a start that was given may be off
+TRIES = 4
 BESIDE = 1e-2  # radians or shares of the size: where the rank is looked at again
 Missed = Callable[[Any], Any]  # states (…, n) -> by how much the author's claims are missed
-
-
-@dataclass(frozen=True, slots=True)
-class Assembled:
-    """What is known of the constraints at the start."""
-
-    mobility: int  # coordinates less independent constraints
-    redundant: tuple[str, ...]  # constraints that follow from others
 
 
 def assemble(constraints: Constraints, claims: Missed, time: float, mode: Any, state: Any, movable: Any) -> Any:
@@ -127,20 +119,27 @@ def choose_rows(constraints: Constraints, time: float, state: Any, mode: Any) ->
     if rank == constraints.gaps:
         return Assembled(positions - rank, ())
     beside = _moved_aside(constraints, time, state, mode, here)
-    slopes, order, generic = _rank(constraints, time, beside, mode)
-    if generic > rank:
-        names = _lost(constraints, here)
+    if beside is None and rank < positions:
         raise RunFailed(
-            f"at t = {time:.9g} s the mechanism starts in a singular pose: {', '.join(f'`{n}`' for n in names[:6])} "
-            f"say{'s' * (len(names) == 1)} nothing about {generic - rank} of {positions - rank} motions there, so that several branches of "
-            "motion begin; start it a little beside"
+            f"at t = {time:.9g} s the mechanism is drawn in a pose from which it cannot move although {_told(_lost(constraints, here))} "
+            "would let it: its bars are stretched out; draw it a little beside, or leave a joint out"
+        )
+    _, order, generic = _rank(constraints, time, state if beside is None else beside, mode)
+    if generic > rank:
+        raise RunFailed(
+            f"at t = {time:.9g} s the mechanism starts in a singular pose: {_told(_lost(constraints, here))} let it go on in several ways "
+            f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which; start it a little beside"
         )
     taking = np.zeros(constraints.gaps, dtype=bool)
     taking[order[:generic]] = True
     taking |= ~bound
     constraints.leave_out(taking)
     names = np.array(constraints.program.invariants.names[: constraints.gaps])
-    return Assembled(positions - generic, tuple(names[~taking].tolist()))
+    return Assembled(positions - generic, tuple(str(n) for n in names[~taking]))
+
+
+def _told(names: tuple[str, ...]) -> str:
+    return ", ".join(f"`{n}`" for n in names[:6]) + ("…" if len(names) > 6 else "")
 
 
 def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple[Any, Any, int]:
@@ -155,17 +154,20 @@ def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple
 
 
 def _moved_aside(constraints: Constraints, time: float, state: Any, mode: Any, slopes: Any) -> Any:
-    """A pose beside this one, along a motion that its constraints allow."""
+    """A pose beside this one, along a motion that its constraints allow; None if they allow none after all."""
     _, values, right = np.linalg.svd(slopes)
     rank = int((values > FULL * values[0]).sum())
-    free = right[rank:]
-    if not len(free):
-        return state
-    share = np.random.default_rng(0).normal(size=len(free))
-    aside = np.array(state)
-    step = free.T @ (share / np.linalg.norm(share))
-    aside[constraints.positions] += BESIDE * constraints.reach[constraints.positions] * step
-    return constraints.project(time, aside, mode)
+    free, positions = right[rank:], constraints.positions
+    reach = constraints.reach[positions]
+    ways = [free.T @ np.random.default_rng(seed).normal(size=len(free)) for seed in range(TRIES if len(free) else 0)]
+    for way in ways:
+        aside = np.array(state)
+        aside[positions] += BESIDE * reach * way / np.linalg.norm(way)
+        aside = constraints.project(time, aside, mode)
+        moved = np.linalg.norm((aside - state)[positions] / reach)
+        if moved > 0.1 * BESIDE and constraints.missed(time, aside, mode) < FULL:
+            return aside
+    return None
 
 
 def _lost(constraints: Constraints, slopes: Any) -> tuple[str, ...]:

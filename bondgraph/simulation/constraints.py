@@ -7,6 +7,7 @@ large ones through a sparse augmented matrix, both through the singular values w
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,14 @@ NOISE = 1e-13  # of that size: what is left of large positions that are subtract
 DENSE = 60  # rows up to which the linear algebra is dense
 RANK = 1e-8  # of the largest singular value: rows that lose more say nothing at this pose
 WEAK = 1e-5  # smallest pivot of a Cholesky factor that is trusted
+
+
+@dataclass(frozen=True, slots=True)
+class Assembled:
+    """What is known of the constraints at the start."""
+
+    mobility: int  # coordinates less independent constraints
+    redundant: tuple[str, ...]  # constraints that follow from others
 
 
 class Constraints:
@@ -36,6 +45,7 @@ class Constraints:
         self.speeds = np.unique(self.columns[~of_gaps])
         self.taking = np.ones(self.gaps, dtype=bool)
         self.lengths = np.array([u == "m" for u in program.invariants.units[: self.gaps]], dtype=bool)
+        self.assembled: Assembled | None = None
         self.scale(magnitude)
 
     def scale(self, magnitude: Any) -> None:
@@ -91,7 +101,9 @@ class Constraints:
             _, slopes = self.slopes(time, state, mode)
             solver = Least(slopes[rows])
             for _ in range(2):
-                state[self.speeds] -= self.reach[self.speeds] * solver.solve(self.values(time, state, mode)[self.gaps + rows])
+                state[self.speeds] -= self.reach[self.speeds] * solver.solve(
+                    self.values(time, state, mode)[self.gaps + rows]
+                )
         return state
 
     def _closed(self, time: float, state: Any, mode: Any, along: Any) -> Any:

@@ -89,7 +89,10 @@ def tangents(function: OnConstraints, time: float, scaled: Any) -> Any:
     gaps, rates = constraints.slopes(time, state, function.mode)
     free = np.setdiff1d(np.arange(constraints.count), np.concatenate([constraints.positions, constraints.speeds]))
     columns = [np.eye(constraints.count)[:, free]]
-    for slopes, places in ((gaps[constraints.taking], constraints.positions), (rates[constraints.taking_rates], constraints.speeds)):
+    for slopes, places in (
+        (gaps[constraints.taking], constraints.positions),
+        (rates[constraints.taking_rates], constraints.speeds),
+    ):
         full = np.zeros((constraints.count, len(places)))
         full[places, np.arange(len(places))] = 1.0
         columns.append(full @ null_space(slopes))

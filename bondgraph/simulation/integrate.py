@@ -225,7 +225,7 @@ class _Stepper:
             self._sample(solver, stretch)
             self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
-                self._add_work(*solver.last_step, lambda times: solver.collocation(times) * magnitude, stretch)
+                self._add_work(*solver.last_step, self._along(solver), stretch)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
             solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
@@ -379,6 +379,10 @@ class _Stepper:
     def _look(self, solver: Radau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         self._watch_limits(*solver.last_step, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
+
+    def _along(self, solver: Radau) -> Callable[[Any], Any]:
+        """The last step of a solver, as states at instants."""
+        return lambda times: solver.collocation(times) * self.tolerances.magnitude
 
     def _watch_limits(
         self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment

@@ -19,6 +19,7 @@ from .loops import LoopSolver
 from .nominal import nominal_magnitudes
 from .rest import equilibrium
 from .segments import mode_after, segments
+from .singular import told_of
 from .start import consistent_start
 from .validity import Watch
 
@@ -70,7 +71,7 @@ class Leg:
             held = [self.begin.stored[n] for n in names]
             full = np.array([*held, *state[len(names) :]])
             if constraints:
-                choose_rows(constraints, first.start, full, first.mode)
+                constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
                 full = constraints.project(first.start, full, first.mode)
             loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
             return loops.solve(first.start, full, first.mode), ()
@@ -115,7 +116,14 @@ class Leg:
         """Magnitudes of all states and unknowns."""
         mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
         found = nominal_magnitudes(
-            self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, self._choice(), self.constraints
+            self.program,
+            mechanisms,
+            self.constants,
+            self.state,
+            self.inputs,
+            self.stretches,
+            self._choice(),
+            self.constraints,
         )
         self.notes = () if found.note is None else (found.note,)
         return found.values
@@ -136,6 +144,7 @@ class Leg:
         except RateNotFinite as failed:
             cause = cause_of(program, space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
+        self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
         check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)

@@ -197,7 +197,9 @@ class Eliminated:
     def rates(self, *arguments: Any) -> Any:
         """Time, state, inputs, constants, mode -> (…, n)."""
         solved = self.program.solved
-        return self.program.derivative(*arguments) if solved is None else np.asarray(solved(*arguments))[..., : self.size]
+        return (
+            self.program.derivative(*arguments) if solved is None else np.asarray(solved(*arguments))[..., : self.size]
+        )
 
     def entries(self, time: Any, state: Any, *fixed: Any) -> Any:
         """The same -> the entries of the Jacobian."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .constraints import Constraints
+from .constraints import Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
 from .loops import LoopSolver
 
@@ -25,6 +25,7 @@ SEARCH = 12
 DIFFERENCE = 1e-6
 ASIDE = 0.1  # of the way of a crossing: how far beside it the singular point may lie
 LARGEST = 400  # positions up to which singular values are computed at each step
+SHOWN = 5  # names and times in a note
 PLACES = 65  # of a crossing, at which it looks for the pose
 
 
@@ -42,7 +43,9 @@ class Watcher:
 
     def __init__(self, constraints: Constraints, loops: LoopSolver, passed: list[SingularPose]) -> None:
         self.constraints, self.loops, self.passed = constraints, loops, passed
-        self.seen: list[tuple[float, float]] = []  # instants of the last three steps, and smallest singular values there
+        self.seen: list[
+            tuple[float, float]
+        ] = []  # instants of the last three steps, and smallest singular values there
         self.ahead = np.inf  # time to where it vanishes, if it goes on
         self.behind = np.inf
         self.comes = False  # whether it seems to vanish there, and not to turn before
@@ -76,7 +79,7 @@ class Watcher:
         return NEAR * min(self.ahead, self.behind)
 
     def _least(self, time: float, state: Any, mode: Any) -> float:
-        slopes, size = self._scaled(time, state, mode)
+        slopes, _ = self._scaled(time, state, mode)
         if not len(slopes) or slopes.shape[1] > LARGEST:
             return np.inf
         values = np.linalg.svd(slopes, compute_uv=False)
@@ -89,7 +92,9 @@ class Watcher:
         return gaps[taking] / size[taking, None], size[taking]
 
     # ------------------------------------------------------------ crossing
-    def crossing(self, time: float, state: Any, mode: Any, step: float, stop: float, tolerance: float) -> Crossed | None:
+    def crossing(
+        self, time: float, state: Any, mode: Any, step: float, stop: float, tolerance: float
+    ) -> Crossed | None:
         """A step over the pose ahead, if there is one within reach that can be crossed; None else."""
         size = 2 * self.ahead
         if not self.comes or not self.ahead < LOOK * step or time + size > stop or self.ahead > 0.5 * self.tried:
@@ -167,6 +172,29 @@ class Watcher:
         share = np.abs(left[:, len(values) - lost :]).max(axis=1)
         joints = dict.fromkeys(n.rpartition(".")[0] for n in names[share > 0.1])
         return state, lost, tuple(joints)
+
+
+def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str, ...]:
+    """What a run says of its constraints: the redundant ones, and the singular poses that it passed."""
+    told = []
+    if assembled is not None and assembled.redundant:
+        names = ", ".join(f"`{n}`" for n in assembled.redundant[:SHOWN]) + (
+            "…" if len(assembled.redundant) > SHOWN else ""
+        )
+        count = len(assembled.redundant)
+        told.append(
+            f"{count} constraint{'s' * (count != 1)} of closing joints follow{'s' * (count == 1)} from the others and take{'s' * (count == 1)} "
+            f"no part ({names}); mobility {assembled.mobility}"
+        )
+    if poses:
+        times = ", ".join(f"{p.time:.6g} s" for p in poses[:SHOWN]) + (", …" if len(poses) > SHOWN else "")
+        joints = list(dict.fromkeys(j for p in poses for j in p.joints))
+        named = ", ".join(f"`{j}`" for j in joints[:SHOWN]) + ("…" if len(joints) > SHOWN else "")
+        told.append(
+            f"{len(poses)} singular pose{'s' * (len(poses) != 1)} passed on the branch that goes on with a continuous tangent, at t = {times}: "
+            f"there {named} lose{'s' * (len(joints) == 1)} hold of up to {max(p.lost for p in poses)} motions"
+        )
+    return tuple(told)
 
 
 def _lowest(function: Any, low: float, high: float) -> float:

@@ -63,17 +63,24 @@ def _assembled(
     """The same with closing joints: their gaps, and the rates of these, must vanish as well."""
     time, mode = first.start, first.mode
 
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)))
+    loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
+
     def claims(x: Any) -> Any:
+        if loose:
+            x = loops.solve_all(np.full(len(x), time), x, mode) if x.ndim > 1 else loops.solve(time, x, mode)
         return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
 
     x = assemble(constraints, claims, time, mode, state, movable)
-    choose_rows(constraints, time, x, mode)
+    constraints.assembled = choose_rows(constraints, time, x, mode)
     x = constraints.project(time, x, mode)
     value = claims(x)
     reach = _reach(claims, x) if value.any() else np.abs(value)
     _check(program, space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
     loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)))
     full = loops.solve(time, x, mode)
+    if loose:
+        _check_unique(loops, space, full, (time, mode))
     return full, tuple(n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b)
 
 

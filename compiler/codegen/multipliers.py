@@ -15,7 +15,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, add, call, divide, multiply, negate, rebuild, select
+from ..algebra.expression import (
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    divide,
+    multiply,
+    negate,
+    rebuild,
+    select,
+)
 from .limits import Leaf
 
 if TYPE_CHECKING:
@@ -43,7 +56,7 @@ def solve_multipliers(lowered: Lowered) -> Solved | None:
     if not bound:
         return None
     places = [unknowns[i.multiplier] for i in bound if i.multiplier is not None]
-    leaves = [Symbol(Leaf("state", p)) for p in places]
+    leaves: list[Expression] = [Symbol(Leaf("state", p)) for p in places]
     parts = [Number(1.0) if i.part is None else lowered.values[i.part] for i in bound]
     matrix: Matrix = {}
     for i, row in enumerate(places):
@@ -122,7 +135,7 @@ def _order(matrix: Mapping[tuple[int, int], Expression], count: int) -> tuple[li
 class _Replacing:
     """Symbols replaced in many expressions that share their parts; not by recursion, as they may be deep."""
 
-    def __init__(self, values: Mapping[Symbol, Expression]) -> None:
+    def __init__(self, values: Mapping[Expression, Expression]) -> None:
         self.known: dict[Expression, Expression] = dict(values)
 
     def __call__(self, x: Expression) -> Expression:

@@ -125,7 +125,9 @@ class Closure:
         def push(effort: Expression) -> None:
             second.push(effort)
             first.push(negate(ratio * effort))
-            self.wrenches[joint.name] = (NULL, (ZERO, ZERO, effort)) if letter == "phi" else ((effort, ZERO, ZERO), NULL)
+            self.wrenches[joint.name] = (
+                (NULL, (ZERO, ZERO, effort)) if letter == "phi" else ((effort, ZERO, ZERO), NULL)
+            )
 
         return [
             Row(
@@ -139,7 +141,7 @@ class Closure:
         """Of a hinge or slide, in the tree or closing; from where it was drawn."""
         joint = next(j for j in self.mechanics.mechanism.joints if j.name == name)
         port = f"{name}.{joint.freedoms[0]}"
-        found = self.mechanics.kinematics.coordinates.scalars.get(port)
+        found = self.mechanics.kinematics.states.scalars.get(port)
         if found is None:
             return next(iter(Sides(self, joint).coordinates().values()))
         known, efforts = found, self.mechanics.efforts
@@ -161,13 +163,17 @@ class Sides:
             drawn = [mechanics.mechanism.point_of(end) for end in (joint.first, joint.second)]
         else:
             drawn = [joint.position, joint.position]
-        points = [self.script.place(p, f"{joint.name} at {end}") for p, end in zip(drawn, ("first", "second"), strict=True)]
+        points = [
+            self.script.place(p, f"{joint.name} at {end}") for p, end in zip(drawn, ("first", "second"), strict=True)
+        ]
         names = ["first", "second"] if bodies[0] == bodies[1] else bodies
         self.first, self.second = (
             mechanics.placed(body, point, f"{joint.name}.{name}")
             for body, point, name in zip(bodies, points, names, strict=True)
         )
-        self.gap = self.script.vector(f"{joint.name}.open", minus(self.second.displacement, self.first.displacement), "m")
+        self.gap = self.script.vector(
+            f"{joint.name}.open", minus(self.second.displacement, self.first.displacement), "m"
+        )
         self.slip = self.script.vector(f"{joint.name}.slip", minus(self.second.velocity, self.first.velocity), "m/s")
         self.spin = self.script.vector(f"{joint.name}.turning", minus(self.second.spin, self.first.spin), "1/s")
         self._known: list[tuple[Accelerations, Accelerations]] = []

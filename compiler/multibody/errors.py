@@ -33,9 +33,9 @@ class NothingMoves(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class RodWithoutLength(Diagnostic):
-    """BG204."""
+    """BG203."""
 
-    code = "BG204"
+    code = "BG203"
     title = "The rod `{joint}` has no length: its two ends are drawn at one place"
     advice = "What holds two points together is a hinge, in space a ball."
     joint: str

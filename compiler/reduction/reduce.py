@@ -136,7 +136,9 @@ class _Reduction:
         bound = [v for v in block if v in self.multipliers]
         cut, order = tear([v for v in block if v not in self.multipliers], inputs)
         members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
-        if bound:  # inside of a step they belong to its unknowns: what they decide stays sparse, whatever the number of loops
+        if (
+            bound
+        ):  # inside of a step they belong to its unknowns: what they decide stays sparse, whatever the number of loops
             return self._nonlinear([*bound, *cut], order, members)
         linear = self._linear(block, cut, order, members)
         return linear if linear is not None else self._nonlinear(cut, order, members)

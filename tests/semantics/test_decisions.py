@@ -221,9 +221,7 @@ class TestNothingIsDroppedInSilence:
         text = f"model A {{\n  1 body : translation\n  I mass : p = 1 kg*v\n  body -> mass\n  {statement}\n}}\n"
         found = mistakes(text)
         if found:
-            assert {d.code for d in found} <= {"BG130", "BG201"} and all(
-                d.span.line >= 5 and d.help for d in found
-            )
+            assert {d.code for d in found} <= {"BG130", "BG201"} and all(d.span.line >= 5 and d.help for d in found)
         else:
             assert compiled(text, everything=True).program.states.names
 
