@@ -16,10 +16,12 @@ from ..door import Program
 from ..errors import RateNotFinite, RunFailed
 from . import exponential
 from .choice import Choice, Handover
+from .constraints import Constraints
 from .factorise import dense, is_large, sparse
-from .loops import LoopSolver
+from .loops import Eliminated, LoopSolver
 from .radau import C, Problem, Radau, StepFailed
 from .segments import Segment, follower
+from .singular import NEAR, SingularPose, Watcher
 from .validity import Watch
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
@@ -59,6 +61,7 @@ class Trajectory:
     evaluations: dict[str, int] = field(default_factory=dict)
     work: Any = None  # integral of the powers, if asked
     final: Any = None
+    poses: list[SingularPose] = field(default_factory=list)  # that were passed
     handover: Handover | None = None  # the run stops there: other states should go on
     solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
 
@@ -78,6 +81,7 @@ def integrate(
     watch: Watch,
     choice: Choice | None,
     linear: bool,
+    constraints: Constraints,
 ) -> Trajectory:
     """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
@@ -85,8 +89,8 @@ def integrate(
 
     `powers` are integrated along the solution, outside the error control.
     """
-    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch)
-    stepper.choice, stepper.linear = choice, linear
+    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch, constraints)
+    stepper.choice, stepper.linear = choice, linear and not constraints
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
         if number:
@@ -112,8 +116,9 @@ class _Stepper:
         tolerances: Callable[[], Tolerances],
         powers: Powers | None,
         watch: Watch,
+        constraints: Constraints,
     ) -> None:
-        self.watch = watch
+        self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
         self.linear = False
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
@@ -125,7 +130,9 @@ class _Stepper:
 
     @cached_property
     def tolerances(self) -> Tolerances:
-        return self._tolerances()
+        found = self._tolerances()
+        self.constraints.scale(found.magnitude)
+        return found
 
     @cached_property
     def loops(self) -> LoopSolver:
@@ -133,9 +140,13 @@ class _Stepper:
         magnitude = self.tolerances.magnitude if unknowns else np.ones(len(self.program.states.names))
         return LoopSolver(self.program, self.constants, self.inputs, magnitude)
 
+    @cached_property
+    def singular(self) -> Watcher:
+        return Watcher(self.constraints, self.loops, self.result.poses)
+
     def run(self, stretch: Segment, x: Any) -> Any:
         """One stretch from state x; returns the state at its end."""
-        x = self.loops.solve(stretch.start, x, stretch.mode)
+        x = self.held(stretch.start, x, stretch.mode)
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
             self.result.states[self.position] = x
             self.position += 1
@@ -199,7 +210,9 @@ class _Stepper:
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
-        solver = self._solver(stretch, x)
+        solver = self._solver(stretch, stretch.start, x)
+        if self.constraints:
+            self.singular.begin(stretch.start, x, stretch.mode)
         self.result.solvers["Radau IIA 5"] = None
         magnitude = self.tolerances.magnitude
         relative = self.tolerances.scaled
@@ -212,7 +225,7 @@ class _Stepper:
             self._sample(solver, stretch)
             self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
-                self._add_work(*solver.last_step, lambda times: solver.collocation(times) * magnitude, stretch)
+                self._add_work(*solver.last_step, self._along(solver), stretch)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
             solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
@@ -220,9 +233,52 @@ class _Stepper:
                 self.result.handover = self.choice.look(solver.time, solver.state * magnitude, stretch.mode)
                 if self.result.handover is not None:
                     break
+            if self.constraints and not solver.finished:
+                solver = self._past_singular_pose(solver, stretch)
         self.result.steps += steps
         self._count(solver.evaluations)
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
+
+    def held(self, time: float, x: Any, mode: Any) -> Any:
+        """A state on its invariants, with the unknowns that belong to it."""
+        return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
+
+    def held_all(self, times: Any, states: Any, mode: Any) -> Any:
+        """The same for several instants; shape (times, n)."""
+        return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
+
+    def _past_singular_pose(self, solver: Radau, stretch: Segment) -> Radau:
+        """The solver, or a new one beyond a singular pose that is near; steps beside one are short."""
+        magnitude, watcher = self.tolerances.magnitude, self.singular
+        state = solver.state * magnitude
+        watcher.look(solver.time, state, stretch.mode)
+        solver.problem.longest = min(self.longest, watcher.longest)
+        crossed = watcher.crossing(
+            solver.time, state, stretch.mode, solver.wish, stretch.stop, self.tolerances.relative
+        )
+        if crossed is None:
+            return solver
+
+        def sample(times: Any) -> Any:
+            states = crossed.at(times) * magnitude[: self.constraints.count]
+            unknowns = np.broadcast_to(state[self.constraints.count :], (len(states), len(state) - states.shape[1]))
+            return np.concatenate([states, unknowns], axis=1)
+
+        end = crossed.start + crossed.size
+        last = self.position
+        while last < len(self.instants) and self.instants[last] <= end and self.instants[last] < stretch.stop:
+            last += 1
+        times = self.instants[self.position : last]
+        if len(times):
+            self.result.states[self.position : last] = self.held_all(times, sample(times), stretch.mode)
+            self.position = last
+        self._watch_limits(crossed.start, end, times, sample, stretch)
+        if self.powers is not None:
+            self._add_work(crossed.start, end, sample, stretch)
+        after = self.held(end, sample(np.array([end]))[0], stretch.mode)
+        self._count(solver.evaluations)
+        watcher.begin(end, after, stretch.mode)
+        return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
 
     def _without_states(self, stretch: Segment, x: Any) -> Any:
         """Nothing to integrate: loops at each instant by themselves, each from the solution before it."""
@@ -257,31 +313,41 @@ class _Stepper:
                 "its flow would be an impulse; put a resistor between source and storage, or let the source rise within a time"
             )
 
-    def _solver(self, stretch: Segment, x: Any) -> Radau:
-        """The solver for the scaled states of one stretch."""
+    def _solver(self, stretch: Segment, start: float, x: Any, size: float = np.inf) -> Radau:
+        """The solver for the scaled states of one stretch, from a time and state in it; `size` of the first step, if known."""
         program, magnitude, count = self.program, self.tolerances.magnitude, len(self.program.states.names)
         fixed = (self.inputs, self.constants, stretch.mode)
         differential = np.arange(len(x)) < count
         rows, columns = program.pattern
         unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
         ratio = magnitude[columns] / unit[rows]
+        eliminated = Eliminated(program)
 
         def derivative(time: float, scaled: Any) -> Any:
-            return program.derivative(time, scaled * magnitude, *fixed) / unit
+            return eliminated.rates(time, scaled * magnitude, *fixed) / unit
 
         def jacobian(time: float, scaled: Any) -> Any:
-            return program.jacobian_entries(time, scaled * magnitude, *fixed) * ratio
+            return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
-        slope = derivative(stretch.start, x / magnitude)
+        slope = derivative(start, x / magnitude)
         if not np.isfinite(slope).all():
-            raise _not_finite(program, stretch.start, slope, x)
+            raise _not_finite(program, start, slope, x)
         relative = self.tolerances.relative
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
         problem = Problem(
             derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
         )
-        return Radau(problem, stretch.start, x / magnitude, stretch.stop)
+        if self.constraints:
+            constraints, mode = self.constraints, stretch.mode
+
+            def hold(time: float, scaled: Any) -> Any:
+                held = constraints.project(time, scaled * magnitude, mode) / magnitude
+                held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
+                return held
+
+            problem.hold = hold
+        return Radau(problem, start, x / magnitude, stretch.stop, size)
 
     def _step(self, solver: Radau, steps: int) -> None:
         """One accepted step."""
@@ -307,20 +373,23 @@ class _Stepper:
             last += 1
         if last > first:
             states = solver.sample(self.instants[first:last]) * self.tolerances.magnitude
-            self.result.states[first:last] = self.loops.solve_all(self.instants[first:last], states, stretch.mode)
+            self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
     def _look(self, solver: Radau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
+        self._watch_limits(*solver.last_step, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
+
+    def _along(self, solver: Radau) -> Callable[[Any], Any]:
+        """The last step of a solver, as states at instants."""
+        return lambda times: solver.collocation(times) * self.tolerances.magnitude
+
+    def _watch_limits(
+        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment
+    ) -> None:
         if self.program.limits:
-            start, stop = solver.last_step
             times = np.unique(np.concatenate([[start], start + C[:-1] * (stop - start), [stop], reported]))
-
-            def state_at(times: Any) -> Any:
-                states = solver.sample(times) * self.tolerances.magnitude
-                return self.loops.solve_all(times, states, stretch.mode)
-
-            self.watch.look(times, stretch.mode, state_at)
+            self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
 
     def _add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
         """The work of a step; it is halved where the two quadratures differ by more than the tolerance allows."""

@@ -9,7 +9,9 @@ import numpy as np
 from ..door import Assignment, Compilation, Plan, Program, evaluate
 from ..errors import RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance
+from .assembly import choose_rows
 from .choice import Choice, Handover
+from .constraints import Constraints
 from .energy import energy_balance
 from .finite import cause_of, check_finite
 from .integrate import Tolerances, Trajectory, integrate
@@ -17,6 +19,7 @@ from .loops import LoopSolver
 from .nominal import nominal_magnitudes
 from .rest import equilibrium
 from .segments import mode_after, segments
+from .singular import told_of
 from .start import consistent_start
 from .validity import Watch
 
@@ -37,12 +40,12 @@ class Leg:
         self.compilation, self.plan, self.begin = compilation, plan, begin
         self.program = program = compilation.program
         self.instants, self.rtol, self.atol, self.energy = instants, rtol, atol, energy
-        self.parameters = np.array(program.defaults, dtype=float)
-        self.constants = program.constants(self.parameters)
         self.inputs = np.array(program.input_defaults, dtype=float)
+        self.constraints = self._constraints(program)
         start = instants[0] if begin is None else begin.time
-        self.stretches = segments(program, self.constants, start, instants[-1])
-        self.state, self.moved = self._start(program, compilation)
+        self.stretches = segments(program, self.constraints.constants, start, instants[-1])
+        self.state, self.moved = self._start(program, compilation, self.constraints)
+        self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.told = self._told_tolerances()
         self.notes: tuple[str, ...] = ()
         self.trajectory = Trajectory(np.empty((0, 0)))
@@ -50,9 +53,14 @@ class Leg:
         self.values: Any = None  # of the outputs, shape (points, outputs)
         self.balance: EnergyBalance | None = None
 
-    def _start(self, program: Program, compilation: Compilation) -> tuple[Any, tuple[str, ...]]:
+    def _constraints(self, program: Program) -> Constraints:
+        return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
+
+    def _start(
+        self, program: Program, compilation: Compilation, constraints: Constraints
+    ) -> tuple[Any, tuple[str, ...]]:
         """The state at the start, unknowns of loops included, and what the author's starts moved."""
-        constants = program.constants(np.array(program.defaults, dtype=float))
+        constants = constraints.constants
         state = np.asarray(program.start(constants), dtype=float)
         names = program.states.names
         if not np.isfinite(state).all():
@@ -61,11 +69,18 @@ class Leg:
         first = self.stretches[0]
         if self.begin is not None:
             held = [self.begin.stored[n] for n in names]
-            loops = LoopSolver(program, constants, self.inputs, np.ones(len(state)))
-            return loops.solve(first.start, np.array([*held, *state[len(names) :]]), first.mode), ()
-        full, moved = consistent_start(program, compilation.state_space, constants, self.inputs, state, first)
+            full = np.array([*held, *state[len(names) :]])
+            if constraints:
+                constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
+                full = constraints.project(first.start, full, first.mode)
+            loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
+            return loops.solve(first.start, full, first.mode), ()
+        full, moved = consistent_start(
+            program, compilation.state_space, constants, self.inputs, state, first, constraints
+        )
         if self.plan.equilibrium:
-            full = equilibrium(program, constants, self.inputs, full, first)
+            full = equilibrium(program, constraints.constants, self.inputs, full, first)
+            full = constraints.project(first.start, full, first.mode)
         return full, moved
 
     def _tolerances(self) -> Tolerances:
@@ -73,6 +88,8 @@ class Leg:
         magnitude = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         held = np.full(len(self.state), self.atol is not None)
+        multipliers = [len(self.program.states.names) + m for m in self.program.multipliers if m >= 0]
+        absolute[multipliers] = np.inf  # they follow from the states, and grow without bound near a singular pose
         for index, value in self.told.items():
             absolute[index], held[index] = value, True
         return Tolerances(self.rtol, absolute, magnitude, held)
@@ -99,7 +116,14 @@ class Leg:
         """Magnitudes of all states and unknowns."""
         mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
         found = nominal_magnitudes(
-            self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, self._choice()
+            self.program,
+            mechanisms,
+            self.constants,
+            self.state,
+            self.inputs,
+            self.stretches,
+            self._choice(),
+            self.constraints,
         )
         self.notes = () if found.note is None else (found.note,)
         return found.values
@@ -115,10 +139,12 @@ class Leg:
             self.trajectory = integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
                 self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
+                self.constraints,
             )  # fmt: skip
         except RateNotFinite as failed:
             cause = cause_of(program, space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
+        self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
         check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)

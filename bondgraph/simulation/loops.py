@@ -1,4 +1,4 @@
-"""Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off.
+"""Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off; multipliers in one go.
 
 Steps of the solver take the unknowns along; here they are found at a start, after a jump, and at reported instants. Where
 Newton's method fails from the last solution, `homotopy.py` leads the residual there to zero bit by bit.
@@ -34,12 +34,16 @@ class LoopSolver:
         self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
         rows, columns = program.pattern
         self._chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
+        self.affine = len(self.magnitude) > 0 and {*range(len(self.magnitude))} <= {*program.multipliers}
+        self._order = np.argsort([m for m in program.multipliers if m >= 0])
         self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
 
     def solve(self, time: float, state: Any, mode: Any) -> Any:
         """The state with the unknowns that belong to it. Raises `RunFailed`."""
         if not len(self.magnitude):
             return state
+        if self.affine:
+            return self._multipliers(time, state, mode)
         last = state[self.count :]
         found = self.newton(time, state, mode, last)
         if found is None:
@@ -79,6 +83,12 @@ class LoopSolver:
         starts = (_put(last, places, share * self.magnitude[places]) for share in GUESSES)
         found = (self._homotopy(time, state, mode, start, places) for start in starts)
         return next((z for z in found if z is not None), None)
+
+    def _multipliers(self, time: float, state: Any, mode: Any) -> Any:
+        """The multipliers of closing joints, which the program solves for itself."""
+        assert self.program.solved is not None
+        found = np.asarray(self.program.solved(time, state, self.inputs, self.constants, mode))
+        return np.concatenate([state[: self.count], found[len(state) :][self._order]])
 
     def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
         """The same for several instants; shape (times, n)."""
@@ -170,3 +180,31 @@ def _put(z: Any, places: Any, values: Any) -> Any:
     result = np.array(z, dtype=float)
     result[places] = values
     return result
+
+
+class Eliminated:
+    """Rates and Jacobian as functions of states and other unknowns: multipliers in a state are not read.
+
+    The rates are as `derivative`, with zeros in the rows of the multipliers; the Jacobian is that of the larger system, at the
+    multipliers that belong to the state.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.size = len(program.states.names) + len(program.unknowns.names)
+        self.places = np.array([len(program.states.names) + m for m in program.multipliers if m >= 0], dtype=int)
+
+    def rates(self, *arguments: Any) -> Any:
+        """Time, state, inputs, constants, mode -> (…, n)."""
+        solved = self.program.solved
+        return (
+            self.program.derivative(*arguments) if solved is None else np.asarray(solved(*arguments))[..., : self.size]
+        )
+
+    def entries(self, time: Any, state: Any, *fixed: Any) -> Any:
+        """The same -> the entries of the Jacobian."""
+        solved = self.program.solved
+        if solved is not None:
+            state = np.array(state)
+            state[..., self.places] = np.asarray(solved(time, state, *fixed))[..., self.size :]
+        return self.program.jacobian_entries(time, state, *fixed)

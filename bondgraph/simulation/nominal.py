@@ -18,8 +18,9 @@ import numpy as np
 from ..door import Program
 from ..errors import RunFailed
 from .choice import Choice
+from .constraints import Constraints
 from .factorise import dense, is_large, sparse
-from .loops import LoopSolver
+from .loops import Eliminated, LoopSolver
 from .segments import Segment
 
 STEPS = 60  # of the coarse run
@@ -58,7 +59,7 @@ class Magnitudes:
 
 def nominal_magnitudes(
     program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
-    choice: Choice | None = None,
+    choice: Choice | None = None, constraints: Constraints | None = None,
 ) -> Magnitudes:  # fmt: skip
     """A positive magnitude for every state and unknown. `mechanisms`: their names; `choice` says where these states will be
     no longer the right ones."""
@@ -66,7 +67,7 @@ def nominal_magnitudes(
     peak = np.abs(state)
     stopped = None
     if len(program.states.names):
-        coarse = _Coarse(program, constants, inputs, state)
+        coarse = _Coarse(program, constants, inputs, state, constraints)
         peak = np.maximum(peak, coarse.peak(stretches, choice))
         stopped = coarse.stopped
     result = np.where(given > 0, given, peak)
@@ -92,11 +93,15 @@ def _kind(name: str, mechanisms: Sequence[str]) -> str:
 class _Coarse:
     """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
 
-    def __init__(self, program: Program, constants: Any, inputs: Any, state: Any) -> None:
+    def __init__(
+        self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None
+    ) -> None:  # fmt: skip
+        self.constraints = constraints
         self.program, self.constants, self.inputs = program, constants, inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.stopped: float | None = None  # where it gave up
         self.differential = np.arange(len(state)) < len(program.states.names)
+        self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
         kind = sparse if is_large(len(state), len(self.rows)) else dense
         self.shifted = kind(self.rows, self.columns, self.differential)
@@ -126,7 +131,7 @@ class _Coarse:
                     continue
                 time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
                 size = min(usual, 2 * size)
-                self.state = found
+                self.state = found if self.constraints is None else self.constraints.project(time, found, stretch.mode)
                 self.largest = np.maximum(self.largest, np.abs(found))
                 if choice is not None and choice.look(time, found, stretch.mode) is not None:
                     return self.largest
@@ -159,8 +164,8 @@ class _Coarse:
             return None
         before = np.inf
         for _ in range(NEWTON_ITERATIONS):
-            slope = program.derivative(time, x, *fixed)
-            entries = program.jacobian_entries(time, x, *fixed)
+            slope = self.eliminated.rates(time, x, *fixed)
+            entries = self.eliminated.entries(time, x, *fixed)
             if not (np.isfinite(slope).all() and np.isfinite(entries).all()):
                 return None
             moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))

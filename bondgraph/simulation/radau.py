@@ -79,6 +79,7 @@ class Problem:
     absolute: Any  # per state
     follows: Callable[[float, float], bool]  # whether a step from here to there would see what time alone moves
     longest: float = np.inf  # no step is longer
+    hold: Callable[[float, Any], Any] | None = None  # brings the end of a step onto the invariants of the states
 
 
 @dataclass(slots=True)
@@ -93,13 +94,13 @@ class _End:
 class Radau:
     """Steps from `time` to `stop`; after each `step()` the last one can be sampled."""
 
-    def __init__(self, problem: Problem, time: float, state: Any, stop: float) -> None:
+    def __init__(self, problem: Problem, time: float, state: Any, stop: float, size: float = np.inf) -> None:
         self.problem, self.time, self.state, self.stop = problem, time, state, stop
         self.evaluations = {"derivative": 0, "jacobian": 0, "factorisation": 0}
         self.rejected = 0
         self.error: Any = np.zeros(len(state))  # of the last step, in units of its tolerance
         self._rate = self._function(time, state)
-        self._size = self._first_size()
+        self._size = size if np.isfinite(size) else self._first_size()
         self._newton_tolerance = max(
             10 * np.finfo(float).eps / problem.relative, min(0.03, problem.relative**0.5)
         )  # fmt: skip
@@ -117,6 +118,11 @@ class Radau:
     def finished(self) -> bool:
         """Whether the end is reached."""
         return self.time >= self.stop
+
+    @property
+    def wish(self) -> float:
+        """How long the next step would be if nothing else limited it."""
+        return self._size
 
     @property
     def last_step(self) -> tuple[float, float]:
@@ -294,11 +300,15 @@ class Radau:
     def _accept(
         self, end: float, new: Any, stages: Any, size: float, norm: float, safety: float, rejected: bool, iterations: int, rate: float,
     ) -> None:  # fmt: skip
+        if self.problem.hold is not None:
+            new = self.problem.hold(end, new)
         self._ends = [*self._ends[-2:], _End(end, new, D @ stages / size)]
         factor = min(LARGEST, safety * self._factor(size, norm))
         self._last_size, self._last_error = size, max(norm, 1e-2)
         self.time, self.state, self._stages = end, new, stages
         self._rate = self._function(end, new)
+        if self.problem.hold is not None:  # multipliers that were solved for another state say nothing of an error
+            self._rate = np.where(self.problem.differential, self._rate, 0.0)
         stale = iterations > 2 and rate > 1e-3
         if rejected:
             factor = min(factor, 1.0)

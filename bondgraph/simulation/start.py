@@ -13,8 +13,10 @@ import numpy as np
 
 from ..door import Program, StateSpace
 from ..errors import RunFailed
+from .assembly import assemble, choose_rows
 from .branches import other_solutions
 from .claims import fulfil, slopes_of
+from .constraints import Constraints
 from .loops import LoopSolver
 from .segments import Segment
 
@@ -24,7 +26,7 @@ SHOWN = 4  # solutions, and unknowns of each, that a message tells
 
 
 def consistent_start(
-    program: Program, space: StateSpace, constants: Any, inputs: Any, state: Any, first: Segment
+    program: Program, space: StateSpace, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
     """The state at the start, shape (n,), and the names of the states that moved from their default to get there.
 
@@ -33,16 +35,19 @@ def consistent_start(
     magnitude = np.where(state != 0, np.abs(state), 1.0)
     loops = LoopSolver(program, constants, inputs, magnitude)
     time, mode, count = first.start, first.mode, len(program.states.names)
-    if not space.claims:
+    if not space.claims and not constraints:
         full = loops.solve(time, state, mode)
         _check_unique(loops, space, full, (time, mode))
         return full, ()
+
+    movable = np.array([not s.given for s in space.states], dtype=bool)
+    if constraints:
+        return _assembled(program, space, constraints, state, movable, first)
 
     def missed(x: Any) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
         return np.asarray(program.claims(time, full, inputs, constants, mode)), full
 
-    movable = np.array([not s.given for s in space.states], dtype=bool)
     x = fulfil(lambda y: missed(y)[0], state[:count], movable)
     value, full = missed(x)
     reach = _reach(lambda y: missed(y)[0], x) if value.any() else np.abs(value)
@@ -50,6 +55,33 @@ def consistent_start(
     _check_unique(loops, space, full, (time, mode))
     moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
     return full, tuple(moved)
+
+
+def _assembled(
+    program: Program, space: StateSpace, constraints: Constraints, state: Any, movable: Any, first: Segment
+) -> tuple[Any, tuple[str, ...]]:
+    """The same with closing joints: their gaps, and the rates of these, must vanish as well."""
+    time, mode = first.start, first.mode
+
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)))
+    loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
+
+    def claims(x: Any) -> Any:
+        if loose:
+            x = loops.solve_all(np.full(len(x), time), x, mode) if x.ndim > 1 else loops.solve(time, x, mode)
+        return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
+
+    x = assemble(constraints, claims, time, mode, state, movable)
+    constraints.assembled = choose_rows(constraints, time, x, mode)
+    x = constraints.project(time, x, mode)
+    value = claims(x)
+    reach = _reach(claims, x) if value.any() else np.abs(value)
+    _check(program, space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)))
+    full = loops.solve(time, x, mode)
+    if loose:
+        _check_unique(loops, space, full, (time, mode))
+    return full, tuple(n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b)
 
 
 def _check_unique(loops: LoopSolver, space: StateSpace, full: Any, at: Any) -> None:

@@ -38,6 +38,7 @@ from ..reduction import LinearLoop, StateSpace
 from ..source import Span
 from .errors import JumpsWithoutEnd, NoiseOutOfStep
 from .limits import Leaf, Limit, ranges, requirement
+from .multipliers import Solved, solve_multipliers
 
 PARAMETER, TIME, INPUT, STATE, MODE = 1, 2, 4, 8, 16  # what a node depends on, as bits
 
@@ -68,6 +69,10 @@ class Lowered:
     starts: tuple[Expression, ...] = ()
     claims: tuple[Expression, ...] = ()  # by how much a start that the author gave to what is computed is missed
     forced: tuple[Expression, ...] = ()  # what must not jump with time
+    invariants: tuple[Expression, ...] = ()  # gaps (and norms), then the rates of gaps: all zero along a run
+    invariant_slopes: dict[tuple[int, int], Expression] = field(
+        default_factory=dict
+    )  # (invariant, state); of rates only by what no gap depends on
     dependents: tuple[Expression, ...] = ()  # what storages in derivative form hold
     sensitivities: dict[tuple[int, int], Expression] = field(
         default_factory=dict
@@ -80,6 +85,7 @@ class Lowered:
     periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
     limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
+    solved: Solved | None = None  # with the multipliers of closing joints solved for
     differentiated: int = 0  # formulas whose partial derivatives were formed
 
     def dependence(self, x: Expression) -> int:
@@ -131,6 +137,7 @@ def lower(space: StateSpace) -> Lowered:
                 result.jacobian[row, column] = entry
     result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
     result.claims = tuple(result.values[c.variable] - _entry(result, c.start) for c in space.claims)
+    _lower_invariants(result, slopes)
     result.dependents = tuple(result.values[d.variable] for d in space.dependents)
     for row, dependent in enumerate(space.dependents):
         for column, slope in slopes.get(dependent.variable, {}).items():
@@ -140,8 +147,22 @@ def lower(space: StateSpace) -> Lowered:
     nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
     result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
+    result.solved = solve_multipliers(result)
     result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
     return result
+
+
+def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]]) -> None:
+    """The gaps' slopes by positions, and those of their rates by speeds: what a projection needs."""
+    invariants, count = result.space.invariants, len(result.space.states)
+    gaps = [i.position for i in invariants]
+    rates = [i.velocity for i in invariants if i.velocity is not None]
+    result.invariants = tuple(result.values[v] for v in (*gaps, *rates))
+    positions = {c for gap in gaps for c in slopes.get(gap, {})}
+    for row, variable in enumerate((*gaps, *rates)):
+        for column, slope in slopes.get(variable, {}).items():
+            if column < count and slope != ZERO and (row < len(gaps) or column not in positions):
+                result.invariant_slopes[row, column] = slope
 
 
 def _signals(result: Lowered) -> Iterable[Expression]:
@@ -185,6 +206,7 @@ def _used(space: StateSpace) -> set[int]:
     used.update(v for c in space.claims for v in (c.variable, c.start) if isinstance(v, int))
     used.update(v for port in space.ports for v in (port.effort, port.flow))
     used.update(space.stored.values())
+    used.update(v for i in space.invariants for v in (i.position, i.velocity) if v is not None)
     for storage in space.storages:
         used.update(storage.stored)
         used.update(a for a in storage.arguments if not isinstance(a, float))

@@ -84,5 +84,16 @@ class Program:
     limits: tuple[LimitNote, ...]
     holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit
     limit_values: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> the values of all limits in a row
+    invariants: Names  # what a run keeps at zero: gaps of closing joints (and norms), then rates of these gaps
+    invariant: Callable[[float, Array, Array, Array, Array], Array]  # as output -> those
+    invariant_pattern: tuple[Array, Array]  # invariants and states; rates only by states on which no gap depends
+    invariant_slopes: Callable[[float, Array, Array, Array, Array], Array]  # as output -> the slopes there
+    multipliers: tuple[int, ...]  # for each gap that has a multiplier, its place among the unknowns, else -1
+    rates: tuple[int, ...]  # for each gap the row of its rate among the invariants, else -1
+    parts: tuple[
+        int, ...
+    ]  # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
+    solved: Callable[[float, Array, Array, Array, Array], Array] | None
+    # as derivative, whatever the multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed

@@ -20,6 +20,7 @@ from .system import (
     Claim,
     Derivative,
     EquationSystem,
+    Invariant,
     PowerPort,
     State,
     Storage,
@@ -41,6 +42,7 @@ class EquationBuilder:
         self.derivatives: list[Derivative] = []
         self.states: list[State] = []
         self.claims: list[Claim] = []
+        self.invariants: list[Invariant] = []
         self.ports: list[PowerPort] = []
         self.storages: list[Storage] = []
         self.stored: dict[str, int] = {}
@@ -71,6 +73,7 @@ class EquationBuilder:
             {n: self.root(v) for n, v in outputs.items()}, {n: self.root(v) for n, v in self.quantities.items()},
             tuple(self.ports), tuple(self.storages), self.stored, tuple(self.claims),
             tuple(replace(t, condition=self.root(t.condition), values=tuple((n, self._through(v), u) for n, v, u in t.values)) for t in limits),
+            tuple(self.invariants),
         )  # fmt: skip
 
     def _limit(self, required: Requirement) -> Validity:
@@ -143,6 +146,17 @@ class EquationBuilder:
             return assignment.expression
         found = self.variables[variable]
         return found.value if found.role == "parameter" else None
+
+    def vanishing(self, target: int, expression: Expression, span: Span, owner: str) -> None:
+        """The target is what makes the expression vanish."""
+        bound = bind(expression)
+        self.add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner, True))
+
+    def invariant(
+        self, position: int, velocity: int | None, name: str, span: Span, multiplier: int | None = None, part: int | None = None
+    ) -> None:  # fmt: skip
+        """What every state of a run keeps at zero, its rate too; `multiplier` and `part` as in `Invariant`."""
+        self.invariants.append(Invariant(position, velocity, name, span, multiplier, part))
 
     def folded(self, bound: Bound) -> Expression:
         """What the text bound, over variable numbers, with known zeros put in."""
@@ -358,6 +372,10 @@ class EquationBuilder:
             for s in self.states
         ]  # fmt: skip
         self.claims = [replace(c, variable=root(c.variable), start=through(c.start)) for c in self.claims]
+        self.invariants = [
+            replace(i, position=root(i.position), velocity=None if i.velocity is None else root(i.velocity))
+            for i in self.invariants
+        ]
         self.derivatives = [replace(d, target=root(d.target), of=root(d.of)) for d in self.derivatives]
         self.ports = [replace(p, effort=root(p.effort), flow=root(p.flow)) for p in self.ports]
         self.storages = [

@@ -84,6 +84,22 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
+class Invariant:
+    """What every state of a run must keep at zero: a constraint's gap (and its rate), or the norm of a quaternion less one.
+
+    A constraint has a multiplier, which the vanishing acceleration of the gap decides, and a parameter that is 1 where it takes
+    part and 0 where it follows from others.
+    """
+
+    position: int
+    velocity: int | None
+    name: str
+    span: Span
+    multiplier: int | None = None
+    part: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class PowerPort:
     """The bond of an element's port: power into the element = sign * effort * flow."""
 
@@ -138,3 +154,4 @@ class EquationSystem:
     stored: Mapping[str, int]  # node -> variable of its stored energy, for mechanisms
     claims: tuple[Claim, ...]
     limits: tuple[Validity, ...] = ()
+    invariants: tuple[Invariant, ...] = ()

@@ -136,6 +136,8 @@ class Coordinates:
         rates = [builder.variable(f"{n} rate", "computed", "1/s") for n in names]
         for rate, value in zip(rates, quaternion_rates(made.parts, made.spin), strict=True):
             builder.assign(rate, value, script.span, script.owner)
+        norm = script.held(f"{part.name}.attitude norm", add(*(c * c for c in made.parts)) - 1, "1")
+        builder.invariant(norm, None, script.named(f"{part.name}.attitude"), part.span)
         for variable, rate, value, name in zip(p, rates, start, names, strict=True):
             builder.state(variable, rate, value, name, script.span, given)
         for variable, rate, value, name in zip(omega, targets, spin_start, spins, strict=True):

@@ -12,8 +12,8 @@ class ClosedLoop(Diagnostic):
     """BG201."""
 
     code = "BG201"
-    title = "The {kind} `{joint}` closes a loop ({loop}), which would need constraint equations; this version does not support them"
-    advice = "A loop may be closed by a `free` joint, with springs on its three freedoms: then no constraint is needed."
+    title = "The {kind} `{joint}` closes a loop ({loop}), which this kind of joint cannot do"
+    advice = "Let another joint of the loop close it: a hinge, slide, weld, ball, cylinder or universal joint that is declared after this one."
     kind: str
     joint: str
     loop: str
@@ -29,3 +29,13 @@ class NothingMoves(Diagnostic):
     coordinate: str
     body: str
     what: str
+
+
+@dataclass(frozen=True, slots=True)
+class RodWithoutLength(Diagnostic):
+    """BG203."""
+
+    code = "BG203"
+    title = "The rod `{joint}` has no length: its two ends are drawn at one place"
+    advice = "What holds two points together is a hinge, in space a ball."
+    joint: str

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Set
 from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
 from .chords import Chords
+from .closure import Closure
 from .determined import undetermined
 from .energy import energy
-from .errors import ClosedLoop
 from .kinematics import Kinematics
 from .motion import MechanismEquations, Motion
 from .placed import Placed
@@ -18,7 +18,7 @@ from .reactions import reaction
 from .recursion import PLACES, Recursion
 from .script import Script, Writer
 from .starts import claim_starts, claimed_parts
-from .tree import Tree, is_weld, loop_of, spanning_tree
+from .tree import Tree, is_weld, spanning_tree
 from .vectors import Vector
 
 
@@ -29,11 +29,7 @@ def mechanism_equations(
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
-    tree = spanning_tree(mechanism, reacting)
-    if tree.closing:
-        loops = [(j, " - ".join(loop_of(tree, j, mechanism))) for j in tree.closing]
-        return MechanismEquations(diagnostics=[ClosedLoop(j.span, j.kind, j.name, loop) for j, loop in loops])
-    return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
+    return Mechanics(mechanism, spanning_tree(mechanism, reacting), efforts, flows, wanted, reacting, builder).write()
 
 
 class Mechanics:
@@ -43,18 +39,22 @@ class Mechanics:
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
         wanted: Set[str], reacting: Set[str], builder: Writer,
     ) -> None:  # fmt: skip
-        self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, efforts, wanted
+        self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, dict(efforts), wanted
         self.script = Script(mechanism, builder)
         self.result = MechanismEquations()
         self.claimed = claimed_parts(mechanism, tree)
         self.used = {name.partition(".")[0] for name in (*efforts, *flows, *wanted)} | set(self.claimed)
         self.reacting = [j for j in mechanism.joints if j.name in reacting]
         self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
-        self.recursion = Recursion(self.kinematics, efforts)
+        self.recursion = Recursion(self.kinematics, self.efforts)
+        self.closure = Closure(self)
 
     def write(self) -> MechanismEquations:
         """All of it."""
         self._ports()
+        self.closure.begin()
+        if self.result.diagnostics:
+            return self.result
         claim_starts(self.script, self.claimed, self.result)
         self.recursion.run()
         if not self.recursion.diagnostics:
@@ -63,6 +63,7 @@ class Mechanics:
                 self.recursion.nothing(*lost)
         self.result.diagnostics += self.recursion.diagnostics
         if not self.result.diagnostics:
+            self.closure.end()
             self._reactions()
             self._driven()
             total = energy(self.kinematics, self.recursion)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, depends_on, multiply, negate, symbols
 from ..algebra.formula import bind
-from ..equations.system import Assignment, Claim, EquationSystem, Variable
+from ..equations.system import Assignment, Claim, EquationSystem, Invariant, Variable
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..source import Span
 from .differentiate import Differentiator
@@ -32,6 +32,7 @@ class _Reduction:
         self.assigned: dict[int, Assignment] = differentiator.assigned
         self.differentiator = differentiator
         self.unknowns: list[Unknown] = []
+        self.multipliers = frozenset(i.multiplier for i in system.invariants if i.multiplier is not None)
         self.diagnostics: list[Diagnostic] = []
 
     def run(self) -> StateSpace:
@@ -57,6 +58,7 @@ class _Reduction:
         claims = self._claims(used, inputs, reach)
         dependents = tuple(Dependent(d.of, d.owner) for d in system.derivatives if d.target in used)
         used |= needed([d.variable for d in dependents], reach)
+        invariants = self._invariants(used, inputs, reach)
         states = [s for s in system.states if s.variable in used]
         for state in states:  # starts and nominals are computed from parameters alone
             extra = [e for e in (state.start, state.nominal) if isinstance(e, int)]
@@ -73,7 +75,7 @@ class _Reduction:
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
             system.stored if self.everything else {}, dependents,
-            claims, tuple(forced), self._index(used, steps), system.limits,
+            claims, tuple(forced), self._index(used, steps), system.limits, invariants,
         )  # fmt: skip
 
     def _claims(
@@ -95,9 +97,25 @@ class _Reduction:
                 used |= needed([claim.start] if isinstance(claim.start, int) else [], inputs)
         return tuple(kept)
 
+    def _invariants(
+        self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
+    ) -> tuple[Invariant, ...]:  # fmt: skip
+        """The constraints whose multipliers this run needs, and other invariants of its states."""
+        kept = []
+        states = {s.variable for s in self.system.states}
+        for invariant in self.system.invariants:
+            values = [v for v in (invariant.position, invariant.velocity) if v is not None]
+            bound = invariant.multiplier
+            if bound in used if bound is not None else needed(values, inputs) & states & used:
+                kept.append(invariant)
+                used |= needed(values, reach)
+        return tuple(kept)
+
     def _index(self, used: set[int], steps: Sequence[Step]) -> int:
         """The index of the equations before reduction: one more than the highest derivative that was formed."""
         order = max((self.differentiator.order.get(v, 0) for v in used), default=0)
+        if self.multipliers & used:
+            return max(order, 2) + 1
         if any(d.target in used for d in self.system.derivatives):
             return max(order, 1) + 1
         return 1 if self.unknowns or any(isinstance(s, LinearLoop) for s in steps) else 0
@@ -105,7 +123,7 @@ class _Reduction:
     def _block(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
         """One strongly connected block: an assignment, or a loop."""
         first = block[0]
-        if len(block) == 1 and first not in inputs[first]:
+        if len(block) == 1 and first not in inputs[first] and first not in self.multipliers:
             if first in self.assigned:
                 return [self.assigned[first]]
             if self.variables[first].role == "computed":
@@ -115,8 +133,13 @@ class _Reduction:
 
     def _loop(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
         """Cut a loop so that the rest follows in order; linear ones are solved where they stand, others by whoever runs."""
-        cut, order = tear(block, inputs)
+        bound = [v for v in block if v in self.multipliers]
+        cut, order = tear([v for v in block if v not in self.multipliers], inputs)
         members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
+        if (
+            bound
+        ):  # inside of a step they belong to its unknowns: what they decide stays sparse, whatever the number of loops
+            return self._nonlinear([*bound, *cut], order, members)
         linear = self._linear(block, cut, order, members)
         return linear if linear is not None else self._nonlinear(cut, order, members)
 
@@ -133,7 +156,8 @@ class _Reduction:
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
             inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
-            self.unknowns.append(Unknown(variable, number, assignment.span, members, loop))
+            bound_by = variable in self.multipliers
+            self.unknowns.append(Unknown(variable, number, assignment.span, members, loop, bound_by))
         return inner
 
     def _linear(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..equations.system import Assignment, Claim, PowerPort, State, Storage, Validity, Variable
+from ..equations.system import Assignment, Claim, Invariant, PowerPort, State, Storage, Validity, Variable
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number
@@ -34,6 +34,7 @@ class Unknown:
     span: Span
     members: tuple[str, ...]
     loop: int  # unknowns with the same number are of one loop
+    multiplier: bool = False  # of a constraint: the residual is affine in all multipliers together
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,7 @@ class StateSpace:
     forced: tuple[Forced, ...]
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
+    invariants: tuple[Invariant, ...] = ()
 
     @property
     def dependent(self) -> tuple[str, ...]:

@@ -30,8 +30,26 @@ def generate_program(lowered: Lowered) -> Program:
         module.jacobian_entries, module.jacobian, module.output, module.claims,
         names("DEPENDENTS"), module.dependent, module.SENSITIVITY_PATTERN, module.sensitivities, module.forced, module.signals, module.powers, module.instants,
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
+        names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *_of_invariants(lowered),
+        module.solved if lowered.solved is not None else None,
         count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
+
+
+def _of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+    """For each gap: its multiplier among the unknowns, its rate among the invariants, its part among the parameters; or -1."""
+    invariants = lowered.space.invariants
+    unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
+    parameters = {v: i for i, v in enumerate(lowered.parameters)}
+    rates, row = [], len(invariants)
+    for invariant in invariants:
+        rates.append(-1 if invariant.velocity is None else row)
+        row += invariant.velocity is not None
+    return (
+        tuple(-1 if i.multiplier is None else unknowns[i.multiplier] for i in invariants),
+        tuple(rates),
+        tuple(-1 if i.part is None else parameters[i.part] for i in invariants),
+    )
 
 
 def write_module(lowered: Lowered) -> str:
@@ -52,6 +70,10 @@ def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
         return [(variables[v].name, variables[v].unit) for v in numbers]  # type: ignore[attr-defined]
 
     outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
+    invariants = [(i.name, variables[i.position].unit) for i in lowered.space.invariants]
+    rates = [
+        (f"rate of {i.name}", variables[i.velocity].unit) for i in lowered.space.invariants if i.velocity is not None
+    ]
     return [
         ("STATES", rows([s.variable for s in lowered.space.states])),
         ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
@@ -59,6 +81,7 @@ def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
         ("OUTPUTS", outputs),
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),
+        ("INVARIANTS", [*invariants, *rates]),
     ]
 
 

@@ -60,6 +60,9 @@ class Writer:
             *lowered.claims,
             *lowered.forced,
             *lowered.dependents,
+            *lowered.invariants,
+            *lowered.invariant_slopes.values(),
+            *(() if lowered.solved is None else (*lowered.solved.rates, *lowered.solved.multipliers)),
             *lowered.sensitivities.values(),
             *lowered.signals,
             *lowered.switches,
@@ -131,6 +134,8 @@ class Writer:
         for name, arguments, doc, roots in self._functions():
             if name == "sensitivities":
                 parts.append(_pattern("SENSITIVITY_PATTERN", sorted(lowered.sensitivities), "dependents, states"))
+            if name == "invariant_slopes":
+                parts.append(_pattern("INVARIANT_PATTERN", sorted(lowered.invariant_slopes), "invariants, states"))
             parts.append(self._function(name, arguments, doc, roots))
             if name == "jacobian_entries":
                 parts.append(_jacobian(sorted(lowered.jacobian), len(lowered.rates)))
@@ -179,6 +184,12 @@ class Writer:
             "Slopes of what storages in derivative form hold by the states, where they change in a run.",
             slopes,
         )
+        if lowered.solved is not None:
+            roots = [*lowered.solved.rates, *lowered.solved.multipliers]
+            yield "solved", full, "The rates with the multipliers solved for, and then these.", roots
+        yield "invariant", full, "What every state of a run keeps at zero.", lowered.invariants
+        held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
+        yield "invariant_slopes", full, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held
         yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
         yield (
             "powers",

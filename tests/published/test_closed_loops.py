@@ -1,0 +1,216 @@
+"""Mechanisms with closed loops: Andrews' squeezer, and N four-bars that pass poses in which all bars lie in one line.
+
+The digits of the squeezer were computed anew in quadruple precision by extrapolation (the published ones break the constraint on
+the speeds by 1e-9). The four-bars move as one pendulum of inertia (N + 1)/3 + N, exactly; nothing in the model says so, and at the
+singular poses 2^N branches of motion cross.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from tests.compiling import MODELS, compiled
+
+PUBLISHED = MODELS / "published"
+ANDREWS = (
+    "1.58107711951537070971193873e+01", "-1.57563710584118394697277528e+01", "4.08222401196458048582823196e-02",
+    "-5.34730116342079593770185031e-01", "5.24409965879954069371655800e-01", "5.34730116342079593770185031e-01",
+    "1.04808074104193787306851547e+00", "1.13992030225910606419809685e+03", "-1.42437929517754007319602644e+03",
+    "1.10329119106185937453273113e+01", "1.92933741050320408316275569e+01", "5.73569914829502453817687863e-01",
+    "-1.92933741050320408316275569e+01", "3.23179149249130874990748392e-01",
+)  # fmt: skip
+GRAVITY = 9.81
+
+
+def pendulum(loops: int, times: Any) -> Any:
+    """x, y, vx, vy of the first corner; shape (4, times). By steps of order 8 that cost nothing."""
+    from scipy.integrate import solve_ivp
+
+    inertia, moment = (loops + 1) / 3 + loops, GRAVITY * ((loops + 1) / 2 + loops)
+    run = solve_ivp(
+        lambda t, y: (y[1], moment / inertia * np.sin(y[0])), (0, times[-1]), (0.0, 1.0), "DOP853", times, rtol=3e-14, atol=1e-15
+    )  # fmt: skip
+    angle, rate = run.y
+    return np.array([np.sin(angle), np.cos(angle), rate * np.cos(angle), -rate * np.sin(angle)])
+
+
+def corner(result: Any) -> Any:
+    return np.array([result[n] for n in ("x", "y", "vx", "vy")])
+
+
+def fourbars(loops: int, **arguments: Any) -> Any:
+    return bondgraph.load(PUBLISHED / "iftomm_A02_N_fourbar.bg").simulate(settings={"N": str(loops)}, **arguments)
+
+
+def test_squeezer() -> None:
+    found = bondgraph.load(PUBLISHED / "andrews.bg").simulate(rtol=1e-9)
+    values = np.array([found.final(f"y{i}") for i in range(1, 15)])
+    assert np.abs(values / np.array([float(x) for x in ANDREWS]) - 1).max() < 1e-8
+
+
+def test_fourbars_at_a_tight_tolerance() -> None:
+    """Ten singular poses in ten seconds."""
+    found = fourbars(2, rtol=1e-9, points=41)
+    exact = pendulum(2, found.time)
+    assert (
+        np.abs(exact[:, -1] - (0.3284581114840815, 0.9445185381786010, 1.4230514702069441, -0.4948688454870429)).max()
+        < 1e-10
+    )
+    assert np.abs(corner(found)[:, -1] / exact[:, -1] - 1).max() < 2e-8
+    assert np.abs(corner(found) - exact).max() < 1e-6, "at the bottom, where an error of the angle is largest"
+    (note,) = found.notes
+    assert (
+        note.startswith("10 singular poses passed")
+        and "0.714356 s" in note
+        and "`bars.right[1]`, `bars.right[2]`" in note
+    )
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+def test_loose_tolerances_stay_on_the_branch(rtol: float) -> None:
+    found = fourbars(2, rtol=rtol, to=3.0, points=61)
+    assert np.abs(corner(found) - pendulum(2, found.time)).max() < 300 * rtol
+
+
+def test_more_loops() -> None:
+    found = fourbars(6, rtol=1e-7, to=1.5, points=16)
+    assert np.abs(corner(found) - pendulum(6, found.time)).max() < 1e-5
+    assert "2 singular poses" in found.notes[0]
+
+
+def test_cost_grows_with_the_number_of_loops() -> None:
+    """Operations of the rates, entries of the Jacobian, and lines of all code: with N, not with its square."""
+    counts = []
+    for loops in (8, 16, 24):
+        program = compiled(PUBLISHED / "iftomm_A02_N_fourbar.bg", {"N": str(loops)}).program
+        counts.append(
+            (program.operations, len(program.pattern[0]), len(program.invariant_pattern[0]), program.source.count("\n"))
+        )
+    for small, middle, large in zip(*counts, strict=True):
+        assert large - middle == pytest.approx(middle - small, rel=0.02)
+
+
+GROUND = 0.999  # the other three bars are of length 1: near the pose in one line, none of them gets there
+
+
+def independent(to: float) -> Any:
+    """The unequal four-bar with the angle of the first upright as its only coordinate.
+
+    The other angles follow from closing the loop, their slopes too, and the equation of motion from kinetic and potential energy as
+    functions of that angle (Lagrange; derivatives by complex steps).
+    """
+    from scipy.integrate import solve_ivp
+
+    def pose(q: Any, guess: Any) -> Any:
+        """Angles of the second upright and of the coupler, and their slopes."""
+        z = np.array(guess, dtype=complex)
+        for _ in range(40):
+            gap = (
+                np.cos(q) + np.cos(z[1]) - np.cos(z[0]) - GROUND,
+                np.sin(q) + np.sin(z[1]) - np.sin(z[0]),
+            )
+            slope = np.array([[np.sin(z[0]), -np.sin(z[1])], [-np.cos(z[0]), np.cos(z[1])]])
+            step = np.linalg.solve(slope, np.array(gap))
+            z = z - step
+            if np.abs(step).max() < 1e-15:
+                break
+        return z, np.linalg.solve(slope, np.array([np.sin(q), -np.cos(q)]))
+
+    def energies(q: Any, guess: Any) -> tuple[Any, Any]:
+        """Twice the kinetic energy at a rate of 1, and the potential energy."""
+        z, by_q = pose(q, guess)
+        inertia = 4 / 3 + by_q[0] ** 2 / 3 + by_q[1] ** 2 / 3 + np.cos(q - z[1]) * by_q[1]
+        return inertia, GRAVITY * (1.5 * np.sin(q) + 0.5 * np.sin(z[0]) + 0.5 * np.sin(z[1]))
+
+    start = np.pi - np.arccos((1 - GROUND) / 2)
+    known = [np.array([np.pi - start, 0.0])]
+
+    def rates(_: float, y: Any) -> Any:
+        known[0] = pose(y[0], known[0])[0].real
+        inertia, energy = energies(y[0] + 1e-30j, known[0])
+        return y[1], (-0.5 * inertia.imag * y[1] ** 2 - energy.imag) / 1e-30 / inertia.real
+
+    run = solve_ivp(rates, (0, to), (start, -1 / np.sin(start)), "DOP853", [to], rtol=1e-12, atol=1e-13)
+    q, w = run.y[:, -1]
+    return np.array([np.cos(q), np.sin(q), -w * np.sin(q), w * np.cos(q)])
+
+
+UNEQUAL = """
+model One {
+  constant J = 1 kg*(1 m)^2/12, ground_bar = 0.999 m, lean = 0.5 mm, h = sqrt((1 m)^2 - lean^2), a = acos(lean/(1 m))
+  multibody bars : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body first   { mass = 1 kg, inertia = J, at = (-lean/2, h/2), angle = 180 deg - a }
+    body second  { mass = 1 kg, inertia = J, at = (ground_bar + lean/2, h/2), angle = a }
+    body coupler { mass = 1 kg, inertia = J, at = (ground_bar/2, h) }
+    hinge foot1 : ground to first { at = (0, 0) }
+    hinge foot2 : ground to second { at = (ground_bar, 0) }
+    hinge left  : first to coupler { at = (-lean, h) }
+    hinge right : coupler to second { at = (ground_bar + lean, h) }
+    frame corner : first { at = (-lean, h), start x.v = 1 [m/s] }
+  }
+  output x = bars.corner.x, y = bars.corner.y, vx = bars.corner.x.v, vy = bars.corner.y.v
+}
+"""
+
+
+def loaded(folder: Path, text: str) -> Any:
+    path = folder / "model.bg"
+    path.write_text(text, encoding="utf-8")
+    return bondgraph.load(path)
+
+
+def test_bars_that_are_almost_equal_have_no_singular_pose(tmp_path: Path) -> None:
+    """They turn about each other near it, within a fortieth of a turn; nothing is crossed, and the motion is another one."""
+    found = loaded(tmp_path, UNEQUAL).simulate(to=2.0, rtol=1e-9, points=3)
+    exact = independent(2.0)
+    assert np.abs(corner(found)[:, -1] - exact).max() < 2e-7
+    assert np.abs(exact - pendulum(1, [2.0])[:, -1]).max() > 1e-2
+    assert not found.notes
+
+
+@pytest.mark.parametrize("rank", [1e-7, 1e-9, 1e-10])
+def test_thresholds_of_rank_change_nothing(rank: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    from bondgraph.simulation import assembly, constraints, singular
+
+    monkeypatch.setattr(constraints, "RANK", rank)
+    monkeypatch.setattr(assembly, "FULL", rank)
+    monkeypatch.setattr(singular, "OPEN", rank)
+    found = fourbars(2, rtol=1e-8, to=3.0, points=31)
+    assert np.abs(corner(found) - pendulum(2, found.time)).max() < 3e-7
+
+
+@pytest.mark.parametrize("order", [("upright[i]", "coupler[i]"), ("coupler[i]", "upright[i]")])
+def test_the_order_of_declarations_changes_nothing(order: tuple[str, str], tmp_path: Path) -> None:
+    """Loops are cut elsewhere; the motion is the same."""
+    text = """
+model Row {
+  constant J = 1 kg*(1 m)^2/12
+  multibody bars : planar {
+    gravity = (0, -9.81 [m/s^2])
+    for i in 1..2 {
+      %s
+      hinge right[i] : coupler[i] to upright[i]   { at = (i*1 m, 1 m) }
+      hinge left[i]  : upright[i-1] to coupler[i] { at = ((i - 1)*1 m, 1 m) }
+    }
+    body  upright[0] { mass = 1 kg, inertia = J, at = (0, 0.5 m), angle = 90 deg }
+    for i in 0..2 {
+      hinge foot[2-i] : upright[2-i] to ground { at = ((2 - i)*1 m, 0) }
+    }
+    frame corner : upright[0] { at = (0, 1 m), start x.v = 1 [m/s] }
+  }
+  output x = bars.corner.x, y = bars.corner.y, vx = bars.corner.x.v, vy = bars.corner.y.v
+}
+"""
+    bodies = {
+        "upright[i]": "body upright[i] { mass = 1 kg, inertia = J, at = (i*1 m, 0.5 m), angle = 90 deg }",
+        "coupler[i]": "body coupler[i] { mass = 1 kg, inertia = J, at = ((i - 1/2)*1 m, 1 m) }",
+    }
+    found = loaded(tmp_path, text % "\n      ".join(bodies[n] for n in order)).simulate(to=3.0, rtol=1e-8, points=31)
+    assert np.abs(corner(found) - pendulum(2, found.time)).max() < 3e-7
+    assert "singular poses passed" in found.notes[0]
