@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..algebra.expression import Expression, Number, evaluate, symbols
-from .kinematics import Kinematics, Moving
+from .kinematics import Kinematics
+from .moving import Moving
 from .recursion import PLACES, Recursion
 from .script import Script
 from .vectors import UNIT

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
-from .kinematics import Kinematics, Moving
+from .kinematics import Kinematics
+from .moving import Moving
 from .recursion import Recursion
 from .turns import HALF
 from .vectors import applied, cross, dot, is_null, minus, plus
@@ -13,7 +14,6 @@ def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
     """Of all bodies, J."""
     terms = []
     for index, moving in enumerate(kinematics.moving):
-        assert moving.link is not None
         if not moving.link.bodies:
             continue
         terms.append(_kinetic(kinematics, recursion, moving, index))
@@ -28,7 +28,6 @@ def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
 def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: Moving, index: int) -> Expression:
     """1/2 m v.v + v.(spin x moment) + 1/2 spin.J spin, v of the point of reference."""
     inertia, spin = recursion.inertias[index], moving.spin
-    assert moving.link is not None
     floats = moving.link.step.kind == "float"
     v = tuple(c.rate for c in moving.coordinates) if floats else kinematics.velocity(index)
     terms = [multiply(HALF, inertia.mass, dot((v[0], v[1], v[2]), (v[0], v[1], v[2])))]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
 from ..graph.mechanism import Body
 from .axes import to_own
-from .kinematics import Kinematics, Moving
+from .kinematics import Kinematics
+from .moving import Moving
 from .turns import AxialTurn, of_rotation_vector
 from .vectors import NO_MATRIX, NULL, Matrix, Vector, dot, is_null, minus, plus, scaled, summed
 
@@ -34,7 +35,6 @@ class LinkInertia:
 def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
     """The sum over the bodies of a link."""
     script, link = kinematics.script, moving.link
-    assert link is not None
     mass: Expression = ZERO
     moment, tensor = NULL, NO_MATRIX
     for body in link.bodies:

@@ -1,317 +1,30 @@
-"""Outwards: how each link stands and moves. What nobody asks for is not written.
-
-Each link has a point of reference and axes (`axes.py`). In turning axes the point is where the link turns, so that arms between
-such points are constant; in still axes it is the centre of mass, so that inertia is. `Moving` has all in the link's own axes;
-what is seen from the world (turn, displacement, velocity) is there on demand.
-"""
+"""How links stand and move, seen from the world: turns, displacements, velocities. What nobody asks for is not written."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 
-from ..algebra.expression import ONE, ZERO, Expression, Number, multiply, negate
-from ..graph.mechanism import GROUND, Joint, Mechanism
-from .axes import ANYWHERE, WORLD, Basis, Branch, branches, numbers, snapped, to_own, to_world, turned_to
-from .coordinates import Attitude, Coordinate, Coordinates
+from ..algebra.expression import Expression, Number, multiply
+from ..graph.mechanism import GROUND, Mechanism
+from .axes import to_own, to_world
+from .joints import Links
+from .moving import Moving
 from .placed import Placed
 from .script import Script
-from .tree import Link, Tree, ends_of
-from .turns import NO_TURN, TWO, AnyTurn, AxialTurn, Turn, about, composed, of_quaternion, of_rotation_vector, unit
-from .vectors import NULL, UNIT, Vector, applied, cross, is_null, minus, negated, plus, scaled
-
-Spatial = tuple[Vector, Vector]  # about the point of reference: spin and velocity, or torque and force
-TURNING = frozenset({"hinge", "screw"})
+from .tree import Tree
+from .turns import NO_TURN, Turn, about, composed
+from .vectors import NULL, Vector, cross, is_null, minus, plus, scaled
 
 
-@dataclass(slots=True, eq=False)
-class Moving:
-    """A link while it is computed, in its own axes about its point of reference.
-
-    `passage` leads from own axes to those of the parent, `shift` from the parent's point to its own (in the parent's axes). Each
-    of the `columns` is the motion that one coordinate's rate gives; `bias` is the acceleration that rates alone cause.
-    """
-
-    link: Link | None
-    index: int  # in the tree; -1: the ground
-    parent: int | None
-    branch: Branch
-    basis: Basis
-    origin: Vector  # the point of reference in the drawing, world axes
-    passage: tuple[Turn, ...] = ()
-    shift: Vector = NULL
-    columns: list[Spatial] = field(default_factory=list)
-    coordinates: list[Coordinate] = field(default_factory=list)
-    attitude: Attitude | None = None
-    angle: Expression = ZERO  # in still axes: how far it has turned about the third
-    carried: Vector = NULL  # the parent's spin
-    spin: Vector = NULL
-    bias: Spatial = (NULL, NULL)
-    squares: tuple[Expression, ...] = ()  # products of the spin's components
-    direction: Vector = NULL  # of the joint, unit, in the drawing, world axes
-    torque: Vector = NULL  # applied from outside
-    force: Vector = NULL
-    drive: Vector = NULL  # of a ball: the torque on what it carries, against what carries it
-    world_force: Vector = NULL  # of a floating body: a force at its centre of mass, world axes
-
-    def out(self, script: Script, v: Vector, name: str) -> Vector:
-        """From own axes to the parent's."""
-        for turn in reversed(self.passage):
-            v = turn.apply(script, v, name)
-        return v
-
-    def back(self, script: Script, v: Vector, name: str) -> Vector:
-        """From the parent's axes to its own."""
-        for turn in self.passage:
-            v = turn.back(script, v, name)
-        return v
-
-    def inner(self, script: Script, v: Vector, name: str) -> Vector:
-        """A vector of the link, in own axes as it was drawn, as it is now: only still axes see it turn."""
-        return AxialTurn(2, self.angle).apply(script, v, name) if self.branch.still else v
-
-
-class Kinematics:
+class Kinematics(Links):
     """Poses and rates of all links."""
 
     def __init__(self, mechanism: Mechanism, tree: Tree, script: Script, flows: Mapping[str, Expression], whole: bool = False) -> None:  # fmt: skip
-        """`whole`: with what acts out of a plane in which all moves, too (reactions are asked)."""
-        self.mechanism, self.tree, self.script = mechanism, tree, script
-        self.states = Coordinates(script, flows)
-        self.on = ends_of(mechanism)
+        super().__init__(mechanism, tree, script, flows, whole)
         self.turns: dict[int, Turn] = {}
         self.displacements: dict[int, Vector] = {}
         self.velocities: dict[int, Vector] = {}
-        self.drawn: dict[str, Turn] = {}
-        directions = [self._direction(link) for link in tree.links]
-        self.moving: list[Moving] = []
-        self._grounds: dict[Basis, Moving] = {}
-        self.centres = {b.name: script.place(b.position, f"{b.name} at") for b in mechanism.bodies}
-        for link, branch, direction in zip(tree.links, branches(tree.links, directions), directions, strict=True):
-            if whole:
-                branch = replace(branch, active=ANYWHERE.active)
-            self.moving.append(self._moved(link, branch, direction))
 
-    # ------------------------------------------------------------ the drawing
-    def _direction(self, link: Link) -> Vector:
-        """Of a link's freedom, a unit vector in the drawing; against it if the joint was drawn from the link."""
-        way, part = link.step.direction, link.part
-        if not way:
-            return NULL
-        if way in "xyz":
-            v = UNIT["xyz".index(way)]
-            if isinstance(part, Joint):
-                v = self.joint_turn(part).apply(self.script, v, f"{part.name}.{way} axis")
-        else:
-            assert isinstance(part, Joint)
-            given = part.axis if way == "axis" else part.other_axis
-            v = unit(self.script.place(given, f"{part.name}.{way}", "1"))
-        v = self.script.vector(f"{part.name}.{way} direction", snapped(v))
-        return negated(v) if link.reverse else v
-
-    def joint_turn(self, joint: Joint) -> Turn:
-        """How the axes of a joint were drawn."""
-        if joint.name not in self.drawn:
-            v = self.script.place(joint.turn, f"{joint.name} turn", "1")
-            self.drawn[joint.name] = of_rotation_vector(self.script, v, f"{joint.name} axes")
-        return self.drawn[joint.name]
-
-    def pin(self, link: Link) -> Vector:
-        """Where a link's joint is in the drawing; a floating body's in its centre of mass."""
-        if isinstance(link.part, Joint):
-            return self.script.place(link.part.position, f"{link.part.name} at")
-        return self.centres[link.part.name]
-
-    # ------------------------------------------------------------ link by link
-    def parent_of(self, moving: Moving) -> Moving:
-        """Its parent, or the ground in the branch's axes."""
-        if moving.parent is not None:
-            return self.moving[moving.parent]
-        return self.ground(moving.branch)
-
-    def ground(self, branch: Branch = ANYWHERE) -> Moving:
-        """The ground in the axes of a branch."""
-        basis = branch.basis
-        if basis not in self._grounds:
-            self._grounds[basis] = Moving(None, -1, None, branch, basis, NULL)
-        return self._grounds[basis]
-
-    def _moved(self, link: Link, branch: Branch, direction: Vector) -> Moving:
-        basis = branch.basis if link.parent is None else self.moving[link.parent].basis
-        moving = Moving(link, len(self.moving), link.parent, branch, basis, NULL, direction=direction)
-        if link.step.kind == "float":
-            self._float(moving)
-        elif link.step.kind == "ball":
-            self._ball(moving)
-        elif link.step.kind == "weld":
-            self._weld(moving)
-        elif branch.still:
-            self._still(moving)
-        else:
-            self._turning(moving)
-        return moving
-
-    def _scalar(self, moving: Moving) -> Coordinate:
-        assert moving.link is not None
-        coordinate = self.states.scalar(moving.link, moving.link.coordinates[0])
-        moving.coordinates = [coordinate]
-        return coordinate
-
-    def _still(self, moving: Moving) -> None:
-        """A hinge about the third axis or a slide, in axes that do not turn."""
-        script, link = self.script, moving.link
-        assert link is not None
-        name = link.part.name if not link.bodies else link.bodies[0].name
-        parent, q = self.parent_of(moving), self._scalar(moving)
-        pin, basis = self.pin(link), moving.basis
-        way = to_own(basis, moving.direction)
-        moving.origin = self.centres[link.bodies[0].name] if link.bodies else pin
-        moving.angle, moving.spin, moving.carried = parent.angle, parent.spin, parent.spin
-        if link.step.kind == "slide":
-            from_parent = to_own(basis, minus(moving.origin, parent.origin))
-            near = NULL if moving.parent is None else parent.inner(script, from_parent, f"{name}.near")
-            way = parent.inner(script, way, f"{q.name}.way")
-            moving.shift = script.vector(f"{name}.arm", plus(near, scaled(q.moved, way)), "m")
-            linear = way
-            slipping = scaled(multiply(TWO, q.rate), cross(parent.spin, way))
-            bias = plus(self.centripetal(parent, moving.shift), slipping)
-        else:
-            way = snapped(way)
-            moving.angle = script.let(f"{name}.turn", parent.angle + way[2] * q.moved, "1")
-            moving.spin = (ZERO, ZERO, script.let(f"{name}.spin", parent.spin[2] + way[2] * q.rate, "1/s"))
-            near = NULL if moving.parent is None else minus(pin, parent.origin)
-            near = parent.inner(script, to_own(basis, near), f"{name}.near")
-            far = moving.inner(script, to_own(basis, minus(moving.origin, pin)), f"{name}.far")
-            moving.shift = script.vector(f"{name}.arm", plus(near, far), "m")
-            linear = cross(way, far)
-            bias = plus(self.centripetal(parent, near), self.centripetal(moving, far))
-        moving.columns = [(NULL if link.step.kind == "slide" else way, linear)]
-        moving.bias = (NULL, script.vector(f"{name}.bias", bias, "m/s^2"))
-
-    def _weld(self, moving: Moving) -> None:
-        """What a parent carries, as a link of its own."""
-        script, link, parent = self.script, moving.link, self.parent_of(moving)
-        assert link is not None
-        own_point = moving.branch.still or moving.parent is None
-        moving.origin = self.centres[link.bodies[0].name] if own_point else parent.origin
-        moving.angle, moving.spin, moving.carried = parent.angle, parent.spin, parent.spin
-        near = NULL if moving.parent is None else to_own(moving.basis, minus(moving.origin, parent.origin))
-        moving.shift = parent.inner(script, near, f"{link.name}.near")
-        bias = self.centripetal(parent, moving.shift)
-        moving.bias = (NULL, script.vector(f"{link.name}.bias", bias, "m/s^2"))
-
-    def _turning(self, moving: Moving) -> None:
-        """A hinge, screw or slide, in axes that turn with what moves."""
-        script, link = self.script, moving.link
-        assert link is not None
-        name = link.part.name if not link.bodies else link.bodies[0].name
-        parent, q = self.parent_of(moving), self._scalar(moving)
-        way = snapped(to_own(moving.basis, moving.direction))
-        if link.step.kind == "slide":
-            at_rest = self.centres[link.bodies[0].name] if link.bodies and moving.parent is None else parent.origin
-            moving.origin = at_rest
-            along: Expression = ONE
-        else:
-            moving.origin = self.pin(link)
-            along = self._lead(link)
-        near = NULL if moving.parent is None else to_own(moving.basis, minus(moving.origin, parent.origin))
-        near = script.vector(f"{name}.near", near, "m")
-        slip = scaled(multiply(along, q.moved), way)
-        moving.shift = script.vector(f"{name}.arm", plus(near, slip), "m")
-        turning = link.step.kind in TURNING
-        if turning:
-            way = self._hinge_axes(moving, way, q)
-        moving.carried = moving.back(script, parent.spin, f"{name}.carried")
-        rate = scaled(q.rate, way)
-        moving.spin = script.vector(f"{name}.spin", plus(moving.carried, rate), "1/s") if turning else moving.carried
-        angular = cross(moving.carried, rate) if turning else NULL
-        linear = self.centripetal(parent, moving.shift)
-        linear = moving.back(script, script.vector(f"{name}.centripetal", linear, "m/s^2"), f"{name}.centripetal own")
-        if along != ZERO:
-            linear = plus(linear, scaled(multiply(TWO, along), cross(moving.carried, rate)))
-        moving.columns = [(way if turning else NULL, scaled(along, way))]
-        moving.bias = (script.vector(f"{name}.bias turn", angular), script.vector(f"{name}.bias", linear, "m/s^2"))
-
-    def _hinge_axes(self, moving: Moving, way: Vector, q: Coordinate) -> Vector:
-        """Axes of a link of which one lies along its hinge, if its direction is known; the direction in these."""
-        known = numbers(way)
-        if known is None:
-            moving.passage = (about(self.script, way, q.moved, f"{q.name} turned"),)
-            return way
-        along = [k for k in range(3) if way[(k + 1) % 3] == ZERO and way[(k + 2) % 3] == ZERO]
-        constant: tuple[AxialTurn, ...] = ()
-        sign: Expression = ONE
-        if along:
-            (k,) = along
-            sign = way[k]
-        else:
-            constant, k, moving.basis = turned_to(known, moving.basis)
-        angle = self.script.let(f"{q.name} angle", multiply(sign, q.moved), "1")
-        moving.passage = (*constant, AxialTurn(k, angle))
-        return scaled(sign, UNIT[k])
-
-    def _lead(self, link: Link) -> Expression:
-        """How far a screw goes with each radian."""
-        if link.step.kind != "screw":
-            return ZERO
-        assert isinstance(link.part, Joint)
-        per_turn = self.script.constant(link.part.ratio, f"{link.part.name} lead", "m")
-        return self.script.let(f"{link.part.name} lead per radian", multiply(Number(0.15915494309189535), per_turn))
-
-    def _ball(self, moving: Moving) -> None:
-        """A turn in space about a point that the parent carries."""
-        script, link = self.script, moving.link
-        assert link is not None
-        name, parent = link.part.name, self.parent_of(moving)
-        moving.origin = self.pin(link)
-        near = NULL if moving.parent is None else to_own(moving.basis, minus(moving.origin, parent.origin))
-        moving.shift = script.vector(f"{name}.near", near, "m")
-        self._free_turn(moving, name)
-        linear = script.vector(f"{name}.centripetal", self.centripetal(parent, moving.shift), "m/s^2")
-        moving.bias = (moving.bias[0], moving.back(script, linear, f"{name}.centripetal own"))
-        moving.columns = [(axis, NULL) for axis in UNIT] if not link.fixed else []
-
-    def _float(self, moving: Moving) -> None:
-        """A body with its own pose: its place in world axes, its spin in own ones."""
-        link = moving.link
-        assert link is not None
-        moving.origin = self.pin(link)
-        moving.coordinates = [self.states.scalar(link, name) for name in link.coordinates[:3]]
-        self._free_turn(moving, link.part.name)
-        moving.columns = [*((NULL, axis) for axis in UNIT), *((axis, NULL) for axis in UNIT)]
-
-    def _free_turn(self, moving: Moving, name: str) -> None:
-        script, link, parent = self.script, moving.link, self.parent_of(moving)
-        assert link is not None
-        attitude = moving.attitude = self.states.attitude(link)
-        turn = of_quaternion(script, attitude.parts, f"{name}.own")
-        from_drawing = () if moving.basis is WORLD else (_constant(moving.basis),)
-        moving.passage, moving.basis = (*from_drawing, turn), WORLD
-        moving.carried = moving.back(script, parent.spin, f"{name}.carried")
-        moving.spin = script.vector(f"{name}.whole spin", plus(moving.carried, attitude.spin), "1/s")
-        moving.bias = (script.vector(f"{name}.bias turn", cross(moving.carried, attitude.spin)), NULL)
-
-    # ------------------------------------------------------------ accelerations that rates cause
-    def squares(self, moving: Moving) -> tuple[Expression, ...]:
-        """Products of the spin's components: xx, yy, zz, xy, xz, yz."""
-        assert moving.link is not None
-        name = moving.link.name
-        if not moving.squares:
-            x, y, z = moving.spin
-            pairs = (("xx", x, x), ("yy", y, y), ("zz", z, z), ("xy", x, y), ("xz", x, z), ("yz", y, z))
-            moving.squares = tuple(self.script.let(f"{name} spin {c}", multiply(a, b)) for c, a, b in pairs)
-        return moving.squares
-
-    def centripetal(self, moving: Moving, arm: Vector) -> Vector:
-        """spin x (spin x arm)."""
-        if moving.link is None or is_null(moving.spin) or is_null(arm):
-            return NULL
-        xx, yy, zz, xy, xz, yz = self.squares(moving)
-        name = moving.link.name
-        across = [self.script.let(f"{name} spin across {c}", negate(a + b)) for c, a, b in (("x", yy, zz), ("y", xx, zz), ("z", xx, yy))]  # fmt: skip
-        return applied(((across[0], xy, xz), (xy, across[1], yz), (xz, yz, across[2])), arm)
-
-    # ------------------------------------------------------------ seen from the world
     def turn(self, index: int) -> Turn:
         """How a link is turned from the drawing, in world axes."""
         found = self.turns.get(index)
@@ -321,7 +34,6 @@ class Kinematics:
 
     def _turn(self, moving: Moving, index: int) -> Turn:
         script, link = self.script, moving.link
-        assert link is not None
         name = f"{link.name} world"
         if moving.branch.still:
             third = tuple(row[2] for row in moving.basis)
@@ -346,7 +58,6 @@ class Kinematics:
 
     def _displacement(self, moving: Moving, index: int) -> Vector:
         script, link = self.script, moving.link
-        assert link is not None
         name = link.name
         if link.step.kind == "float":
             x, y, z = (c.moved for c in moving.coordinates)
@@ -381,7 +92,6 @@ class Kinematics:
             return found
         moving = self.moving[index]
         script, link = self.script, moving.link
-        assert link is not None
         name = f"{link.bodies[0].name if link.bodies else link.name}.velocity"
         if link.step.kind == "float":
             found = moving.back(script, self._rates(moving), name)
@@ -423,7 +133,7 @@ class Kinematics:
         arm = script.vector(f"{name}.arm", arm, "m")
         shift = script.vector(f"{name}.moved", self.moved(index, point, name), "m")
         swept = cross(moving.spin, arm)
-        if moving.link is not None and moving.link.step.kind == "float":
+        if moving.link.step.kind == "float":
             velocity = self._rates(moving)
             if not is_null(swept):
                 velocity = plus(velocity, self.world(index, script.vector(f"{name}.swept", swept), f"{name}.sweep"))
@@ -440,7 +150,6 @@ class Kinematics:
         if index is None or (is_null(force) and is_null(torque)):
             return
         moving, script = self.moving[index], self.script
-        assert moving.link is not None
         force = script.vector(f"{name}.push", force, "N")
         torque = script.vector(f"{name}.twist", torque, "N*m")
         floats = moving.link.step.kind == "float"
@@ -452,10 +161,3 @@ class Kinematics:
             moving.force = plus(moving.force, force)
         moment = NULL if is_null(placed.arm) else cross(placed.arm, force)
         moving.torque = plus(moving.torque, moment, self.own(index, torque, f"{name}.twist own"))
-
-
-def _constant(basis: Basis) -> AnyTurn:
-    """From the world's axes to those of a basis, as a turn."""
-    rows = tuple(zip(*basis, strict=True))
-    less = tuple(tuple(Number(rows[r][c] - float(r == c)) for c in range(3)) for r in range(3))
-    return AnyTurn(less, (ONE, ZERO, ZERO, ZERO))  # type: ignore[arg-type]

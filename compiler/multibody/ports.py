@@ -9,8 +9,9 @@ from collections.abc import Mapping
 
 from ..algebra.expression import ZERO, Expression, Symbol, negate
 from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame
-from .kinematics import Kinematics, Moving
+from .kinematics import Kinematics
 from .motion import MechanismEquations, Motion
+from .moving import Moving
 from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
 from .turns import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
@@ -28,7 +29,6 @@ class Ports:
     def tree_joint(self, moving: Moving) -> None:
         """The ports of a link's coordinates."""
         link = moving.link
-        assert link is not None
         if isinstance(link.part, Body):
             return
         if link.step.kind == "ball":
@@ -41,7 +41,6 @@ class Ports:
     def _ball(self, moving: Moving) -> None:
         """The rotation vector of the second body seen from the first, its rates, and the torque dual to these."""
         link, attitude, script = moving.link, moving.attitude, self.script
-        assert link is not None
         assert attitude is not None
         name = link.part.name
         r = rotation_vector(script, attitude.parts, f"{name}.vector")

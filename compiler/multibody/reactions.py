@@ -18,7 +18,6 @@ def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Jo
     """`pin.reaction.x` and so on, of the joint whose last link is `index`."""
     script, name = kinematics.script, f"{joint.name}.reaction"
     moving = kinematics.moving[index]
-    assert moving.link is not None
     angular, linear = recursion.acceleration(index)
     a = (*angular, *linear)
     matrix, load = recursion.matrices[index], recursion.loads[index]

@@ -16,7 +16,8 @@ from .axes import to_own
 from .coordinates import is_turning
 from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
-from .kinematics import Kinematics, Moving
+from .kinematics import Kinematics
+from .moving import Moving
 from .placed import Placed
 from .vectors import NULL, Matrix, Vector, cross, is_null, negated, plus
 
@@ -65,7 +66,6 @@ class Recursion:
     # ------------------------------------------------------------ inwards
     def _load(self, moving: Moving, inertia: LinkInertia) -> Row:
         """What the spin needs, less what is applied: torque and force without any acceleration."""
-        assert moving.link is not None
         torque, force = NULL, NULL
         active = moving.branch.active
         if not is_null(moving.spin):
@@ -83,7 +83,6 @@ class Recursion:
         """Eliminate the coordinates of one link and put what is left on its parent."""
         moving = self.moving[index]
         link = moving.link
-        assert link is not None
         name = link.name
         matrix, load = [list(row) for row in self.matrices[index]], list(self.loads[index])
         self._world_load(moving, load)
@@ -109,12 +108,10 @@ class Recursion:
 
     def _is_alone(self, moving: Moving) -> bool:
         """Whether a floating link is no other's parent and has its centre of mass in its point of reference."""
-        assert moving.link is not None
         floats, has_arm = moving.link.step.kind == "float", not is_null(self.inertias[moving.index].moment)
         return floats and moving.index not in self._parents and not has_arm
 
     def _effort(self, moving: Moving, number: int) -> Expression:
-        assert moving.link is not None
         if moving.link.step.kind == "float":
             return ZERO
         if moving.attitude is not None:
@@ -164,7 +161,6 @@ class Recursion:
     def nothing(self, moving: Moving, number: int) -> None:
         """Tell that nothing moves along a coordinate."""
         link = moving.link
-        assert link is not None
         name = link.coordinates[number]
         what = "inertia" if is_turning(name.rpartition(".")[2]) else "mass"
         outside = {moving.index}
@@ -237,7 +233,6 @@ class Recursion:
         """The second rates of one link's coordinates."""
         moving = self.moving[index]
         link = moving.link
-        assert link is not None
         name = link.name
         floats = link.step.kind == "float"
         known: Row = [ZERO] * 6 if floats else self._carried(moving, name)
@@ -262,7 +257,6 @@ class Recursion:
         """Write a second rate to the state it belongs to; the rate along the column as it was eliminated."""
         moving = self.moving[index]
         link = moving.link
-        assert link is not None
         sign = _rows(moving)[step.number] != step.column
         floats = link.step.kind == "float"
         targets: list[int | None] = [None if floats else c.target for c in moving.coordinates]

@@ -1,0 +1,62 @@
+"""One link while it is computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ..algebra.expression import ZERO, Expression
+from .axes import Basis, Branch
+from .coordinates import Attitude, Coordinate
+from .script import Script
+from .tree import Link
+from .turns import AxialTurn, Turn
+from .vectors import NULL, Vector
+
+Spatial = tuple[Vector, Vector]  # about the point of reference: spin and velocity, or torque and force
+
+
+@dataclass(slots=True, eq=False)
+class Moving:
+    """A link while it is computed, in its own axes about its point of reference.
+
+    `passage` leads from own axes to those of the parent, `shift` from the parent's point to its own (in the parent's axes). Each
+    of the `columns` is the motion that one coordinate's rate gives; `bias` is the acceleration that rates alone cause.
+    """
+
+    link: Link
+    index: int  # in the tree; -1: the ground
+    parent: int | None
+    branch: Branch
+    basis: Basis
+    origin: Vector  # the point of reference in the drawing, world axes
+    passage: tuple[Turn, ...] = ()
+    shift: Vector = NULL
+    columns: list[Spatial] = field(default_factory=list)
+    coordinates: list[Coordinate] = field(default_factory=list)
+    attitude: Attitude | None = None
+    angle: Expression = ZERO  # in still axes: how far it has turned about the third
+    carried: Vector = NULL  # the parent's spin
+    spin: Vector = NULL
+    bias: Spatial = (NULL, NULL)
+    squares: tuple[Expression, ...] = ()  # products of the spin's components
+    direction: Vector = NULL  # of the joint, unit, in the drawing, world axes
+    torque: Vector = NULL  # applied from outside
+    force: Vector = NULL
+    drive: Vector = NULL  # of a ball: the torque on what it carries, against what carries it
+    world_force: Vector = NULL  # of a floating body: a force at its centre of mass, world axes
+
+    def out(self, script: Script, v: Vector, name: str) -> Vector:
+        """From own axes to the parent's."""
+        for turn in reversed(self.passage):
+            v = turn.apply(script, v, name)
+        return v
+
+    def back(self, script: Script, v: Vector, name: str) -> Vector:
+        """From the parent's axes to its own."""
+        for turn in self.passage:
+            v = turn.back(script, v, name)
+        return v
+
+    def inner(self, script: Script, v: Vector, name: str) -> Vector:
+        """A vector of the link, in own axes as it was drawn, as it is now: only still axes see it turn."""
+        return AxialTurn(2, self.angle).apply(script, v, name) if self.branch.still else v
