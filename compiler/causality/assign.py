@@ -125,7 +125,7 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
                     reason = Reason(Because.FREE_END, number)
                     yield Stroke(graph.incident[number][0], End(number, 0), node.kind is Kind.ONE, reason)
             case MechanismNode():
-                may = drivable(node.mechanism)
+                may = drivable(node.mechanism, [p.name for p in node.ports])
                 yield from (s for s, p in _of_mechanism(strokes, number, node) if p.name not in may)
             case Element(kind=Kind.EFFORT_SOURCE | Kind.FLOW_SOURCE):
                 effort = node.kind is Kind.EFFORT_SOURCE

@@ -63,7 +63,7 @@ class Coordinates:
     def scalar(self, link: Link, name: str) -> Coordinate:
         """A coordinate that is one number."""
         letter = name.rpartition(".")[2]
-        rest = self._rest(link.part, letter)
+        rest = self.rest(link.part, letter)
         if link.fixed:
             value = self._start(link.part, letter, rest)
             made = Coordinate(name, value, self._moved(name, value, rest), ZERO, None)
@@ -96,7 +96,7 @@ class Coordinates:
             return ZERO
         return self.script.let(f"{name} moved", value - rest)
 
-    def _rest(self, part: Joint | Body, letter: str) -> Expression:
+    def rest(self, part: Joint | Body, letter: str) -> Expression:
         """What a coordinate reads in the drawing."""
         if isinstance(part, Joint):
             return (
@@ -149,7 +149,11 @@ class Coordinates:
         """Where a turn in space starts, from the drawing, and its spin in own axes."""
         part, script = link.part, self.script
         zeros: Vector = (ZERO, ZERO, ZERO)
-        vector = tuple(self._start(part, r, ZERO) for r in ("rx", "ry", "rz"))
+        rests = [self.rest(part, r) if isinstance(part, Joint) else ZERO for r in ("rx", "ry", "rz")]
+        vector = [
+            ZERO if r not in part.starts else self._start(part, r, ZERO) - rest
+            for r, rest in zip(("rx", "ry", "rz"), rests, strict=True)
+        ]
         rates = tuple(self._start(part, f"{r}.f", ZERO) for r in ("rx", "ry", "rz"))
         v: Vector = (vector[0], vector[1], vector[2])
         f: Vector = (rates[0], rates[1], rates[2])
@@ -167,9 +171,7 @@ class Coordinates:
             return p, turn.back(script, f, f"{name} spin")
         if f != zeros:
             f = turned_by_rates(script, p, v, f, f"{name} spin")
-        if (
-            link.reverse
-        ):  # seen from the other side: the inverse turn, in whose axes the spin is against that in the first's
+        if link.reverse:  # the inverse turn, and the spin seen from the other side
             f = turn.apply(script, f, f"{name} spin seen")
             p, f = conjugate(p), negated(f)
         return p, f

@@ -18,7 +18,7 @@ from .reactions import reaction
 from .recursion import PLACES, Recursion
 from .script import Script, Writer
 from .starts import claim_starts, claimed_parts
-from .tree import Tree, is_weld, spanning_tree
+from .tree import Tree, bonded_joints, is_weld, spanning_tree
 from .vectors import Vector
 
 
@@ -29,7 +29,8 @@ def mechanism_equations(
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
-    return Mechanics(mechanism, spanning_tree(mechanism, reacting), efforts, flows, wanted, reacting, builder).write()
+    tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting)
+    return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
 
 
 class Mechanics:

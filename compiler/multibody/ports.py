@@ -50,7 +50,8 @@ class Ports:
         dual: Vector = (sign(efforts[0]), sign(efforts[1]), sign(efforts[2]))
         moving.drive = torque_from_efforts(script, attitude.parts, r, dual, True, f"{name}.torque")
         for letter, value, rate in zip(link.coordinates, r, rates, strict=True):
-            held = script.held(letter, sign(value), "1")
+            rest = self.kinematics.states.rest(link.part, letter.rpartition(".")[2])
+            held = script.held(letter, sign(value) + rest, "1")
             self.result.motions[letter] = Motion(script.let(f"{letter}.omega", sign(rate), "1/s"), Symbol(held), held)
 
     # ------------------------------------------------------------ bodies and frames

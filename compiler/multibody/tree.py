@@ -8,7 +8,7 @@ over closes loops.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
@@ -107,14 +107,18 @@ def ends_of(mechanism: Mechanism) -> Mapping[str, str]:
     return {GROUND: GROUND, **bodies, **{f.name: f.body for f in mechanism.frames}}
 
 
-def spanning_tree(mechanism: Mechanism, apart: Set[str] = frozenset()) -> Tree:
-    """Grow the tree from the ground; what remains starts from a body with its own pose. `apart`: welds between links."""
-    return _Growth(mechanism, apart).tree()
+def spanning_tree(mechanism: Mechanism, bonded: Set[str] = frozenset(), apart: Set[str] = frozenset()) -> Tree:
+    """Grow the tree from the ground; what remains starts from a body with its own pose.
+
+    Loops are cut elsewhere than at `bonded` joints where that can be: a coordinate takes efforts at no cost, and flows.
+    `apart`: welds that are links of their own.
+    """
+    return _Growth(mechanism, bonded, apart).tree()
 
 
 class _Growth:
-    def __init__(self, mechanism: Mechanism, apart: Set[str]) -> None:
-        self.mechanism, self.on = mechanism, ends_of(mechanism)
+    def __init__(self, mechanism: Mechanism, bonded: Set[str], apart: Set[str]) -> None:
+        self.mechanism, self.on, self.bonded = mechanism, ends_of(mechanism), bonded
         self.welds = [j for j in mechanism.joints if is_weld(j) and j.name not in apart]
         self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in mechanism.bodies)]}
         self.links: list[Link] = []
@@ -128,13 +132,11 @@ class _Growth:
         members: dict[str, list[Body]] = {}
         for body in self.mechanism.bodies:
             members.setdefault(self._root(body.name), []).append(body)
-        neighbours: dict[str, list[tuple[str, Joint]]] = {}
-        for joint in self.mechanism.joints:
-            if joint.kind not in CLOSING and not is_chord(joint) and joint.name not in merged:
-                first, second = self._group_of(joint.first), self._group_of(joint.second)
-                if first != second:
-                    neighbours.setdefault(first, []).append((second, joint))
-                    neighbours.setdefault(second, []).append((first, joint))
+        free = [j for j in self.mechanism.joints if j.kind not in CLOSING and not is_chord(j) and j.name not in merged]
+        neighbours = self._neighbours(free)
+        order = self._order(neighbours)
+        if self.bonded and any(j.name in self.bonded and j.name not in order for j in free):
+            neighbours = self._neighbours(self._forest(free, order))
         self._grow(GROUND, None, members, neighbours)
         for group in members:
             if group not in self.start:
@@ -143,6 +145,49 @@ class _Growth:
         closing = [j for j in self.mechanism.joints if not is_chord(j) and j.name not in self.used]
         chords = [j for j in self.mechanism.joints if is_chord(j)]
         return Tree(tuple(self.links), place, tuple(chords), tuple(closing))
+
+    def _neighbours(self, joints: Sequence[Joint]) -> dict[str, list[tuple[str, Joint]]]:
+        found: dict[str, list[tuple[str, Joint]]] = {}
+        for joint in joints:
+            first, second = self._group_of(joint.first), self._group_of(joint.second)
+            if first != second:
+                found.setdefault(first, []).append((second, joint))
+                found.setdefault(second, []).append((first, joint))
+        return found
+
+    def _order(self, neighbours: Mapping[str, Sequence[tuple[str, Joint]]]) -> list[str]:
+        """The joints of the tree that grows breadth first from the ground, then from what is left."""
+        seen: set[str] = set()
+        names: list[str] = []
+        for root in self.group:
+            queue = [] if root in seen or self._root(root) != root else [root]
+            seen.update(queue)
+            for near in queue:
+                for far, joint in neighbours.get(near, ()):
+                    if far not in seen:
+                        seen.add(far)
+                        names.append(joint.name)
+                        queue.append(far)
+        return names
+
+    def _forest(self, joints: Sequence[Joint], order: Sequence[str]) -> list[Joint]:
+        """Joints without a loop: bonded ones first, then those of the other tree (J. Kruskal, 1956)."""
+        by_name, above = {j.name: j for j in joints}, {name: self._root(name) for name in self.group}
+
+        def top(name: str) -> str:
+            while above[name] != name:
+                above[name] = above[above[name]]
+                name = above[name]
+            return name
+
+        first = [j.name for j in joints if j.name in self.bonded]
+        kept: set[str] = set()
+        for name in (*first, *order):
+            one, other = (top(self._group_of(end)) for end in (by_name[name].first, by_name[name].second))
+            if one != other:
+                above[one] = other
+                kept.add(name)
+        return [j for j in joints if j.name in kept]
 
     def _root(self, name: str) -> str:
         while self.group[name] != name:
@@ -207,15 +252,23 @@ class _Growth:
                 queue.append(far)
 
 
-def drivable(mechanism: Mechanism) -> frozenset[str]:
-    """The ports whose flow the network may decide: coordinates of tree joints, one by one (not those of a ball)."""
-    links = spanning_tree(mechanism).links
+def drivable(mechanism: Mechanism, ports: Iterable[str]) -> frozenset[str]:
+    """The ports whose flow the network may decide: coordinates of tree joints, one by one (not those of a ball).
+
+    `ports` are all that have bonds.
+    """
+    links = spanning_tree(mechanism, bonded_joints(ports)).links
     return frozenset(
         c
         for link in links
         for c in link.coordinates
         if isinstance(link.part, Joint) and not link.fixed and len(link.coordinates) == 1
     )
+
+
+def bonded_joints(ports: Iterable[str]) -> frozenset[str]:
+    """The parts that ports belong to."""
+    return frozenset(port.partition(".")[0] for port in ports)
 
 
 def loop_of(tree: Tree, joint: Joint, mechanism: Mechanism) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bondgraph
 from tests.compiling import Running, compiled
 from tests.multibody.drawing import Drawing
 from tests.multibody.newton_euler import of_quaternion
@@ -204,3 +205,45 @@ def test_rest_is_what_a_coordinate_reads_in_the_drawing() -> None:
     running = Running(drawn.compiled(["one.x", "a.x"], everything=True))
     assert running.outputs({}) == {"one.x": 0.2, "a.x": 3.0}
     assert running.outputs({"m.one.x": 0.5})["a.x"] == pytest.approx(3.3)
+
+
+FOUR_BARS = """model Bars {{
+  multibody bars : planar {{
+    gravity = (0, -9.81 [m/s^2])
+    body a {{ mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0, 0.5 m) }}
+    body b {{ mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.6 m, 1.1 m) }}
+    body c {{ mass = 1 kg, inertia = 0.1 [kg*m^2], at = (1.2 m, 0.6 m) }}
+    hinge h1 : ground to a {{ at = (0, 0) }}
+    hinge h2 : a to b      {{ at = (0, 1 m) }}
+    hinge h3 : b to c      {{ at = (1.2 m, 1.2 m) }}
+    hinge h4 : ground to c {{ at = (1.2 m, 0) }}
+  }}
+  Sf drive : omega = 0.6 [1/s]*sin(2 [1/s]*time)
+  drive -> bars.{hinge}
+  output angle = bars.{hinge}.phi, M = drive.M, omega = drive.omega
+  output x = bars.b.x, y = bars.b.y, turn = bars.b.phi
+  output u = bars.a.x.v^2 + bars.a.y.v^2 + bars.b.x.v^2 + bars.b.y.v^2 + bars.c.x.v^2 + bars.c.y.v^2
+  output w = bars.a.phi.omega^2 + bars.b.phi.omega^2 + bars.c.phi.omega^2, h = bars.a.y + bars.b.y + bars.c.y
+}}
+"""
+
+
+@pytest.mark.parametrize("hinge", ["h1", "h2", "h3", "h4"])
+def test_any_joint_of_a_loop_may_be_driven(hinge: str) -> None:
+    """The loop is cut elsewhere. The power of the drive is what the bars take up: their energy, by their own readings."""
+    found = bondgraph.load(FOUR_BARS.format(hinge=hinge)).simulate(to=0.5, rtol=1e-10, points=501)
+    np.testing.assert_allclose(found["angle"], 0.3 * (1 - np.cos(2 * found.time)), atol=1e-10)
+    energy = found["u"] / 2 + 0.1 * found["w"] / 2 + 9.81 * found["h"]
+    power = found["M"] * found["omega"]
+    work = np.cumsum((power[1:] + power[:-1]) / 2) * found.time[1]
+    np.testing.assert_allclose(energy[1:] - energy[0], work, atol=2e-6)
+
+
+def test_a_ball_at_rest() -> None:
+    """What its coordinates read in the drawing."""
+    drawn = Drawing()
+    drawn.body("b", 1.0, (0.1, 0.2, 0.3, 0, 0, 0), (0.5, 0, 0))
+    drawn.joint("pin", "ball", "ground", "b", rest={"rx": 0.2, "rz": -0.1}, start={"rx": 0.5})
+    running = Running(drawn.compiled(["pin.rx", "pin.ry", "pin.rz"], everything=True))
+    assert running.outputs() == pytest.approx({"pin.rx": 0.5, "pin.ry": 0.0, "pin.rz": -0.1}, abs=1e-15)
+    assert running.starts()["m.pin.attitude.x"] == pytest.approx(np.sin(0.15))
