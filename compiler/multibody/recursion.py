@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from ..algebra.expression import MINUS_ONE, ONE, ZERO, Expression, Symbol, add, divide, multiply, negate
 from ..graph.mechanism import GROUND
-from .axes import to_own
+from .axes import to_own, to_world
 from .coordinates import is_turning
 from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
@@ -302,7 +302,16 @@ class Recursion:
         linear = plus(linear, cross(angular, placed.arm), self.kinematics.centripetal(moving, placed.arm))
         there = self.kinematics.world(index, self.script.vector(f"{name}.own", linear), f"{name}.world")
         turning = self.kinematics.world(index, angular, f"{name}.turning")
-        return plus(there, self.gravity), turning
+        return plus(there, self._fall(moving)), turning
+
+    def _fall(self, moving: Moving) -> Vector:
+        """Gravity, without what of it a branch in a plane never took in: there nothing accelerates across the plane."""
+        branch = moving.branch
+        if all(i in branch.active for i in (3, 4, 5)):
+            return self.gravity
+        own = to_own(branch.basis, self.gravity)
+        x, y, z = (g if i in branch.active else ZERO for i, g in zip((3, 4, 5), own, strict=True))
+        return to_world(branch.basis, (x, y, z))
 
 
 def _rows(moving: Moving) -> list[Row]:
