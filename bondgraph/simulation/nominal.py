@@ -19,7 +19,7 @@ from ..door import Program
 from ..errors import RunFailed
 from .choice import Choice
 from .constraints import Constraints
-from .factorise import dense, is_large, sparse
+from .factorise import is_large, once, sparse
 from .loops import Eliminated, LoopSolver
 from .segments import Segment
 
@@ -103,7 +103,7 @@ class _Coarse:
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        kind = sparse if is_large(len(state), len(self.rows)) else dense
+        kind = sparse if is_large(len(state), len(self.rows)) else once
         self.shifted = kind(self.rows, self.columns, self.differential)
 
     def peak(self, stretches: Sequence[Segment], choice: Choice | None) -> Any:
@@ -173,10 +173,9 @@ class _Coarse:
             unit = np.where(self.differential, scale, 1.0)
             rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
             try:
-                matrix = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
+                step = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows]).solve(rest / unit)
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
-            step = matrix.solve(rest / unit)
             change = step * scale
             norm = self._share(x, change, np.abs(size * entries))
             if not np.isfinite(norm) or norm > 2 * before:
@@ -216,6 +215,25 @@ class _Coarse:
         return np.maximum(scale, SMALLEST_RATIO * scale.max())
 
 
+def balance(matrix: Any) -> Any:
+    """Powers of two by which columns, and rows divided, come to like norms (Parlett and Reinsch 1969, as LAPACK's gebal does it)."""
+    a, scale, again = np.array(matrix, dtype=float), np.ones(len(matrix)), True
+    while again:
+        again = False
+        for i in range(len(a)):
+            column, row = float(np.linalg.norm(a[:, i])), float(np.linalg.norm(a[i]))
+            if not (0 < column < np.inf and 0 < row < np.inf):
+                continue
+            # The power of two next to the root of their ratio.
+            factor = 2.0 ** round(0.5 * (np.log2(row) - np.log2(column)))
+            if column * factor + row / factor < 0.95 * (column + row):
+                again = True
+                scale[i] *= factor
+                a[i] /= factor
+                a[:, i] *= factor
+    return scale
+
+
 def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
     """A bound of what each state reaches in the free linear motion from a state: sum of its modes' amplitudes.
 
@@ -223,9 +241,7 @@ def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
     """
     if not 0 < len(state) <= LARGEST or not np.isfinite(jacobian).all():
         return None
-    from scipy.linalg import matrix_balance
-
-    _, (scale, _) = matrix_balance(jacobian, permute=False, separate=True)
+    scale = balance(jacobian)
     try:
         _, shapes = np.linalg.eig(jacobian * scale / scale[:, None])
         inverse = np.linalg.inv(shapes)

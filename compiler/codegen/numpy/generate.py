@@ -17,7 +17,7 @@ def generate_program(lowered: Lowered) -> Program:
     space = lowered.space
     source = write_module(lowered)
     module = load_module(space.name, source)
-    tables = dict(_tables(lowered))
+    tables = dict(name_tables(lowered))
 
     def names(heading: str) -> Names:
         rows = tables[heading]
@@ -60,10 +60,11 @@ def write_module(lowered: Lowered) -> str:
         "All quantities are in SI; arrays may have leading axes (batches). Both sides of an `if` are evaluated: where that warns of\n"
         "a division by zero, `with numpy.errstate(all='ignore')` around the call keeps it quiet.\n"
     )
-    return Writer(lowered).module(_tables(lowered), note)
+    return Writer(lowered).module(name_tables(lowered), note)
 
 
-def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
+def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Heading, then names and units, of each kind of thing that a program has an array of."""
     variables = lowered.space.variables
 
     def rows(numbers: object) -> list[tuple[str, str]]:
