@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from compiler.graph.network import Element, Junction, Kind, MechanismNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
-    from compiler.native.arrays import Floats, Ints
+    from compiler.native.arrays import Floats, Ints, Record
     from compiler.native.kinds import INTS, Handed, record_of
     from compiler.native.machine import MachineCode, object_code, processor
     from compiler.native.machine import available as native_available
@@ -65,7 +65,7 @@ _HOMES = {
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
     "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
-    "Floats": "native.arrays", "Ints": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
+    "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip
@@ -74,9 +74,9 @@ __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "Expression", "Facts", "Floats", "Handed", "InternalError", "Ints", "Junction", "Kind", "LimitNote", "LinearLoop", "Literal",
-    "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort", "Program", "Reported", "Scene", "Source",
-    "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "bind", "blocks", "bond_lines", "braces",
-    "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",
+    "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene",
+    "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "bind", "blocks", "bond_lines",
+    "braces", "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",
     "native_available", "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit",
     "record_of", "render", "scale_of", "symbols", "to_sympy", "translate", "uncollected", "write_text",
 ]  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -64,6 +63,8 @@ def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
 
 def in_child(text: str, level: int) -> bytes:
     """The object code of a module, made by another process. Raises `CannotCompile`."""
+    import subprocess
+
     root = str(Path(__file__).resolve().parent.parent)
     command = [sys.executable, "-c", _CHILD.format(root=root, level=level)]
     try:

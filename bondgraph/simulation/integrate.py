@@ -14,7 +14,6 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RateNotFinite, RunFailed
-from . import exponential
 from .choice import Choice, Handover
 from .constraints import Constraints
 from .factorise import dense, is_large, sparse
@@ -25,6 +24,7 @@ from .singular import NEAR, SingularPose, Watcher
 from .validity import Watch
 
 if TYPE_CHECKING:
+    from . import exponential
     from .compiled.run import CompiledRadau
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
@@ -161,6 +161,8 @@ class _Stepper:
 
     def _exactly(self, stretch: Segment, x: Any) -> Any | None:
         """One stretch of a linear model by the matrix exponential; None if that cannot be done."""
+        from . import exponential
+
         form = exponential.linear_form(self.program, self.inputs, self.constants, stretch)
         if form is None:
             return None
@@ -204,6 +206,8 @@ class _Stepper:
     ) -> tuple[tuple[Any, float], bool]:
         """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
         assert self.powers is not None
+        from . import exponential
+
         times, inside = exponential.between(form, cut, states, PLACES)
         values = self.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
         values = values.reshape(*times.shape, -1)
@@ -215,6 +219,8 @@ class _Stepper:
 
     def _look_within(self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment) -> None:
         """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
+        from . import exponential
+
         if self.program.limits:
             inner, _ = exponential.between(form, cut, states, PLACES)
             times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))

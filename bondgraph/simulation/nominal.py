@@ -157,11 +157,13 @@ class _Coarse:
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """The state at the end of a step; None if it is not found."""
         program, fixed = self.program, (self.inputs, self.constants, mode)
-        try:
-            magnitude = np.where(self.largest > 0, self.largest, 1.0)
-            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
-        except RunFailed:
-            return None
+        x = begin
+        if len(program.unknowns.names):
+            try:
+                magnitude = np.where(self.largest > 0, self.largest, 1.0)
+                x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
+            except RunFailed:
+                return None
         before = np.inf
         for _ in range(NEWTON_ITERATIONS):
             slope = self.eliminated.rates(time, x, *fixed)

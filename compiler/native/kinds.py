@@ -1,12 +1,13 @@
-"""The types of the subset, from the annotations of functions and dataclasses."""
+"""The types of the subset, from the annotations of functions and records."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, is_dataclass
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any, NamedTuple, get_args
+
+from .arrays import Record
 
 FLOAT, INT, BOOL, FLOATS, INTS, NOTHING = "double", "i64", "i1", "floats", "ints", "void"
 _WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Ints": INTS, "None": NOTHING}
@@ -18,8 +19,8 @@ class TranslationError(TypeError):
 
 
 @dataclass(frozen=True)
-class Record:
-    """The type of a dataclass: its fields in order, each eight bytes wide."""
+class Fields:
+    """The type of a record: its fields in order, each eight bytes wide."""
 
     name: str
     fields: dict[str, Any]
@@ -56,7 +57,7 @@ def kind_of(annotation: Any, home: dict[str, Any]) -> Any:
         if annotation in _WORDS:
             return _WORDS[annotation]
         annotation = home.get(annotation)
-    if is_dataclass(annotation) and isinstance(annotation, type):
+    if isinstance(annotation, type) and issubclass(annotation, Record):
         return record_of(annotation)
     arguments = get_args(annotation)
     if len(arguments) == 2 and isinstance(arguments[0], list):
@@ -64,11 +65,15 @@ def kind_of(annotation: Any, home: dict[str, Any]) -> Any:
     raise TranslationError(f"`{annotation}` is no type of the subset")
 
 
-@lru_cache
-def record_of(noun: type) -> Record:
-    """The type of a dataclass."""
-    home = vars(sys.modules[noun.__module__])
-    return Record(noun.__name__, {n: kind_of(a, home) for n, a in noun.__annotations__.items()})
+_KNOWN: dict[type, Fields] = {}
+
+
+def record_of(noun: type) -> Fields:
+    """The type of a record."""
+    if noun not in _KNOWN:
+        home = vars(sys.modules[noun.__module__])
+        _KNOWN[noun] = Fields(noun.__name__, {n: kind_of(a, home) for n, a in noun.__annotations__.items()})
+    return _KNOWN[noun]
 
 
 def text_of(kind: Any) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
 import sys
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
@@ -116,7 +115,7 @@ def _library() -> Iterable[tuple[str, int]]:
     if sys.platform == "win32":
         places = [ctypes.CDLL("ucrtbase")]
     else:
-        name = ctypes.util.find_library("m") if sys.platform != "linux" else "libm.so.6"
+        name = "libm.so.6" if sys.platform == "linux" else None  # elsewhere it is part of what is always there
         places = [ctypes.CDLL(None), *([ctypes.CDLL(name)] if name else [])]
     for word in LIBRARY:
         for place in places:

@@ -17,8 +17,8 @@ from .kinds import (
     INTS,
     ITEMS,
     NOTHING,
+    Fields,
     Handed,
-    Record,
     TranslationError,
     Value,
     signature,
@@ -140,7 +140,7 @@ class Values:
         """Where a field or an item lies; its type is that of what lies there."""
         if isinstance(node, ast.Attribute):
             owner = self._value(node.value)
-            if not isinstance(owner.kind, Record):
+            if not isinstance(owner.kind, Fields):
                 raise self._fail(node, "only records have fields")
             number = owner.kind.place(node.attr)
             found = self._emit(None, f"getelementptr inbounds i64, ptr {owner.text}, i64 {number}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import copysign, floor, isfinite, isnan, pow, sqrt, ulp
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import pytest
 
 pytest.importorskip("llvmlite")
 
+from compiler.native.arrays import Record
 from compiler.native.kinds import TranslationError
 from compiler.native.machine import MachineCode, object_code
 from compiler.native.translate import translate
@@ -25,8 +25,7 @@ WEIGHTS, ORDER = (0.5, 1.5, -2.0), (2, 0, 1)
 FACTOR = 3.0
 
 
-@dataclass(slots=True)
-class Sums:
+class Sums(Record):
     n: int
     total: float
     values: Floats
@@ -97,7 +96,7 @@ def test_arrays_records_and_loops(level: int) -> None:
         values[generator.integers(n)] = 0.0
         order = generator.permutation(n)
         here, there = values.copy(), values.copy()
-        python = Sums(n, 0.125, here, order)
+        python = Sums(n=n, total=0.125, values=here, order=order)
         record = Record(n, 0.125, there.ctypes.data, order.ctypes.data)
         answer = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(code.address("gather"))(ctypes.addressof(record))
         assert answer == gather(python) and record.total == python.total

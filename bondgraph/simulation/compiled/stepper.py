@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from ...door import Record
 
 if TYPE_CHECKING:
     from ...door import Floats, Ints
@@ -13,8 +14,7 @@ if TYPE_CHECKING:
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
 
 
-@dataclass(slots=True)
-class Stepper:
+class Stepper(Record):
     """Everything that a run over one smooth stretch knows. n states and unknowns; sizes of arrays behind the names."""
 
     derivative: Function

@@ -15,6 +15,7 @@ _POINTER = ctypes.c_void_p
 _One = ctypes.CFUNCTYPE(None, ctypes.c_double, *([_POINTER] * 5))
 _Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, *([_POINTER] * 6), *([ctypes.c_int64] * 6))
 _NONE = np.zeros(1)
+_DOUBLE = np.dtype(float)
 
 Function = Callable[..., Any]
 
@@ -46,12 +47,21 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
 
     def evaluate(*given: Any) -> Any:
         arrays: list[Any] = [_NONE] * 5
+        single = True
         for place, value in zip(places, given, strict=True):
-            arrays[place] = np.asarray(value, dtype=float)
-        if arrays[0].ndim == (arrays[0] is _NONE) and max(a.ndim for a in arrays[1:]) == 1:
-            arrays[1:] = [np.ascontiguousarray(a) for a in arrays[1:]]
+            if place:
+                array = (
+                    value if type(value) is np.ndarray and value.dtype == _DOUBLE else np.asarray(value, dtype=float)
+                )
+                single = single and array.ndim == 1
+                arrays[place] = array if array.flags.c_contiguous else np.ascontiguousarray(array)
+            else:
+                arrays[0] = value
+                single = single and np.ndim(value) == 0
+        if single:
             out = np.empty(size)
-            one(float(arrays[0] if arrays[0].ndim == 0 else 0.0), *(_address(a) for a in arrays[1:]), _address(out))
+            at = 0.0 if arrays[0] is _NONE else float(arrays[0])
+            one(at, *[a.__array_interface__["data"][0] for a in arrays[1:]], out.__array_interface__["data"][0])
             return out
         return _batch(address, many, arrays, size)
 
@@ -61,7 +71,8 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
 
 def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     """The function at every point of the leading axes."""
-    arrays[0] = arrays[0][..., None] if arrays[0] is not _NONE else arrays[0]
+    if arrays[0] is not _NONE:
+        arrays[0] = np.asarray(arrays[0], dtype=float)[..., None]
     shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
     strides = [a.shape[-1] if a.ndim > 1 else 0 for a in arrays]
     flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
