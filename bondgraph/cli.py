@@ -313,15 +313,15 @@ def equations(file: str, latex: bool, model: str | None) -> None:
 
 @commands.command(name="compile")
 @_file
-@click.option("-o", "--out", required=True, metavar="MODEL.py", help="The file to write.")
+@click.option("-o", "--out", required=True, metavar="MODEL.py|MODEL.c", help="The file to write.")
 @_model
 def compile_(file: str, out: str, model: str | None) -> None:
-    """Write a Python module that needs numpy alone."""
+    """Write a Python module that needs numpy alone, or C that needs nothing."""
     with _told():
         from .files import write_text
 
-        _check_target(out, (".py",), "--out")
-        write_text(out, _load(file, model).compile())
+        _check_target(out, (".py", ".c"), "--out")
+        write_text(out, _load(file, model).compile("c" if out.endswith(".c") else "numpy"))
 
 
 # ---------------------------------------------------------------- texts

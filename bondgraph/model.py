@@ -206,10 +206,11 @@ class Model:
         return door.write_text(self.compilation(door.Scene(self.model, experiment)).whole_graph)
 
     def compile(self, target: str = "numpy") -> str:
-        """The source of a program of its own, with every parameter and input as an argument."""
-        if target != "numpy":
-            raise UsageError(f"there is no target `{target}`; targets are numpy")
-        return self.compilation(door.Scene(self.model, None, free=frozenset({"*"}))).program.source
+        """The source of a program of its own, numpy or C, with every parameter and input as an argument."""
+        if target not in ("numpy", "c"):
+            raise UsageError(f"there is no target `{target}`; targets are numpy, c")
+        made = self.compilation(door.Scene(self.model, None, free=frozenset({"*"})))
+        return made.c_source if target == "c" else made.program.source
 
     # ------------------------------------------------------------ runs
     def scene(

@@ -163,6 +163,14 @@ class Compilation:
         except RecursionError:
             raise CompilationFailed([_too_long(self.tree)]) from None
 
+    @cached_property
+    def c_source(self) -> str:
+        """The program as one file of C."""
+        from .codegen.c.write import write_c
+
+        with uncollected():
+            return write_c(self.lowered)
+
     def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
         """The program as data and machine code; `compile_` makes object code of LLVM's text, at a level of optimisation."""
         from .codegen.llvm.generate import generate_code
