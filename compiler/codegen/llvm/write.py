@@ -26,7 +26,10 @@ _LIBRARY = {
     "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "tanh": 1, "asinh": 1, "acosh": 1,
     "atanh": 1, "exp": 1, "log": 1, "log10": 1,
 }  # fmt: skip
-_INTRINSICS = {"sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64", "floor": "llvm.floor.f64", "ceil": "llvm.ceil.f64"}
+# As intrinsics they have no side effect: a sine and a cosine of one angle are computed together.
+_INTRINSICS = {
+    "sin": "llvm.sin.f64", "cos": "llvm.cos.f64", "exp": "llvm.exp.f64", "log": "llvm.log.f64", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64", "floor": "llvm.floor.f64", "ceil": "llvm.ceil.f64",
+}  # fmt: skip
 _COMPARE = {"less": "olt", "less_equal": "ole", "equal": "oeq"}
 _SUPPORTED: dict[str, Callable[..., Any]] = {
     "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
