@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from .constraints import Constraints
 from .factorise import is_large, once, sparse
 from .loops import Eliminated, LoopSolver
 from .segments import Segment
+
+if TYPE_CHECKING:
+    from .compiled.run import CompiledEuler
 
 STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
@@ -105,6 +108,15 @@ class _Coarse:
         self.rows, self.columns = program.pattern
         kind = sparse if is_large(len(state), len(self.rows)) else once
         self.shifted = kind(self.rows, self.columns, self.differential)
+        self.compiled = self._compiled()
+
+    def _compiled(self) -> CompiledEuler | None:
+        """The steps in machine code, if the program is that."""
+        if self.program.native is None:
+            return None
+        from .compiled.run import CompiledEuler, obstacle
+
+        return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
 
     def peak(self, stretches: Sequence[Segment], choice: Choice | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""
@@ -164,6 +176,8 @@ class _Coarse:
                 x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
             except RunFailed:
                 return None
+        if self.compiled is not None:
+            return self.compiled.step(begin, x, self.largest, (time, size), mode)
         before = np.inf
         for _ in range(NEWTON_ITERATIONS):
             slope = self.eliminated.rates(time, x, *fixed)

@@ -21,6 +21,7 @@ from bondgraph.prepared import Prepared
 from bondgraph.simulation import integrate
 from bondgraph.simulation.compiled import run as compiled
 from bondgraph.simulation.compiled.advance import advance, begin
+from bondgraph.simulation.compiled.euler import euler
 from bondgraph.views.equations import state_equations
 from compiler.codegen.c.write import write_c
 from compiler.codegen.llvm.evaluate import _Many
@@ -119,7 +120,7 @@ class Clock:
 def stepping_by_gcc(model: bondgraph.Model, clock: Clock, folder: Path, library: ctypes.CDLL) -> tuple[float, float]:
     """Seconds of stepping through the 20 ms: by LLVM, and the same source written as C, by gcc, over gcc's functions."""
     here = clock.least(lambda: model.simulate(target="native"))
-    text = "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n" + BEGINNING + c_source([begin, advance])
+    text = "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n" + BEGINNING + c_source([begin, advance, euler])
     stepping = gcc(text, folder, "stepping")
 
     class Code:

@@ -17,7 +17,7 @@ import bondgraph
 from bondgraph.errors import RunFailed, UsageError
 from bondgraph.prepared import HIDDEN
 from bondgraph.results import Result
-from bondgraph.simulation import exponential, integrate
+from bondgraph.simulation import exponential, integrate, leg
 from bondgraph.simulation.compiled import run as compiled
 from bondgraph.simulation.compiled.advance import advance, begin
 from bondgraph.simulation.compiled.stepper import Stepper
@@ -124,6 +124,17 @@ def _into(function: Any, of_time: bool) -> Any:
         out[: len(found)] = found
 
     return call
+
+
+@pytest.mark.parametrize("name", ["manipulator.bg", "rectifier.bg", "crane.bg", "quarter_car.bg"])
+def test_magnitudes_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The coarse run takes its steps in machine code too."""
+    found = []
+    original = leg.nominal_magnitudes
+    monkeypatch.setattr(leg, "nominal_magnitudes", lambda *a: found.append(original(*a)) or found[-1])
+    both(MODELS / name, points=2)
+    np.testing.assert_allclose(found[0].values, found[1].values, rtol=1e-9)
+    assert (found[0].stopped, found[0].unknown) == (found[1].stopped, found[1].unknown)
 
 
 PUSHED = """

@@ -12,7 +12,7 @@ from .. import radau
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ...door import Floats
+    from ...door import Floats, Ints
 
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 
@@ -32,26 +32,24 @@ def factorise(s: Stepper, size: float) -> bool:
         place = s.rows[k] * n + s.columns[k]
         s.real[place] -= s.jacobian[k]
         s.complex_re[place] -= s.jacobian[k]
-    return factorise_real(s) and factorise_complex(s)
+    return eliminate(n, s.real, s.real_scale, s.real_pivots) and factorise_complex(s)
 
 
-def factorise_real(s: Stepper) -> bool:
-    """False if the matrix is singular."""
-    n = s.n
-    a = s.real
+def eliminate(n: int, a: Floats, scale: Floats, pivots: Ints) -> bool:
+    """Factors in the place of a real matrix; false if it is singular."""
     for i in range(n):
         largest = 0.0
         for j in range(n):
             largest = max(largest, abs(a[i * n + j]))
-        s.real_scale[i] = 1.0 / largest if largest > 0.0 and isfinite(largest) else 1.0
+        scale[i] = 1.0 / largest if largest > 0.0 and isfinite(largest) else 1.0
         for j in range(n):
-            a[i * n + j] *= s.real_scale[i]
+            a[i * n + j] *= scale[i]
     for k in range(n):
         best = k
         for i in range(k + 1, n):
             if abs(a[i * n + k]) > abs(a[best * n + k]):
                 best = i
-        s.real_pivots[k] = best
+        pivots[k] = best
         if best != k:
             swap(a[k * n :], a[best * n :], n)
         pivot = a[k * n + k]
@@ -123,12 +121,15 @@ def swap(a: Floats, b: Floats, n: int) -> None:
 
 def solve_real(s: Stepper, x: Floats) -> None:
     """The solution in the place of the right side."""
-    n = s.n
-    a = s.real
+    back(s.n, s.real, s.real_scale, s.real_pivots, x)
+
+
+def back(n: int, a: Floats, scale: Floats, pivots: Ints, x: Floats) -> None:
+    """The same for what `eliminate` made."""
     for i in range(n):
-        x[i] *= s.real_scale[i]
+        x[i] *= scale[i]
     for k in range(n):
-        best = s.real_pivots[k]
+        best = pivots[k]
         if best != k:
             kept = x[k]
             x[k] = x[best]

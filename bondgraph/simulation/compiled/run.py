@@ -21,6 +21,7 @@ from ..factorise import DENSE
 from ..radau import STUBBORN, Radau, StepFailed
 from ..segments import LOOKS, Segment, inside, overlooked
 from .advance import HANDOVER, LOOK, MORE, advance, begin
+from .euler import Euler, euler
 from .step import ERROR, NEWTON, ROUND_OFF
 from .stepper import Stepper
 
@@ -48,9 +49,55 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ...door import translate
 
-        return translate([begin, advance])
+        return translate([begin, advance, euler])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
+
+
+def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
+    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
+    assert program.native is not None
+    fields: list[tuple[str, Any]] = []
+    given: list[Any] = []
+    kept: list[Any] = []
+    for name, kind in record_of(noun).fields.items():
+        if kind in ("double", "i64"):
+            fields.append((name, ctypes.c_double if kind == "double" else ctypes.c_int64))
+            given.append(values[name])
+            continue
+        fields.append((name, ctypes.c_void_p))
+        if isinstance(kind, Handed):
+            given.append(program.native.addresses["jacobian_entries" if name == "entries" else name])
+            continue
+        array = values[name] = np.ascontiguousarray(values[name], dtype=np.int64 if kind == INTS else float)
+        kept.append(array)
+        given.append(array.ctypes.data)
+    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})(*given), kept
+
+
+class CompiledEuler:
+    """Steps of the coarse run: `nominal._Coarse._step` from where the unknowns of loops are known."""
+
+    def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
+        rows, columns = program.pattern
+        n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
+        self.program = program
+        self.values: dict[str, Any] = {
+            "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
+            "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
+            "jacobian": np.zeros(len(rows)), "matrix": np.zeros(n * n), "pivots": np.zeros(n),
+        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "rows_scale")}  # fmt: skip
+        self._record, self._kept = structure(Euler, self.values, program)
+        self._here = ctypes.addressof(self._record)
+        self.code = machine_code()
+        self._step = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p)(self.code.address("euler"))
+
+    def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
+        """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
+        values, record = self.values, self._record
+        values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
+        record.time, record.size = at
+        return values["x"].copy() if self._step(self._here) else None
 
 
 class CompiledRadau:
@@ -86,25 +133,7 @@ class CompiledRadau:
 
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
-        addresses = self.program.native.addresses  # type: ignore[union-attr]
-        kinds = record_of(Stepper).fields
-        fields: list[tuple[str, Any]] = []
-        given: list[Any] = []
-        for name, kind in kinds.items():
-            value = self.values[name]
-            if kind in ("double", "i64"):
-                fields.append((name, ctypes.c_double if kind == "double" else ctypes.c_int64))
-                given.append(value)
-                continue
-            fields.append((name, ctypes.c_void_p))
-            if isinstance(kind, Handed):
-                given.append(addresses["jacobian_entries" if name == "entries" else name])
-                continue
-            array = np.ascontiguousarray(value, dtype=np.int64 if kind == INTS else float)
-            self.values[name] = array
-            self._kept.append(array)
-            given.append(array.ctypes.data)
-        self._record = type("Record", (ctypes.Structure,), {"_fields_": fields})(*given)
+        self._record, self._kept = structure(Stepper, self.values, self.program)
         self._here = ctypes.addressof(self._record)
         ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))(self._here)
         self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))

@@ -27,9 +27,9 @@ _LIBRARY = {
     "atanh": 1, "exp": 1, "log": 1, "log10": 1,
 }  # fmt: skip
 # As intrinsics they have no side effect: a sine and a cosine of one angle are computed together.
-_INTRINSICS = {
-    "sin": "llvm.sin.f64", "cos": "llvm.cos.f64", "exp": "llvm.exp.f64", "log": "llvm.log.f64", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64", "floor": "llvm.floor.f64", "ceil": "llvm.ceil.f64",
-}  # fmt: skip
+_INTRINSICS = {n: f"llvm.{n}.f64" for n in ("sin", "cos", "exp", "log", "sqrt", "floor", "ceil")} | {
+    "abs": "llvm.fabs.f64"
+}
 _COMPARE = {"less": "olt", "less_equal": "ole", "equal": "oeq"}
 _SUPPORTED: dict[str, Callable[..., Any]] = {
     "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
