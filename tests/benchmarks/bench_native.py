@@ -120,7 +120,9 @@ class Clock:
 def stepping_by_gcc(model: bondgraph.Model, clock: Clock, folder: Path, library: ctypes.CDLL) -> tuple[float, float]:
     """Seconds of stepping through the 20 ms: by LLVM, and the same source written as C, by gcc, over gcc's functions."""
     here = clock.least(lambda: model.simulate(target="native"))
-    text = "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n" + BEGINNING + c_source([begin, advance, euler])
+    text = (
+        "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n" + BEGINNING + c_source([begin, advance, euler])
+    )
     stepping = gcc(text, folder, "stepping")
 
     class Code:

@@ -37,6 +37,8 @@ def obstacle(program: Program) -> str:
     """Why the steps of this program are not made in machine code; empty if they are."""
     if program.native is None:
         return "no machine code"
+    if program.invariants.names:
+        return "closed loops are held on their constraints"
     if len(program.states.names) + len(program.unknowns.names) > DENSE:
         return f"more than {DENSE} states"
     return ""

@@ -21,6 +21,8 @@ class Described:
     input_defaults: tuple[float, ...]
     pattern: tuple[tuple[int, ...], tuple[int, ...]]
     sensitivity_pattern: tuple[tuple[int, ...], tuple[int, ...]]
+    invariant_pattern: tuple[tuple[int, ...], tuple[int, ...]]
+    of_invariants: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # multipliers, rates, parts
     limits: tuple[LimitNote, ...]
     operations: int
     differentiated: int
@@ -41,15 +43,18 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
     names = described.names
     native = Native(machine.addresses(name for name, _, _ in described.functions), machine)
     found = functions(described.functions, native.addresses, machine)
-    pattern, slopes = (
-        tuple(np.array(part, dtype=int) for part in pair) for pair in (described.pattern, described.sensitivity_pattern)
+    pattern, slopes, held = (
+        tuple(np.array(part, dtype=int) for part in pair)
+        for pair in (described.pattern, described.sensitivity_pattern, described.invariant_pattern)
     )
+    multipliers, rates, parts = described.of_invariants
     count = len(names["STATES"].names) + len(names["UNKNOWNS"].names)
     given: dict[str, Any] = {
         "name": described.name, "source": described.source, "states": names["STATES"], "unknowns": names["UNKNOWNS"],
         "outputs": names["OUTPUTS"], "inputs": names["INPUTS"], "parameters": names["PARAMETERS"], "dependents": names["DEPENDENTS"],
         "defaults": described.defaults, "input_defaults": described.input_defaults, "pattern": pattern, "sensitivity_pattern": slopes,
         "jacobian": dense(found["jacobian_entries"], pattern, count), "limits": described.limits,
+        "invariants": names["INVARIANTS"], "invariant_pattern": held, "multipliers": multipliers, "rates": rates, "parts": parts, "solved": None,
         "operations": described.operations, "differentiated": described.differentiated, "native": native,
     }  # fmt: skip
     given |= found

@@ -38,7 +38,9 @@ _SUPPORTED: dict[str, Callable[..., Any]] = {
 LARGEST_PRODUCT = 32  # power that is written as products
 
 
-HOT = frozenset({"derivative", "jacobian_entries", "signals"})  # what the steps of a run call again and again
+HOT = frozenset(
+    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes"}
+)  # what the steps of a run call again and again
 
 
 class Module:

@@ -30,13 +30,13 @@ def generate_program(lowered: Lowered) -> Program:
         module.jacobian_entries, module.jacobian, module.output, module.claims,
         names("DEPENDENTS"), module.dependent, module.SENSITIVITY_PATTERN, module.sensitivities, module.forced, module.signals, module.powers, module.instants,
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
-        names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *_of_invariants(lowered),
+        names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
         module.solved if lowered.solved is not None else None,
         count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
 
 
-def _of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
     """For each gap: its multiplier among the unknowns, its rate among the invariants, its part among the parameters; or -1."""
     invariants = lowered.space.invariants
     unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
