@@ -182,13 +182,14 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option(
     "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
 )
+@click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
+    atol: float | None, target: str | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     with _told():
@@ -205,6 +206,7 @@ def run(
             atol,
             energy,
             tuple(outputs) or None,
+            target,
         )
         for left in result.warnings:
             click.echo(f"warning: {left}", err=True)
@@ -311,15 +313,15 @@ def equations(file: str, latex: bool, model: str | None) -> None:
 
 @commands.command(name="compile")
 @_file
-@click.option("-o", "--out", required=True, metavar="MODEL.py", help="The file to write.")
+@click.option("-o", "--out", required=True, metavar="MODEL.py|MODEL.c", help="The file to write.")
 @_model
 def compile_(file: str, out: str, model: str | None) -> None:
-    """Write a Python module that needs numpy alone."""
+    """Write a Python module that needs numpy alone, or C that needs nothing."""
     with _told():
         from .files import write_text
 
-        _check_target(out, (".py",), "--out")
-        write_text(out, _load(file, model).compile())
+        _check_target(out, (".py", ".c"), "--out")
+        write_text(out, _load(file, model).compile("c" if out.endswith(".c") else "numpy"))
 
 
 # ---------------------------------------------------------------- texts

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from compiler.algebra.expression import Apply, Expression, Symbol, depends_on, evaluate, symbols
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
+    from compiler.certificate import Certificate
     from compiler.codegen.cost import Cost, cost
+    from compiler.codegen.llvm.described import Described, bind
     from compiler.codegen.program import LimitNote, Program
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
@@ -25,10 +27,14 @@ if TYPE_CHECKING:
     from compiler.graph.network import Element, Junction, Kind, MechanismNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
-    from compiler.reduction.certificate import Certificate
+    from compiler.native.arrays import Floats, Ints, Record
+    from compiler.native.kinds import INTS, Handed, record_of
+    from compiler.native.machine import MachineCode, object_code, processor
+    from compiler.native.machine import available as native_available
+    from compiler.native.translate import translate
     from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
-    from compiler.scene import Override, Plan, Reported, Scene
+    from compiler.scene import Facts, Override, Plan, Reported, Scene
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.scales import scale_of
@@ -47,7 +53,7 @@ _HOMES = {
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
-    "examine": "driver", "Certificate": "reduction.certificate", "Unknown": "reduction.state_space",
+    "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
@@ -57,17 +63,22 @@ _HOMES = {
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
+    "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
+    "processor": "native.machine",
+    "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
+    "INTS": "native.kinds", "Handed": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph", "Certificate",
-    "Compilation", "CompilationFailed", "Cost", "Dependence", "Diagnostic", "Element", "EquationSystem", "Expression", "InternalError",
-    "Junction", "Kind", "LimitNote", "LinearLoop", "Literal", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",
-    "Program", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts",
-    "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine",
-    "format_text", "freedoms_of", "number_text", "parse_expression", "parse_law", "read_text", "read_unit", "render", "scale_of",
-    "symbols", "to_sympy", "uncollected", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
+    "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
+    "Expression", "Facts", "Floats", "Handed", "InternalError", "Ints", "Junction", "Kind", "LimitNote", "LinearLoop", "Literal",
+    "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene",
+    "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "bind", "blocks", "bond_lines",
+    "braces", "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",
+    "native_available", "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit",
+    "record_of", "render", "scale_of", "symbols", "to_sympy", "translate", "uncollected", "write_text",
 ]  # fmt: skip
 
 

@@ -8,28 +8,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .door import (
-    Certificate,
-    Compilation,
-    CompilationFailed,
-    Diagnostic,
-    Override,
-    Scene,
-    Source,
-    Span,
-    check_source,
-    examine,
-    parse_expression,
-    read_text,
-    uncollected,
-    write_text,
-)
+from . import door
 from .errors import UsageError
 
 if TYPE_CHECKING:
     import networkx
 
     from .analysis import PortHamiltonian, SymbolicPortHamiltonian
+    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from .prepared import Prepared
     from .results import Result
 
 LIBRARY = Path(__file__).with_name("library")
@@ -56,19 +43,19 @@ def load(path_or_text: str | Path, model: str | None = None) -> Model:
 
 def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a file or text; empty if nothing is."""
-    return tuple(check_source(_source(path_or_text), model, LIBRARY))
+    return tuple(door.check_source(_source(path_or_text), model, LIBRARY))
 
 
 def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
     """As `check`; and if nothing is wrong, what kind of equations a run solves (None for a file of parts)."""
-    return examine(_source(path_or_text), model, LIBRARY)
+    return door.examine(_source(path_or_text), model, LIBRARY)
 
 
 def _source(path_or_text: str | Path) -> Source:
     if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
-        return Source("text", path_or_text)
+        return door.Source("text", path_or_text)
     path = Path(path_or_text)
-    return Source(str(path_or_text), read_text(path), path)
+    return door.Source(str(path_or_text), door.read_text(path), path)
 
 
 class Model:
@@ -78,20 +65,32 @@ class Model:
         self.source = source
         self.model = model
         self._compilations: dict[tuple[Scene, bool], Compilation] = {}
+        self._prepared: dict[tuple[Scene, bool, str], Prepared] = {}
 
     def __repr__(self) -> str:
         return f"<bondgraph model {self.model or ''} of {self.source.name}>"
 
     def compilation(self, scene: Scene | None = None, everything: bool = False) -> Compilation:
         """The compiler's stages for one scene (default: no experiment)."""
-        scene = scene if scene is not None else Scene(self.model, None)
+        scene = scene if scene is not None else door.Scene(self.model, None)
         key = (scene, everything)
         if key not in self._compilations:
-            compilation = Compilation(self.source, scene, LIBRARY, everything)
+            compilation = door.Compilation(self.source, scene, LIBRARY, everything)
             if self._compilations:  # the text is parsed once
                 compilation.__dict__["tree"] = next(iter(self._compilations.values())).tree
             self._compilations[key] = compilation
         return self._compilations[key]
+
+    def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
+        """The program for one scene and what a run asks besides; from the cache if it has been there before."""
+        from .prepared import Prepared
+
+        key = (scene, everything, target)
+        if key not in self._prepared:
+            self._prepared[key] = Prepared(
+                self.source, scene, everything, target, lambda: self.compilation(scene, everything)
+            )
+        return self._prepared[key]
 
     @cached_property
     def name(self) -> str:
@@ -144,7 +143,7 @@ class Model:
         """
         from .views.equations import state_equations
 
-        with uncollected():
+        with door.uncollected():
             return state_equations(self._with_inputs().state_space)
 
     def algebraic_equations(self) -> Any:
@@ -182,11 +181,11 @@ class Model:
 
     def _with_inputs(self) -> Compilation:
         """The equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
-        free = self.compilation(Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
+        free = self.compilation(door.Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
         try:
             _ = free.state_space
             return free
-        except CompilationFailed as failed:
+        except door.CompilationFailed as failed:
             if any(d.code != "BG503" for d in failed.diagnostics):
                 raise
             return self.compilation(everything=True)
@@ -197,20 +196,21 @@ class Model:
             raise UsageError(f"there is no stage `{stage}`; stages are {', '.join(STAGES)}")
         from .views.stages import stage_text
 
-        return stage_text(self.compilation(Scene(self.model, experiment)), stage)
+        return stage_text(self.compilation(door.Scene(self.model, experiment)), stage)
 
     def text(self, experiment: str | None = None) -> str:
         """The model as one flat model in the language, which compiles to an equal graph; with an experiment, as it sets it.
 
         Instances and loops are opened, numbers stand in SI. Raises `CompilationFailed`, also if something cannot be written.
         """
-        return write_text(self.compilation(Scene(self.model, experiment)).whole_graph)
+        return door.write_text(self.compilation(door.Scene(self.model, experiment)).whole_graph)
 
     def compile(self, target: str = "numpy") -> str:
-        """The source of a program of its own, with every parameter and input as an argument."""
-        if target != "numpy":
-            raise UsageError(f"there is no target `{target}`; targets are numpy")
-        return self.compilation(Scene(self.model, None, free=frozenset({"*"}))).program.source
+        """The source of a program of its own, numpy or C, with every parameter and input as an argument."""
+        if target not in ("numpy", "c"):
+            raise UsageError(f"there is no target `{target}`; targets are numpy, c")
+        made = self.compilation(door.Scene(self.model, None, free=frozenset({"*"})))
+        return made.c_source if target == "c" else made.program.source
 
     # ------------------------------------------------------------ runs
     def scene(
@@ -222,27 +222,28 @@ class Model:
     ) -> Scene:
         """What a run asks: an experiment ("" the first, None none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
-        return Scene(self.model, experiment, overrides, frozenset(free), outputs)
+        return door.Scene(self.model, experiment, overrides, frozenset(free), outputs)
 
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None,
+        outputs: tuple[str, ...] | None = None, target: str | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
         `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
-        balance. Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail.
+        balance. `target`: native (machine code) or numpy; the first that this machine has.
+        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail.
         """
         from .simulation.run import simulate
 
-        return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy)
+        return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target)
 
 
 def _override(name: str, value: str | float) -> Override:
     if isinstance(value, str):
-        source = Source(f"setting of {name}", value)
-        return Override(name.replace(" ", ""), parse_expression(source), Span(source, 0, len(value)))
-    source = Source(f"setting of {name}", repr(value))
-    return Override(name.replace(" ", ""), float(value), Span(source, 0, len(source.text)))
+        source = door.Source(f"setting of {name}", value)
+        return door.Override(name.replace(" ", ""), door.parse_expression(source), door.Span(source, 0, len(value)))
+    source = door.Source(f"setting of {name}", repr(value))
+    return door.Override(name.replace(" ", ""), float(value), door.Span(source, 0, len(source.text)))

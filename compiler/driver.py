@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .causality import CausalGraph, assign_causality
-from .codegen.lower import Lowered, lower
+from .codegen.lower import Lowered, lower, moving
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
@@ -19,11 +20,14 @@ from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .memory import uncollected
 from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops
 from .reduction.errors import DerivativeWithoutEnd
-from .scene import Plan, Scene
-from .semantics import build_graph, check_parts, is_part
+from .scene import Facts, Plan, Scene
+from .semantics import Built, build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
 from .source import Source, Span
 from .syntax import SyntaxTree, parse, parse_what_can_be_read
+
+if TYPE_CHECKING:
+    from .codegen.llvm.described import Described
 
 
 @dataclass(eq=False)
@@ -45,19 +49,23 @@ class Compilation:
         return is_part(self.tree, self.scene.model)
 
     @cached_property
-    def _built(self) -> tuple[BondGraph, Plan]:
+    def _built(self) -> Built:
         with uncollected():
-            built = build_graph(self.tree, self.scene, self.library)
-        return built.graph, built.plan
+            return build_graph(self.tree, self.scene, self.library)
 
     @property
     def whole_graph(self) -> BondGraph:
         """The graph with everything that the text says."""
-        return self._built[0]
+        return self._built.graph
 
     @property
     def plan(self) -> Plan:
-        return self._built[1]
+        return self._built.plan
+
+    @property
+    def files(self) -> tuple[Source, ...]:
+        """What was read besides the text itself: imported files and columns of numbers."""
+        return self._built.files
 
     @cached_property
     def zeros(self) -> frozenset[str]:
@@ -135,14 +143,40 @@ class Compilation:
         return certify(self.state_space, self.equations, left_out, (*notes(self.graph), *wishes))
 
     @cached_property
+    def facts(self) -> Facts:
+        """What a run asks besides."""
+        space = self.state_space
+        places = {v: i for i, v in enumerate(moving(space))}
+        shown = {name: places[v] for name, v in space.outputs.items() if v in places}
+        kinds = [(n.name, n.kind.value) for n in self.graph.nodes]
+        mechanisms = tuple(name for name, kind in kinds if kind == "multibody")
+        storages = tuple(name for name, kind in kinds if kind in ("C", "I"))
+        return Facts(mechanisms, storages, bool(space.claims), shown)
+
+    @cached_property
     def program(self) -> Program:
-        from .codegen.numpy import generate_program
+        from .codegen import numpy
 
         try:
             with uncollected():
-                return generate_program(self.lowered)
+                return numpy.generate_program(self.lowered)
         except RecursionError:
             raise CompilationFailed([_too_long(self.tree)]) from None
+
+    @cached_property
+    def c_source(self) -> str:
+        """The program as one file of C."""
+        from .codegen.c.write import write_c
+
+        with uncollected():
+            return write_c(self.lowered)
+
+    def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
+        """The program as data and machine code; `compile_` makes object code of LLVM's text, at a level of optimisation."""
+        from .codegen.llvm.generate import generate_code
+
+        with uncollected():
+            return generate_code(self.lowered, compile_)
 
     @contextmanager
     def _instances(self) -> Iterator[None]:
@@ -198,7 +232,7 @@ def _examine(
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
         if parts.built is not None:
-            compilation.__dict__["_built"] = (parts.built.graph, parts.built.plan)
+            compilation.__dict__["_built"] = parts.built
         try:
             if not compilation.is_part:
                 _ = compilation.lowered

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from .source import Span
-from .syntax.tree import Expression
+
+if TYPE_CHECKING:
+    from .syntax.tree import Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +63,13 @@ class Plan:
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish
     unsupported: tuple[tuple[Span, str], ...] = ()  # steps that only later versions run
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a run asks of a model besides its program and its plan."""
+
+    mechanisms: tuple[str, ...]
+    storages: tuple[str, ...]
+    claims: bool  # whether the author gave starts to what is computed
+    shown: Mapping[str, int]  # outputs that are states or unknowns -> which

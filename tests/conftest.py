@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +13,10 @@ from hypothesis import settings
 # The same examples in every run: what fails here fails everywhere.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=60)
 settings.load_profile("repeatable")
+
+# What is compiled in the tests is kept for them alone, and thrown away with them.
+_KEPT = tempfile.TemporaryDirectory(prefix="bondgraph-tests-")
+os.environ.setdefault("BONDGRAPH_CACHE", _KEPT.name)
 
 Golden = Callable[[Path, str], None]
 

@@ -7,12 +7,14 @@ that the residual is an independent measure of the error of the run.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import StateSpace, Storage, evaluate
 from ..results import ElementEnergy, EnergyBalance
+
+if TYPE_CHECKING:
+    from ..door import StateSpace, Storage
 
 SOURCES, LOSSES = ("Se", "Sf"), ("R",)
 
@@ -67,6 +69,8 @@ def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
 
 def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:
     """The change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
+    from ..door import evaluate
+
     count = len(before)
     values = [a if isinstance(a, float) else arguments[a] for a in storage.arguments]
 

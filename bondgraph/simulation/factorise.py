@@ -42,18 +42,43 @@ class _Sparse:
         return self.factors.solve(right * self.scale)
 
 
-def dense(rows: Any, columns: Any, differential: Any) -> Shifted:
-    """For the entries of a Jacobian at (rows, columns): a factorised dense matrix. Raises LinAlgError if it is singular."""
-    from scipy.linalg import lapack
+@dataclass(frozen=True, slots=True)
+class _Once:
+    matrix: Any
+    scale: Any
 
-    count = len(differential)
+    def solve(self, right: Any) -> Any:
+        return np.linalg.solve(self.matrix, right * self.scale)
+
+
+def once(rows: Any, columns: Any, differential: Any) -> Shifted:
+    """As `dense`, for a matrix that is used once, by numpy alone. Raises LinAlgError where it is asked, if it is singular."""
     diagonal = np.diag(differential.astype(float))
 
     def shifted(shift: complex, entries: Any) -> Factorised:
         matrix = diagonal * shift
         matrix[rows, columns] -= entries
-        largest = np.abs(matrix).max(axis=1, initial=0.0)
-        scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
+        scale = _row_scale(matrix)
+        return _Once(matrix * scale[:, None], scale)
+
+    return shifted
+
+
+def _row_scale(matrix: Any) -> Any:
+    largest = np.abs(matrix).max(axis=1, initial=0.0)
+    return np.divide(1.0, largest, out=np.ones(len(largest)), where=(largest > 0) & np.isfinite(largest))
+
+
+def dense(rows: Any, columns: Any, differential: Any) -> Shifted:
+    """For the entries of a Jacobian at (rows, columns): a factorised dense matrix. Raises LinAlgError if it is singular."""
+    from scipy.linalg import lapack
+
+    diagonal = np.diag(differential.astype(float))
+
+    def shifted(shift: complex, entries: Any) -> Factorised:
+        matrix = diagonal * shift
+        matrix[rows, columns] -= entries
+        scale = _row_scale(matrix)
         complex_valued = isinstance(shift, complex)
         factor, back = (lapack.zgetrf, lapack.zgetrs) if complex_valued else (lapack.dgetrf, lapack.dgetrs)
         factors, pivots, info = factor(matrix * scale[:, None], overwrite_a=True)

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..door import Program
 from ..errors import RateNotFinite, RunFailed
-from . import exponential
 from .choice import Choice, Handover
 from .constraints import Constraints
 from .factorise import dense, is_large, sparse
@@ -23,6 +22,10 @@ from .radau import C, Problem, Radau, StepFailed
 from .segments import Segment, follower
 from .singular import NEAR, SingularPose, Watcher
 from .validity import Watch
+
+if TYPE_CHECKING:
+    from . import exponential
+    from .compiled.run import CompiledRadau
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
@@ -158,6 +161,8 @@ class _Stepper:
 
     def _exactly(self, stretch: Segment, x: Any) -> Any | None:
         """One stretch of a linear model by the matrix exponential; None if that cannot be done."""
+        from . import exponential
+
         form = exponential.linear_form(self.program, self.inputs, self.constants, stretch)
         if form is None:
             return None
@@ -183,6 +188,15 @@ class _Stepper:
         self.result.solvers["matrix exponential"] = None
         return states[-1]
 
+    def _obstacle(self) -> str | None:
+        """Why machine code does not make the steps, in brackets or empty; None if it does."""
+        if self.program.native is None:
+            return ""
+        from .compiled.run import obstacle
+
+        found = obstacle(self.program)
+        return f" ({found})" if found else None
+
     def _count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
@@ -192,6 +206,8 @@ class _Stepper:
     ) -> tuple[tuple[Any, float], bool]:
         """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
         assert self.powers is not None
+        from . import exponential
+
         times, inside = exponential.between(form, cut, states, PLACES)
         values = self.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
         values = values.reshape(*times.shape, -1)
@@ -203,6 +219,8 @@ class _Stepper:
 
     def _look_within(self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment) -> None:
         """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
+        from . import exponential
+
         if self.program.limits:
             inner, _ = exponential.between(form, cut, states, PLACES)
             times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))
@@ -210,10 +228,13 @@ class _Stepper:
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
+        obstacle = self._obstacle()
+        self.result.solvers[f"Radau IIA 5, {'native' if obstacle is None else f'numpy{obstacle}'}"] = None
+        if obstacle is None:
+            return self._in_machine_code(stretch, x)
         solver = self._solver(stretch, stretch.start, x)
         if self.constraints:
             self.singular.begin(stretch.start, x, stretch.mode)
-        self.result.solvers["Radau IIA 5"] = None
         magnitude = self.tolerances.magnitude
         relative = self.tolerances.scaled
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
@@ -329,9 +350,7 @@ class _Stepper:
         def jacobian(time: float, scaled: Any) -> Any:
             return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
-        slope = derivative(start, x / magnitude)
-        if not np.isfinite(slope).all():
-            raise _not_finite(program, start, slope, x)
+        self._check_rates(start, x, stretch.mode)
         relative = self.tolerances.relative
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
@@ -349,21 +368,70 @@ class _Stepper:
             problem.hold = hold
         return Radau(problem, start, x / magnitude, stretch.stop, size)
 
+    def _check_rates(self, start: float, x: Any, mode: Any) -> None:
+        """A run can only begin where all rates are numbers."""
+        slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
+        if not np.isfinite(slope).all():
+            raise _not_finite(self.program, start, slope, x)
+
+    def _in_machine_code(self, stretch: Segment, x: Any) -> Any:
+        """As `run` from where it begins to step, by `compiled/advance.py`."""
+        from .compiled.run import CompiledRadau, steps
+
+        self._check_rates(stretch.start, x, stretch.mode)
+        solver = CompiledRadau(self.program, self.inputs, self.constants, self.tolerances, stretch, x, self.longest)
+        first = self.position
+        solver.report(self.instants, first, self.result.states)
+        if self.choice is not None:
+            solver.choose(self.choice)
+        if self.powers is not None:
+            if self.result.work is None:
+                self.result.work = np.zeros_like(self.powers(stretch.start, x, stretch.mode))
+            solver.measure(self.result.work, self.traffic)
+        solver.begin()
+
+        def look() -> list[int]:
+            passed = self.instants[np.searchsorted(self.instants, solver.last_step[0], "right") : solver.position]
+            self._look(solver, stretch, passed)
+            return [*self.watch.left]
+
+        try:
+            while steps(solver, look, MOST_STEPS):
+                assert self.choice is not None
+                state = solver.state * self.tolerances.magnitude
+                self.result.handover = self.choice.look(solver.time, state, stretch.mode)
+                if self.result.handover is not None:
+                    break
+        except StepFailed as failed:
+            raise self._failed(solver, failed.what) from None
+        self.position, self.traffic = solver.position, solver.traffic
+        if self.position > first:
+            times, states = (a[first : self.position] for a in (self.instants, self.result.states))
+            states[:] = self.loops.solve_all(times, states, stretch.mode)
+        self.result.steps += solver.steps
+        self._count(solver.evaluations)
+        return self.loops.solve(solver.time, solver.state * self.tolerances.magnitude, stretch.mode)
+
     def _step(self, solver: Radau, steps: int) -> None:
         """One accepted step."""
         try:
             solver.step()
         except StepFailed as failed:
-            state = solver.state * self.tolerances.magnitude
-            slope = self.program.derivative(solver.time, state, self.inputs, self.constants, self._mode(solver))
-            if not np.isfinite(slope).all():
-                raise _not_finite(self.program, solver.time, slope, state) from None
-            raise RunFailed(_stuck(self.program, solver, failed.what, state, slope, self.tolerances)) from None
+            raise self._failed(solver, failed.what) from None
         if steps >= MOST_STEPS:
-            state = solver.state * self.tolerances.magnitude
-            raise RunFailed(_stuck(self.program, solver, "steps", state, np.zeros(len(state)), self.tolerances))
+            raise self._failed(solver, "steps")
 
-    def _mode(self, solver: Radau) -> Any:
+    def _failed(self, solver: Radau | CompiledRadau, what: str) -> RunFailed:
+        """Why the run ends here."""
+        state = solver.state * self.tolerances.magnitude
+        slope = np.zeros(len(state))
+        if what != "steps":
+            slope = self.program.derivative(solver.time, state, self.inputs, self.constants, self._mode(solver))
+        if not np.isfinite(slope).all():
+            return _not_finite(self.program, solver.time, slope, state)
+        return RunFailed(_stuck(self.program, solver, what, state, slope, self.tolerances))
+
+    def _mode(self, solver: Radau | CompiledRadau) -> Any:
         return self.program.switches(solver.time, self.constants)
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
@@ -376,7 +444,7 @@ class _Stepper:
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
-    def _look(self, solver: Radau, stretch: Segment, reported: Any) -> None:
+    def _look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         self._watch_limits(*solver.last_step, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
 
@@ -428,7 +496,9 @@ def _not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNo
     return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state)
 
 
-def _stuck(program: Program, solver: Radau, what: str, state: Any, slope: Any, tolerances: Tolerances) -> str:
+def _stuck(
+    program: Program, solver: Radau | CompiledRadau, what: str, state: Any, slope: Any, tolerances: Tolerances
+) -> str:
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)
     worst = (

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Assignment, Compilation, Plan, Program, evaluate
 from ..errors import RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance
 from .assembly import choose_rows
 from .choice import Choice, Handover
 from .constraints import Constraints
 from .energy import energy_balance
-from .finite import cause_of, check_finite
 from .integrate import Tolerances, Trajectory, integrate
 from .loops import LoopSolver
 from .nominal import nominal_magnitudes
@@ -23,13 +21,17 @@ from .singular import told_of
 from .start import consistent_start
 from .validity import Watch
 
+if TYPE_CHECKING:
+    from ..door import Plan, Program
+    from ..prepared import Prepared
+
 
 class Leg:
     """What one leg of a run holds while it goes: one program, one choice of states."""
 
     def __init__(
         self,
-        compilation: Compilation,
+        compilation: Prepared,
         plan: Plan,
         instants: Any,
         rtol: float,
@@ -56,9 +58,7 @@ class Leg:
     def _constraints(self, program: Program) -> Constraints:
         return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
 
-    def _start(
-        self, program: Program, compilation: Compilation, constraints: Constraints
-    ) -> tuple[Any, tuple[str, ...]]:
+    def _start(self, program: Program, compilation: Prepared, constraints: Constraints) -> tuple[Any, tuple[str, ...]]:
         """The state at the start, unknowns of loops included, and what the author's starts moved."""
         constants = constraints.constants
         state = np.asarray(program.start(constants), dtype=float)
@@ -75,9 +75,7 @@ class Leg:
                 full = constraints.project(first.start, full, first.mode)
             loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
             return loops.solve(first.start, full, first.mode), ()
-        full, moved = consistent_start(
-            program, compilation.state_space, constants, self.inputs, state, first, constraints
-        )
+        full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
             full = equilibrium(program, constraints.constants, self.inputs, full, first)
             full = constraints.project(first.start, full, first.mode)
@@ -96,15 +94,10 @@ class Leg:
 
     def _told_tolerances(self) -> dict[int, float]:
         """The absolute tolerances that the experiment gives, by state or unknown. Raises `UsageError`."""
-        outputs = self.compilation.state_space.outputs
-        space = self.compilation.state_space
-        numbers = {
-            v: i for i, v in enumerate([*(s.variable for s in space.states), *(u.variable for u in space.unknowns)])
-        }
-        variables = {space.variables[v].name: i for v, i in numbers.items()}
+        variables = {n: i for i, n in enumerate((*self.program.states.names, *self.program.unknowns.names))}
         result: dict[int, float] = {}
         for name, value in self.plan.tolerances.items():
-            index = variables.get(name, numbers.get(outputs.get(name, -1)))
+            index = variables.get(name, self.compilation.facts.shown.get(name))
             if index is None:
                 raise UsageError(
                     f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
@@ -114,7 +107,7 @@ class Leg:
 
     def _magnitudes(self) -> Any:
         """Magnitudes of all states and unknowns."""
-        mechanisms = [n.name for n in self.compilation.graph.nodes if n.kind.value == "multibody"]
+        mechanisms = self.compilation.facts.mechanisms
         found = nominal_magnitudes(
             self.program,
             mechanisms,
@@ -129,12 +122,12 @@ class Leg:
         return found.values
 
     def _choice(self) -> Choice:
-        storages = [n.name for n in self.compilation.graph.nodes if n.kind.value in ("C", "I")]
-        return Choice(self.program, self.constants, self.inputs, frozenset(storages), self.begin)
+        storages = frozenset(self.compilation.facts.storages)
+        return Choice(self.program, self.constants, self.inputs, storages, self.begin)
 
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to where other states should go on."""
-        space, program = self.compilation.state_space, self.program
+        program = self.program
         try:
             self.trajectory = integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
@@ -142,12 +135,18 @@ class Leg:
                 self.constraints,
             )  # fmt: skip
         except RateNotFinite as failed:
-            cause = cause_of(program, space, failed.time, failed.state, self.parameters)
+            from .finite import cause_of
+
+            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
         self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
-        check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
+        if not np.isfinite(self.values).all():
+            from .finite import check_finite
+
+            space = self.compilation.state_space
+            check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
 
     def _outputs(self) -> Any:
@@ -183,6 +182,8 @@ class Leg:
 
     def _arguments(self) -> dict[int, float]:
         """The values of the storages' parameters."""
+        from ..door import Assignment, evaluate
+
         space = self.compilation.state_space
         known = dict(zip(self.program.parameters.names, self.parameters, strict=True))
         parameters = [(i, v) for i, v in enumerate(space.variables) if v.role == "parameter"]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,9 +19,12 @@ from ..door import Program
 from ..errors import RunFailed
 from .choice import Choice
 from .constraints import Constraints
-from .factorise import dense, is_large, sparse
+from .factorise import is_large, once, sparse
 from .loops import Eliminated, LoopSolver
 from .segments import Segment
+
+if TYPE_CHECKING:
+    from .compiled.run import CompiledEuler
 
 STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
@@ -103,8 +106,17 @@ class _Coarse:
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        kind = sparse if is_large(len(state), len(self.rows)) else dense
+        kind = sparse if is_large(len(state), len(self.rows)) else once
         self.shifted = kind(self.rows, self.columns, self.differential)
+        self.compiled = self._compiled()
+
+    def _compiled(self) -> CompiledEuler | None:
+        """The steps in machine code, if the program is that."""
+        if self.program.native is None:
+            return None
+        from .compiled.run import CompiledEuler, obstacle
+
+        return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
 
     def peak(self, stretches: Sequence[Segment], choice: Choice | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""
@@ -157,11 +169,15 @@ class _Coarse:
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """The state at the end of a step; None if it is not found."""
         program, fixed = self.program, (self.inputs, self.constants, mode)
-        try:
-            magnitude = np.where(self.largest > 0, self.largest, 1.0)
-            x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
-        except RunFailed:
-            return None
+        x = begin
+        if len(program.unknowns.names):
+            try:
+                magnitude = np.where(self.largest > 0, self.largest, 1.0)
+                x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
+            except RunFailed:
+                return None
+        if self.compiled is not None:
+            return self.compiled.step(begin, x, self.largest, (time, size), mode)
         before = np.inf
         for _ in range(NEWTON_ITERATIONS):
             slope = self.eliminated.rates(time, x, *fixed)
@@ -173,10 +189,9 @@ class _Coarse:
             unit = np.where(self.differential, scale, 1.0)
             rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
             try:
-                matrix = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
+                step = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows]).solve(rest / unit)
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
-            step = matrix.solve(rest / unit)
             change = step * scale
             norm = self._share(x, change, np.abs(size * entries))
             if not np.isfinite(norm) or norm > 2 * before:
@@ -216,6 +231,25 @@ class _Coarse:
         return np.maximum(scale, SMALLEST_RATIO * scale.max())
 
 
+def balance(matrix: Any) -> Any:
+    """Powers of two by which columns, and rows divided, come to like norms (Parlett and Reinsch 1969, as LAPACK's gebal does it)."""
+    a, scale, again = np.array(matrix, dtype=float), np.ones(len(matrix)), True
+    while again:
+        again = False
+        for i in range(len(a)):
+            column, row = float(np.linalg.norm(a[:, i])), float(np.linalg.norm(a[i]))
+            if not (0 < column < np.inf and 0 < row < np.inf):
+                continue
+            # The power of two next to the root of their ratio.
+            factor = 2.0 ** round(0.5 * (np.log2(row) - np.log2(column)))
+            if column * factor + row / factor < 0.95 * (column + row):
+                again = True
+                scale[i] *= factor
+                a[i] /= factor
+                a[:, i] *= factor
+    return scale
+
+
 def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
     """A bound of what each state reaches in the free linear motion from a state: sum of its modes' amplitudes.
 
@@ -223,9 +257,7 @@ def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
     """
     if not 0 < len(state) <= LARGEST or not np.isfinite(jacobian).all():
         return None
-    from scipy.linalg import matrix_balance
-
-    _, (scale, _) = matrix_balance(jacobian, permute=False, separate=True)
+    scale = balance(jacobian)
     try:
         _, shapes = np.linalg.eig(jacobian * scale / scale[:, None])
         inverse = np.linalg.inv(shapes)

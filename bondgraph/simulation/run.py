@@ -4,32 +4,24 @@ from __future__ import annotations
 
 import time as clock
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..door import (
-    SECOND,
-    CompilationFailed,
-    Literal,
-    Plan,
-    Program,
-    Scene,
-    Source,
-    Unsupported,
-    parse_expression,
-    read_unit,
-)
 from ..errors import RunFailed, UsageError
+from ..prepared import chosen_target
 from ..results import Column, LimitLeft, Result
 from .choice import WORST, Handover
 from .energy import added
 from .leg import Leg
 
 if TYPE_CHECKING:
+    from ..door import Plan, Program, Scene
     from ..model import Model
+    from ..prepared import Prepared
 
 DEFAULT_RTOL = 1e-6
 DEFAULT_POINTS = 501
@@ -44,20 +36,14 @@ def simulate(
     rtol: float | None,
     atol: float | None,
     energy: bool,
+    target: str | None = None,
 ) -> Result:
     """Run a scene of a model; arguments that are not None override the experiment."""
     began = clock.perf_counter()
-    compilation = model.compilation(scene, everything=energy)
-    plan = compilation.plan
-    if plan.unsupported:
-        raise CompilationFailed(
-            [
-                Unsupported(
-                    span, f"`{word}` in an experiment", "Run another experiment with -e, or none with `-e none`."
-                )
-                for span, word in plan.unsupported
-            ]
-        )
+    made = partial(model.prepared, target=chosen_target(target))
+    prepared = made(scene, energy)
+    plan = prepared.plan
+    _check_supported(plan)
     stop = _stop(plan, to)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
     count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
@@ -72,30 +58,45 @@ def simulate(
         begin: Handover | None = None
         while not legs or begin is not None:
             chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
-            leg = Leg(model.compilation(chosen, everything=energy), plan, left, rtol, atol, energy, begin)
+            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin)
             leg.go()
             legs.append(leg)
             begin, left = leg.trajectory.handover, left[len(leg.values) :]
             if begin is not None:
                 wishes |= {begin.dependent: "integral", begin.state: "derivative"}
-                _check_choice(model, scene, wishes, begin, len(legs))
+                _check_choice(made, scene, wishes, begin, len(legs))
     program = legs[0].program
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     evaluations: Counter[str] = Counter()
     for leg in legs:
         evaluations.update(leg.trajectory.evaluations)
     return Result(
-        model.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program, legs),
+        program.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program, legs),
         sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
-        added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), compilation.certificate,
+        added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), prepared.certificate,
         tuple(dict.fromkeys(note for leg in legs for note in leg.notes)),
     )  # fmt: skip
 
 
-def _check_choice(model: Model, scene: Scene, wishes: Mapping[str, str], begin: Handover, times: int) -> None:
+def _check_supported(plan: Plan) -> None:
+    """Raises `CompilationFailed` for what only later versions run."""
+    if plan.unsupported:
+        from ..door import CompilationFailed, Unsupported
+
+        advice = "Run another experiment with -e, or none with `-e none`."
+        raise CompilationFailed(
+            [Unsupported(span, f"`{word}` in an experiment", advice) for span, word in plan.unsupported]
+        )
+
+
+def _check_choice(
+    made: Callable[[Scene, bool], Prepared], scene: Scene, wishes: Mapping[str, str], begin: Handover, times: int
+) -> None:
     """Whether the other choice of states can be made. Raises `RunFailed`."""
+    from ..door import CompilationFailed
+
     try:
-        chosen = model.compilation(replace(scene, preferences=tuple(sorted(wishes.items()))))
+        chosen = made(replace(scene, preferences=tuple(sorted(wishes.items()))), False)
         possible = times <= MOST_CHOICES and begin.dependent not in chosen.state_space.dependent
     except CompilationFailed:
         possible = False
@@ -133,6 +134,8 @@ def _stop(plan: Plan, to: str | float | None) -> float:
 
 def seconds(text: str) -> float:
     """A time as text, `20 ms`, or a bare number of seconds."""
+    from ..door import SECOND, CompilationFailed, Literal, Source, parse_expression, read_unit
+
     try:
         tree = parse_expression(Source("--to", text))
         if isinstance(tree, Literal):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .zeros import crossing
 
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
@@ -44,21 +45,32 @@ def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) ->
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
     the signal between them, to a share of the range that the signal has. A rectifier whose diode is off at all of a step's
     places would else not see the next peak."""
-    span = stretch.stop - stretch.start
-    grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
-    if not grid.shape[-1]:
+    allowed, ends = overlooked(program, inputs, constants, stretch), inside(stretch)
+    if not len(allowed):
         return lambda start, stop: True
-    margin = ROUNDING * np.spacing(max(abs(stretch.start), abs(stretch.stop)))
-    inside = stretch.start + margin, stretch.stop - margin  # where a stretch begins and ends is itself rounded
-    allowed = SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
 
     def follows(start: float, stop: float) -> bool:
-        times = np.clip(start + (stop - start) * LOOKS, *inside)
+        times = np.clip(start + (stop - start) * LOOKS, *ends)
         values = program.signals(times, inputs, constants, stretch.mode)
         off = np.abs(BETWEEN @ values[: len(SEEN)] - values[len(SEEN) :])
         return not bool((off > allowed).any())
 
     return follows
+
+
+def overlooked(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Any:
+    """What a step may overlook of each signal: a share of the range that it has in a stretch."""
+    span = stretch.stop - stretch.start
+    grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
+    if not grid.shape[-1]:
+        return np.zeros(0)
+    return SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
+
+
+def inside(stretch: Segment) -> tuple[float, float]:
+    """The first and last instant at which a signal is asked: where a stretch begins and ends is itself rounded."""
+    margin = ROUNDING * float(np.spacing(max(abs(stretch.start), abs(stretch.stop))))
+    return stretch.start + margin, stretch.stop - margin
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
@@ -102,8 +114,6 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     middle = 0.5 * (edges[0] + edges[-1])
     if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
         return []
-    from scipy.optimize import brentq
-
     found: list[float] = []
     for a, b in pairwise(edges):
         places = _places(program, constants, b - a)
@@ -118,6 +128,6 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
                     return float(program.crossings(t, constants, mode)[column])
 
                 if g(times[i]) * g(times[i + 1]) < 0:
-                    found.append(brentq(g, times[i], times[i + 1], xtol=4e-16 * max(abs(b), 1e-300), rtol=1e-15))
+                    found.append(crossing(g, times[i], times[i + 1], 4e-16 * max(abs(b), 1e-300)))
             found += [times[i] for i in np.flatnonzero(signs[1:-1] == 0) + 1 if signs[i - 1] * signs[i + 1] < 0]
     return found

@@ -7,11 +7,10 @@ the states of which nothing was said move by the least amount that fulfils all c
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Program, StateSpace
 from ..errors import RunFailed
 from .assembly import assemble, choose_rows
 from .branches import other_solutions
@@ -20,13 +19,17 @@ from .constraints import Constraints
 from .loops import LoopSolver
 from .segments import Segment
 
+if TYPE_CHECKING:
+    from ..door import Program, StateSpace
+    from ..prepared import Prepared
+
 CLOSE = 1e-9  # of the size of what is claimed
 DISTINCT = 1e-6  # relative difference of an unknown in two solutions
 SHOWN = 4  # solutions, and unknowns of each, that a message tells
 
 
 def consistent_start(
-    program: Program, space: StateSpace, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
+    program: Program, made: Prepared, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
     """The state at the start, shape (n,), and the names of the states that moved from their default to get there.
 
@@ -35,14 +38,15 @@ def consistent_start(
     magnitude = np.where(state != 0, np.abs(state), 1.0)
     loops = LoopSolver(program, constants, inputs, magnitude)
     time, mode, count = first.start, first.mode, len(program.states.names)
-    if not space.claims and not constraints:
+    if not made.facts.claims and not constraints:
         full = loops.solve(time, state, mode)
-        _check_unique(loops, space, full, (time, mode))
+        _check_unique(loops, made, full, (time, mode))
         return full, ()
+    space = made.state_space
 
     movable = np.array([not s.given for s in space.states], dtype=bool)
     if constraints:
-        return _assembled(program, space, constraints, state, movable, first)
+        return _assembled(program, made, constraints, state, movable, first)
 
     def missed(x: Any) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
@@ -52,13 +56,13 @@ def consistent_start(
     value, full = missed(x)
     reach = _reach(lambda y: missed(y)[0], x) if value.any() else np.abs(value)
     _check(program, space, constants, value, reach, full, (time, inputs, mode))
-    _check_unique(loops, space, full, (time, mode))
+    _check_unique(loops, made, full, (time, mode))
     moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
     return full, tuple(moved)
 
 
 def _assembled(
-    program: Program, space: StateSpace, constraints: Constraints, state: Any, movable: Any, first: Segment
+    program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, first: Segment
 ) -> tuple[Any, tuple[str, ...]]:
     """The same with closing joints: their gaps, and the rates of these, must vanish as well."""
     time, mode = first.start, first.mode
@@ -76,15 +80,15 @@ def _assembled(
     x = constraints.project(time, x, mode)
     value = claims(x)
     reach = _reach(claims, x) if value.any() else np.abs(value)
-    _check(program, space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
+    _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
     loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)))
     full = loops.solve(time, x, mode)
     if loose:
-        _check_unique(loops, space, full, (time, mode))
+        _check_unique(loops, made, full, (time, mode))
     return full, tuple(n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b)
 
 
-def _check_unique(loops: LoopSolver, space: StateSpace, full: Any, at: Any) -> None:
+def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None:
     """Raises `RunFailed` if the loops have another solution: nothing in the model says which of them holds."""
     others = other_solutions(loops, at[0], full, at[1])
     if not others:
@@ -99,6 +103,7 @@ def _check_unique(loops: LoopSolver, space: StateSpace, full: Any, at: Any) -> N
     ]
     if len(solutions) > SHOWN:
         lines.append(f"and {len(solutions) - SHOWN} more")
+    space = made.state_space
     members = dict.fromkeys(m for i in differ for m in space.unknowns[i].members)
     elements = ", ".join(f"`{m}`" for m in list(members)[:6])
     line = space.unknowns[differ[0]].span.line

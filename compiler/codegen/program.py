@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,17 @@ class LimitNote:
     span: Span
     stands: Span | None  # where the instance is declared
     values: tuple[tuple[str, str], ...]  # names and SI units of what it is about
+
+
+@dataclass(frozen=True, eq=False)
+class Native:
+    """Machine code of a program's functions: `void name(double time, state, inputs, constants, mode, out)` over arrays of doubles.
+
+    They are pure and may be called from many threads. `code` keeps them in memory.
+    """
+
+    addresses: Mapping[str, int]
+    code: object
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,3 +108,4 @@ class Program:
     # as derivative, whatever the multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed
+    native: Native | None = None  # where the functions lie, if they are machine code

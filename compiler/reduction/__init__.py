@@ -1,6 +1,7 @@
 """Equations to state space: what this run needs, in the order in which it is computed, loops solved."""
 
-from .certificate import Certificate, Loop, certify
+from ..certificate import Certificate, Loop
+from .certificate import certify
 from .reduce import reduce_equations
 from .singular import refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, Unknown

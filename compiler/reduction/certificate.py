@@ -8,96 +8,15 @@ choice.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import Expression, Symbol, depends_on, symbols
+from ..certificate import Certificate, Loop
 from ..equations.system import Assignment, EquationSystem
 from .state_space import LinearLoop, StateSpace
 
-SCHEMA = "bondgraph-certificate/1"
 SPEEDS = ("m/s", "1/s")
-LISTED = 12  # names on one line of text
-
-
-@dataclass(frozen=True, slots=True)
-class Loop:
-    """An algebraic loop: how many unknowns are solved for together, and the elements and junctions in it."""
-
-    linear: bool  # solved where it stands; else by Newton's method, together with the step of the run
-    size: int
-    members: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Certificate:
-    """What a compilation gave.
-
-    `form` is what a run solves: `explicit ODE`; `linear-implicit ODE` (linear loops, or dependent storages that share the
-    rates: solved in every evaluation); `index-1 DAE` (with unknowns of nonlinear loops); `algebraic` without any state.
-    `index` is that of the equations as written: 0 explicit, 1 with loops, from 2 on with storages in derivative form.
-    """
-
-    model: str
-    form: str
-    index: int
-    states: tuple[str, ...]
-    dependent: tuple[str, ...]  # storages in derivative form: they follow from the states
-    loops: tuple[Loop, ...]
-    linear: bool  # affine in states and unknowns, for given time and inputs
-    time_varying: bool  # whether coefficients change with time or inputs
-    driven: bool  # whether time or inputs come in at all; else the equations are autonomous
-    left_out: tuple[str, ...]  # elements and junctions that give nothing
-    unneeded: tuple[str, ...]  # states behind no requested output
-    degrees_of_freedom: int  # states that are momenta, or speeds of a mechanism: independent flows
-    notes: tuple[str, ...]  # laws that do what one may not expect, such as a resistor that creates energy
-
-    @property
-    def reduced(self) -> bool:
-        """Whether derivatives had to be formed to get here."""
-        return self.index > 1
-
-    @property
-    def line(self) -> str:
-        """The certificate in one line."""
-        parts = [self.form + (f", reduced from index {self.index}" if self.reduced else "")]
-        parts.append(_count(len(self.states), "state"))
-        if self.states or self.loops:
-            parts.append(("linear" if self.linear else "nonlinear") + (", time-varying" if self.time_varying else ""))
-            parts.append("driven" if self.driven else "autonomous")
-        if self.dependent:
-            parts.append(f"{_count(len(self.dependent), 'storage')} in derivative form")
-        for word, linear in (("linear", True), ("nonlinear", False)):
-            sizes = sorted(x.size for x in self.loops if x.linear is linear)
-            if sizes:
-                told = ", ".join(map(str, sizes[:LISTED])) + ", …" * (len(sizes) > LISTED)
-                parts.append(f"{_count(len(sizes), f'{word} loop')} ({told} unknown{'s' * (sizes != [1])})")
-        return f"{self.model}: {'; '.join(parts)}"
-
-    def __str__(self) -> str:
-        lists = (f"  {what}: {_listed(names)}" for what, names in self._lists() if names)
-        return "\n".join([self.line, *lists, *(f"  note: {n}" for n in self.notes)])
-
-    def _lists(self) -> Iterator[tuple[str, tuple[str, ...]]]:
-        yield f"states, of {_count(self.degrees_of_freedom, 'degree')} of freedom", self.states
-        yield "in derivative form", self.dependent
-        for loop in self.loops:
-            word = "linear" if loop.linear else "nonlinear"
-            yield f"{word} loop of {_count(loop.size, 'unknown')} through", loop.members
-        yield "left out, as it gives nothing", self.left_out
-        yield "left out, as no output needs it", self.unneeded
-
-    def to_json(self) -> dict[str, Any]:
-        """For `json.dumps`: `bondgraph-certificate/1`, the fields under their own names."""
-        return {
-            "schema": SCHEMA, "model": self.model, "form": self.form, "index": self.index, "states": list(self.states),
-            "degrees_of_freedom": self.degrees_of_freedom, "dependent": list(self.dependent),
-            "loops": [{"linear": x.linear, "size": x.size, "members": list(x.members)} for x in self.loops],
-            "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
-            "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
-        }  # fmt: skip
 
 
 def certify(
@@ -227,11 +146,3 @@ def _read(step: Assignment | LinearLoop) -> set[int]:
         (*(e for row in step.matrix for e in row), *step.right) if isinstance(step, LinearLoop) else step.arguments
     )
     return {e for e in entries if isinstance(e, int)}
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number or 'no'} {noun}{'s' * (number != 1)}"
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")

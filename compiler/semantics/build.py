@@ -11,7 +11,7 @@ from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import Domain
 from ..graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Node, Port
 from ..scene import Plan, Scene
-from ..source import Span
+from ..source import Source, Span
 from ..syntax import SyntaxTree, tree
 from .connect import Connector
 from .domain_table import slot_defaults, wall_items
@@ -45,6 +45,7 @@ class Built:
 
     graph: BondGraph
     plan: Plan
+    files: tuple[Source, ...] = ()  # that were read besides the text itself
 
 
 def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -> Built:
@@ -56,7 +57,9 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
     built = opened.built()
     if opened.elaborator.diagnostics:
         raise CompilationFailed(opened.elaborator.diagnostics)
-    return built
+    others = [scope for scope in loader.files.values() if scope is not file]
+    sheets = [sheet.source for scope in (file, *others) for sheet in scope.sheets.values()]
+    return replace(built, files=(*(scope.source for scope in others), *sheets))
 
 
 @dataclass(frozen=True, slots=True)

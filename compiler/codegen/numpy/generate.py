@@ -17,7 +17,7 @@ def generate_program(lowered: Lowered) -> Program:
     space = lowered.space
     source = write_module(lowered)
     module = load_module(space.name, source)
-    tables = dict(_tables(lowered))
+    tables = dict(name_tables(lowered))
 
     def names(heading: str) -> Names:
         rows = tables[heading]
@@ -30,13 +30,13 @@ def generate_program(lowered: Lowered) -> Program:
         module.jacobian_entries, module.jacobian, module.output, module.claims,
         names("DEPENDENTS"), module.dependent, module.SENSITIVITY_PATTERN, module.sensitivities, module.forced, module.signals, module.powers, module.instants,
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
-        names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *_of_invariants(lowered),
+        names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
         module.solved if lowered.solved is not None else None,
         count_operations(lowered.rates), lowered.differentiated,
     )  # fmt: skip
 
 
-def _of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
     """For each gap: its multiplier among the unknowns, its rate among the invariants, its part among the parameters; or -1."""
     invariants = lowered.space.invariants
     unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
@@ -60,10 +60,11 @@ def write_module(lowered: Lowered) -> str:
         "All quantities are in SI; arrays may have leading axes (batches). Both sides of an `if` are evaluated: where that warns of\n"
         "a division by zero, `with numpy.errstate(all='ignore')` around the call keeps it quiet.\n"
     )
-    return Writer(lowered).module(_tables(lowered), note)
+    return Writer(lowered).module(name_tables(lowered), note)
 
 
-def _tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
+def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Heading, then names and units, of each kind of thing that a program has an array of."""
     variables = lowered.space.variables
 
     def rows(numbers: object) -> list[tuple[str, str]]:

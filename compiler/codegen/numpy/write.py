@@ -7,7 +7,7 @@ states and batches: every array is turned so that its last axis comes first, and
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
 
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
@@ -131,7 +131,7 @@ class Writer:
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
         parts.append(f"INPUT_DEFAULTS = ({input_defaults}{',' if lowered.inputs else ''})\n")
         parts.append(self._constants())
-        for name, arguments, doc, roots in self._functions():
+        for name, arguments, doc, roots in self.functions():
             if name == "sensitivities":
                 parts.append(_pattern("SENSITIVITY_PATTERN", sorted(lowered.sensitivities), "dependents, states"))
             if name == "invariant_slopes":
@@ -142,7 +142,7 @@ class Writer:
         arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.arrays.items())
         return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
 
-    def _functions(self) -> Iterator[tuple[str, str, str, Sequence[Expression]]]:
+    def functions(self) -> Iterator[tuple[str, str, str, Sequence[Expression]]]:
         """Name, arguments, what it is, and what it returns."""
         lowered, zero = self.lowered, Number(0.0)
         fixed, full = "constants", "time, state, inputs, constants, mode"
@@ -397,7 +397,14 @@ class _Body:
         return text
 
 
-def _order(roots: Sequence[Expression], known: dict[Expression, str]) -> tuple[list[Apply], dict[Expression, int]]:
+def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, object]) -> list[Apply]:
+    """The operations behind the roots that are not known, operands first."""
+    return _order(roots, known)[0]
+
+
+def _order(
+    roots: Sequence[Expression], known: Mapping[Expression, object]
+) -> tuple[list[Apply], dict[Expression, int]]:
     """The operations behind the roots, operands first, and how often each is used."""
     uses: dict[Expression, int] = {}
     order: list[Apply] = []

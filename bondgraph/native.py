@@ -1,0 +1,77 @@
+"""Object code of LLVM's text, with care: what could take the process down with it is compiled in a child."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from . import cache
+from .errors import RunFailed
+
+LONGEST_HERE = 400_000  # characters of text that are compiled in this process
+PATIENCE = 300  # s for a child
+
+_WORKING: set[str] = set()  # processors for which code has been made here
+
+_CHILD = """
+import sys
+sys.path.insert(0, {root!r})
+from compiler.native.machine import object_code
+text = sys.stdin.buffer.read().decode("utf-8")
+sys.stdout.buffer.write(object_code(text, {level}))
+"""
+
+
+class CannotCompile(RunFailed):
+    """LLVM does not make code of this; the numpy target does."""
+
+
+def compiled_safely(text: str, level: int) -> bytes:
+    """The object code of a module. Raises `CannotCompile`.
+
+    LLVM ends the process where something is beyond it: code for a processor that it has never made code for here, and very long
+    functions, are therefore compiled in a child first.
+    """
+    from .door import object_code, processor
+
+    if len(text) > LONGEST_HERE:
+        return in_child(text, level)
+    key = cache.key_of("works here", processor())
+    if key not in _WORKING:
+        if cache.fetch(key) is not True:
+            code = in_child(text, level)
+            cache.keep(key, True)
+            _WORKING.add(key)
+            return code
+        _WORKING.add(key)
+    return object_code(text, level)
+
+
+def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
+    """The object code of a part of this package that is the same for all models, from the cache if it is there."""
+    from .door import processor
+
+    key = cache.key_of("kernel", name, processor(), level)
+    kept = cache.fetch(key)
+    if isinstance(kept, bytes):
+        return kept
+    code = in_child(text(), level)
+    cache.keep(key, code)
+    return code
+
+
+def in_child(text: str, level: int) -> bytes:
+    """The object code of a module, made by another process. Raises `CannotCompile`."""
+    import subprocess
+
+    root = str(Path(__file__).resolve().parent.parent)
+    command = [sys.executable, "-c", _CHILD.format(root=root, level=level)]
+    try:
+        done = subprocess.run(command, input=text.encode("utf-8"), capture_output=True, timeout=PATIENCE, check=False)
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        raise CannotCompile(f"machine code could not be made: {problem}") from None
+    if done.returncode or not done.stdout:
+        told = done.stderr.decode("utf-8", "replace").strip().split("\n")[-1]
+        raise CannotCompile(f"machine code could not be made: {told or f'the compiler ended with {done.returncode}'}")
+    return done.stdout

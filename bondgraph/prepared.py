@@ -1,0 +1,127 @@
+"""A model made ready for one scene: its program and what a run asks besides. From the cache if it has been there before; then no stage of
+the compiler is loaded, unless something goes wrong and has to be told in the author's words."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import cache
+from .errors import UsageError
+
+if TYPE_CHECKING:
+    from .door import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace
+
+TARGETS = ("native", "numpy")
+HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # an environment variable: with any value in it there is no LLVM
+
+
+def chosen_target(target: str | None) -> str:
+    """The target that is asked for, or the fastest that this machine has. Raises `UsageError`."""
+    from .door import native_available
+
+    possible = not os.environ.get(HIDDEN) and native_available()
+    if target is None:
+        return "native" if possible else "numpy"
+    if target not in TARGETS:
+        raise UsageError(f"there is no target `{target}`; targets are {', '.join(TARGETS)}")
+    if target == "native" and not possible:
+        raise UsageError("the target native needs the package `llvmlite`; `pip install llvmlite` brings it")
+    return target
+
+
+class Prepared:
+    """`compilation` makes the stages of the compiler, when one is needed."""
+
+    def __init__(
+        self, source: Source, scene: Scene, everything: bool, target: str, compilation: Callable[[], Compilation]
+    ) -> None:
+        self.source, self.scene, self.everything, self.target = source, scene, everything, target
+        self._compilation = compilation
+
+    @cached_property
+    def compilation(self) -> Compilation:
+        """The stages, made anew."""
+        return self._compilation()
+
+    @property
+    def state_space(self) -> StateSpace:
+        """What messages and energies are told from."""
+        return self.compilation.state_space
+
+    @cached_property
+    def program(self) -> Program:
+        """The program of the target."""
+        return self._found[0]
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What the experiment says."""
+        plan: Plan = self._found[1]
+        return plan
+
+    @cached_property
+    def facts(self) -> Facts:
+        """What a run asks besides."""
+        facts: Facts = self._found[2]
+        return facts
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What kind of equations these are."""
+        certificate: Certificate = self._found[3]
+        return certificate
+
+    @cached_property
+    def _found(self) -> tuple[Program, Any, Any, Any]:
+        if self.target == "numpy":
+            made = self.compilation
+            return made.program, made.plan, made.facts, made.certificate
+        key = self._key()
+        kept = cache.fetch(key)
+        if kept is not None and all(_unchanged(*file) for file in kept["files"]):
+            from .door import bind
+
+            return bind(kept["described"], kept["codes"]), kept["plan"], kept["facts"], kept["certificate"]
+        return self._made(key)
+
+    def _made(self, key: str) -> tuple[Program, Any, Any, Any]:
+        from .door import bind
+        from .native import CannotCompile, compiled_safely
+
+        made = self.compilation
+        if made.plan.unsupported:  # told before anything else is
+            return made.program, made.plan, made.facts, made.certificate
+        try:
+            described, codes = made.native(compiled_safely)
+        except CannotCompile:
+            return made.program, made.plan, made.facts, made.certificate
+        program = bind(described, codes)
+        described = described.without_source()
+        files = tuple((str(s.path), _digest(s.path)) for s in made.files if s.path is not None)
+        parts = {"plan": made.plan, "facts": made.facts, "certificate": made.certificate, "files": files}
+        cache.keep(key, {"described": described, "codes": codes, **parts})
+        return program, made.plan, made.facts, made.certificate
+
+    def _key(self) -> str:
+        from .door import processor
+
+        path = self.source.path.resolve() if self.source.path is not None else None
+        return cache.key_of(
+            "program", processor(), self.source.name, path, self.source.text, repr(self.scene), self.everything
+        )
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _unchanged(path: str, digest: str) -> bool:
+    try:
+        return _digest(Path(path)) == digest
+    except OSError:
+        return False

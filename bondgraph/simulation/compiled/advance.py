@@ -1,0 +1,71 @@
+"""Stepping in the subset of Python that becomes machine code: `radau.py` and the loop over steps of `integrate.py`, with the same decisions.
+
+Those two are the reference, in which the method is explained and whose names stand here; a test holds both to the same steps.
+"""
+
+from __future__ import annotations
+
+from math import isfinite, pow, sqrt
+
+from .closing import add_work, grow, steep
+from .step import rates, step
+from .stepper import Stepper
+from .within import sample
+
+FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # what `advance` answers, or why there is no step
+
+
+def advance(s: Stepper, most: int) -> int:
+    """Up to `most` steps; less if something needs the caller's attention."""
+    for _ in range(most):
+        if s.pending == 0:
+            if s.time >= s.stop:
+                return FINISHED
+            failed = step(s)
+            if failed != 0:
+                return failed
+            s.steps += 1
+            s.pending = 1
+            if sample(s):
+                return LOOK
+        if s.power_count > 0:
+            add_work(s)
+        grow(s)
+        s.pending = 0
+        if s.slope_count > 0 and s.time < s.stop and steep(s):
+            return HANDOVER
+    return FINISHED if s.time >= s.stop else MORE
+
+
+def begin(s: Stepper) -> None:
+    """The first slope and the first size of a step (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
+    rates(s, s.time, s.state, s.rate)
+    span = s.stop - s.time
+    d0 = 0.0
+    d1 = 0.0
+    for i in range(s.differential):
+        s.scale[i] = s.absolute[i] + abs(s.state[i]) * s.relative
+        if isfinite(s.scale[i]):
+            d0 += s.state[i] / s.scale[i] * (s.state[i] / s.scale[i])
+            d1 += s.rate[i] / s.scale[i] * (s.rate[i] / s.scale[i])
+    d0 = sqrt(d0) / sqrt(float(s.n))
+    d1 = sqrt(d1) / sqrt(float(s.n))
+    h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+    h0 = min(h0, span)
+    for i in range(s.n):
+        s.new[i] = s.state[i] + h0 * s.rate[i] if i < s.differential else s.state[i]
+    rates(s, s.time + h0, s.new, s.f)
+    d2 = 0.0
+    for i in range(s.differential):
+        if isfinite(s.scale[i]):
+            d2 += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
+    d2 = sqrt(d2) / sqrt(float(s.n)) / h0
+    largest = max(d1, d2)
+    h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else pow(0.01 / largest, 0.25)
+    if not isfinite(h1):
+        h1 = h0
+    s.size = min(100.0 * h0, h1, span)
+    s.ends = 1
+    s.end_time[0] = s.time
+    for i in range(s.n):
+        s.end_state[i] = s.state[i]

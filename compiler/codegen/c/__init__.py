@@ -1,0 +1,1 @@
+"""The C target: source without dependencies, for embedding."""

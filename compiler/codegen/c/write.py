@@ -1,0 +1,255 @@
+"""Expressions to C: one function without branches for each function of a program, over arrays of the caller.
+
+Every function is `void NAME_derivative(double time, state, inputs, constants, mode, out)`; nothing is allocated, nothing is global. Needs a
+compiler for C11 and its mathematical library.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
+from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.table import lists
+from ...errors import printable
+from ...native.c_source import BEGINNING, c_number, c_source
+from ..limits import Leaf
+from ..llvm import support
+from ..lower import Lowered
+from ..numpy.generate import name_tables
+from ..numpy.write import Writer, operations_in_order
+
+ARGUMENTS = (
+    "double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out"
+)
+_FUNCTIONS = {"abs": "fabs"}
+_SIGNS = {"less": "<", "less_equal": "<=", "equal": "==", "and": "&&", "or": "||"}
+_SUPPORTED: dict[str, Callable[..., Any]] = {
+    "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
+    "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
+}  # fmt: skip
+_OWN = """static inline double chosen(int condition, double value, double otherwise) { return condition ? value : otherwise; }
+static inline double least(double a, double b) { return a <= b || a != a ? a : b; }
+static inline double greatest(double a, double b) { return a >= b || a != a ? a : b; }
+static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0 ? 0.0 : x; }
+"""
+
+
+def write_c(lowered: Lowered) -> str:
+    """The text of a file."""
+    return _File(lowered).text()
+
+
+class _File:
+    """Writes the file."""
+
+    def __init__(self, lowered: Lowered) -> None:
+        self.lowered, self.writer = lowered, Writer(lowered)
+        self.prefix = re.sub(r"\W", "_", lowered.space.name, flags=re.ASCII)
+        self.called: set[str] = set()
+        self.arrays: dict[tuple[float, ...], str] = {}
+
+    def text(self) -> str:
+        """Everything."""
+        constants = self.writer.constants
+        parameters = range(len(self.lowered.parameters))
+        leaves: dict[Expression, str] = {Symbol(Leaf("parameter", i)): f"constants[{i}]" for i in parameters}
+        known: dict[Expression, str] = {node: f"constants[{i}]" for i, node in enumerate(constants)}
+        space = self.lowered.space
+        known |= {Symbol(Leaf("state", i)): f"state[{i}]" for i in range(len(space.states) + len(space.unknowns))}
+        known |= {Symbol(Leaf("input", i)): f"inputs[{i}]" for i in range(len(self.lowered.inputs))}
+        known |= {Symbol(Leaf("mode", i)): f"mode[{i}]" for i in range(len(self.lowered.switches))}
+        known[Symbol(Leaf("time", 0))] = "time"
+        note = "All that depends on parameters alone; `constants` are the parameters."
+        functions = [self._function("constants", note, constants, leaves)]
+        counts = [("constants", len(constants))]
+        for name, _, doc, roots in self.writer.functions():
+            functions.append(self._function(name, doc, roots, known))
+            counts.append((name, len(roots)))
+        support_text = c_source(list(dict.fromkeys(_SUPPORTED[o] for o in sorted(self.called))))
+        points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
+        return "\n".join([self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions])
+
+    def _head(self, counts: Sequence[tuple[str, int]]) -> str:
+        name = self.prefix
+        sizes = "".join(f"    {name}_{word}_count = {count},\n" for word, count in counts)
+        tables = []
+        for heading, rows in name_tables(self.lowered):
+            items = "".join(f"    {{{_string(n)}, {_string(u)}}},\n" for n, u in rows)
+            tables.append(
+                f"const char *const {name}_{heading.lower()}[][2] = {{ /* name, SI unit */\n{items}    {{0, 0}}\n}};\n"
+            )
+        values = [self.lowered.space.variables[v].value or 0.0 for v in self.lowered.parameters]
+        inputs = [self.lowered.space.variables[v].value or 0.0 for v in self.lowered.inputs]
+        places = sorted(self.lowered.jacobian)
+        lists = (
+            ("double", "defaults", [*map(c_number, values), "0"]),
+            ("double", "input_defaults", [*map(c_number, inputs), "0"]),
+            ("int", "rows", [*(str(p[0]) for p in places), "-1"]),
+            ("int", "columns", [*(str(p[1]) for p in places), "-1"]),
+        )
+        data = [f"const {kind} {name}_{word}[] = {{{', '.join(items)}}};" for kind, word, items in lists]
+        comment = (
+            f"/* {_comment(self.lowered.space.name)}: generated from a bond graph; C11, no dependencies. All quantities are in SI.\n\n"
+            f"   {name}_constants(0, 0, 0, {name}_defaults, 0, c); {name}_start(0, 0, 0, c, 0, x); {name}_switches(t, 0, 0, c, 0, mode);\n"
+            f"   {name}_derivative(t, x, {name}_input_defaults, c, mode, rates). The entries of the Jacobian lie at {name}_rows,\n"
+            f"   {name}_columns. How many values a function writes is NAME_count. Compile without contraction of operations\n"
+            "   (-ffp-contract=off) to get the numbers of other targets. */\n"
+        )
+        return "\n".join(
+            [
+                comment,
+                "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n",
+                f"enum {{\n{sizes}}};\n",
+                *tables,
+                *data,
+                "",
+            ]
+        )
+
+    def array(self, values: tuple[float, ...]) -> str:
+        """The name of a list of numbers."""
+        return self.arrays.setdefault(values, f"points_{len(self.arrays) + 1}")
+
+    def _function(self, name: str, note: str, roots: Sequence[Expression], known: dict[Expression, str]) -> str:
+        body = _Body(self, known)
+        lines = body.write(roots)
+        unused = "".join(f" (void){a};" for a in ("time", "state", "inputs", "constants", "mode", "out"))
+        head = f"/* {_comment(note)} */\nvoid {self.prefix}_{name}({ARGUMENTS})\n{{\n   {unused}"
+        return "\n".join([head, *(f"    {line}" for line in lines), "}\n"])
+
+
+class _Body:
+    """The lines of one function."""
+
+    def __init__(self, file: _File, known: dict[Expression, str]) -> None:
+        self.file, self.known = file, known
+        self.names: dict[Expression, str] = {}
+        self.lines: list[str] = []
+        self.count = 0
+        self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
+
+    def write(self, roots: Sequence[Expression]) -> list[str]:
+        """Everything behind the roots, then the roots into `out`."""
+        for node in operations_in_order(roots, self.known):
+            text = self._operation(node)
+            if node.operator == "solve":
+                self.names[node] = text
+                continue
+            kind = "int" if node.operator in CONDITIONS else "double"
+            self.count += 1
+            self.names[node] = f"t{self.count}"
+            self.lines.append(f"const {kind} t{self.count} = {text};")
+        self.lines += [f"out[{place}] = {self._name(root)};" for place, root in enumerate(roots)]
+        return self.lines
+
+    def _name(self, node: Expression) -> str:
+        if isinstance(node, Number):
+            return c_number(node.value)
+        return self.names.get(node) or self.known[node]
+
+    def _all(self, nodes: Sequence[Expression]) -> list[str]:
+        return [self._name(n) for n in nodes]
+
+    def _room(self, count: int) -> str:
+        self.count += 1
+        self.lines.append(f"double room{self.count}[{max(1, count)}];")
+        return f"room{self.count}"
+
+    def _points(self, nodes: Sequence[Expression]) -> str:
+        numbers = tuple(x.value for x in nodes if isinstance(x, Number))
+        if len(numbers) == len(nodes):
+            return f"(double *){self.file.array(numbers)}"
+        place = self._room(len(nodes))
+        self.lines += [f"{place}[{i}] = {value};" for i, value in enumerate(self._all(nodes))]
+        return place
+
+    def _operation(self, node: Apply) -> str:
+        operator, operands = node.operator, node.operands
+        if operator in _SUPPORTED:
+            self.file.called.add(operator)
+            return self._supported(node)
+        match operator:
+            case "add":
+                return " + ".join(self._all(operands))
+            case "multiply" if operands[0] == Number(-1.0):
+                return "-" + " * ".join(self._all(operands[1:]))
+            case "multiply":
+                return " * ".join(self._all(operands))
+            case "divide":
+                return " / ".join(self._all(operands))
+            case "power":
+                return self._power(*operands)
+            case "min" | "max":
+                return f"{'least' if operator == 'min' else 'greatest'}({', '.join(self._all(operands))})"
+            case "select":
+                return f"chosen({', '.join([f'{self._name(operands[0])} != 0', *self._all(operands[1:])])})"
+            case "not":
+                return f"!{self._name(operands[0])}"
+            case "item":
+                index = operands[1]
+                assert isinstance(index, Number)
+                return f"{self._name(operands[0])}[{int(index.value)}]"
+        if operator in _SIGNS:
+            return f" {_SIGNS[operator]} ".join(self._all(operands))
+        return f"{_FUNCTIONS.get(operator, operator)}({', '.join(self._all(operands))})"
+
+    def _power(self, base: Expression, exponent: Expression) -> str:
+        x = self._name(base)
+        if isinstance(exponent, Number) and exponent.value in (2.0, 3.0):
+            return " * ".join([x] * int(exponent.value))
+        return f"pow({x}, {self._name(exponent)})"
+
+    def _supported(self, node: Apply) -> str:
+        operands = node.operands
+        match node.operator:
+            case "solve":
+                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
+                entries, out, work = (
+                    self._points(operands),
+                    self._room(count),
+                    self._room(2 * count * count + 6 * count),
+                )
+                self.lines.append(f"solve({count}, {entries}, {work}, {out});")
+                return out
+            case "natural_slope" | "monotone_slope":
+                return self._slope(node)
+            case "noise":
+                steps = tuple(map(float, SMOOTH_STEP[_order(node)]))
+                return f"noise({_order(node)}, {', '.join(self._all(operands[1:]))}, (double *){self.file.array(steps)}, {len(steps)})"
+            case "root":
+                return f"root({', '.join(self._all(operands))})"
+        points = lists(node)
+        order = "" if node.operator == "inverse" else f"{_order(node)}, "
+        arrays = ", ".join(map(self._points, points))
+        return f"{_SUPPORTED[node.operator].__name__}({order}{self._name(operands[1])}, {arrays}, {len(points[0])})"
+
+    def _slope(self, node: Apply) -> str:
+        number, points = node.operands[0], node.operands[1:]
+        assert isinstance(number, Number)
+        key = (node.operator, points)
+        if key not in self.slopes:
+            n = len(points) // 2
+            places, values = self._points(points[:n]), self._points(points[n:])
+            self.slopes[key], work = self._room(n), self._room(n)
+            self.lines.append(f"{node.operator}({n}, {places}, {values}, {work}, {self.slopes[key]});")
+        return f"{self.slopes[key]}[{int(number.value)}]"
+
+
+def _order(node: Apply) -> int:
+    order = node.operands[0]
+    assert isinstance(order, Number)
+    return int(order.value)
+
+
+def _string(text: str) -> str:
+    """A string literal: bytes of UTF-8, with what C or a terminal would take for something else as octal numbers."""
+    plain = "".join(chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in text.encode("utf-8"))
+    return f'"{plain}"'
+
+
+def _comment(text: str) -> str:
+    """A text that cannot end its comment."""
+    return printable(text).replace("*/", "* /").replace("/*", "/ *")

@@ -1,0 +1,1 @@
+"""The native target: machine code through LLVM."""

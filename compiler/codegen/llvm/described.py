@@ -1,0 +1,61 @@
+"""A program as plain data beside its object code: what is kept, and bound to arrays again without compiling anything."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...native.machine import MachineCode
+from ..program import LimitNote, Names, Native, Program
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """All of a program but its functions: plain data, which can be kept beside the object code."""
+
+    name: str
+    source: str
+    names: dict[str, Names]
+    defaults: tuple[float, ...]
+    input_defaults: tuple[float, ...]
+    pattern: tuple[tuple[int, ...], tuple[int, ...]]
+    sensitivity_pattern: tuple[tuple[int, ...], tuple[int, ...]]
+    invariant_pattern: tuple[tuple[int, ...], tuple[int, ...]]
+    of_invariants: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # multipliers, rates, parts
+    limits: tuple[LimitNote, ...]
+    operations: int
+    differentiated: int
+    functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
+
+    def without_source(self) -> Described:
+        """The same without the text that people may read: it is the largest part."""
+        return replace(self, source="")
+
+
+def bind(described: Described, codes: Sequence[bytes]) -> Program:
+    """The program of data and object code."""
+    import numpy as np
+
+    from .evaluate import dense, functions
+
+    machine = MachineCode(*codes)
+    names = described.names
+    native = Native(machine.addresses(name for name, _, _ in described.functions), machine)
+    found = functions(described.functions, native.addresses, machine)
+    pattern, slopes, held = (
+        tuple(np.array(part, dtype=int) for part in pair)
+        for pair in (described.pattern, described.sensitivity_pattern, described.invariant_pattern)
+    )
+    multipliers, rates, parts = described.of_invariants
+    count = len(names["STATES"].names) + len(names["UNKNOWNS"].names)
+    given: dict[str, Any] = {
+        "name": described.name, "source": described.source, "states": names["STATES"], "unknowns": names["UNKNOWNS"],
+        "outputs": names["OUTPUTS"], "inputs": names["INPUTS"], "parameters": names["PARAMETERS"], "dependents": names["DEPENDENTS"],
+        "defaults": described.defaults, "input_defaults": described.input_defaults, "pattern": pattern, "sensitivity_pattern": slopes,
+        "jacobian": dense(found["jacobian_entries"], pattern, count), "limits": described.limits,
+        "invariants": names["INVARIANTS"], "invariant_pattern": held, "multipliers": multipliers, "rates": rates, "parts": parts, "solved": None,
+        "operations": described.operations, "differentiated": described.differentiated, "native": native,
+    }  # fmt: skip
+    given |= found
+    return Program(**given)

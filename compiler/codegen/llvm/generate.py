@@ -1,0 +1,54 @@
+"""A lowered state space to a program in machine code: written as LLVM IR, compiled, and bound to arrays of numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ...native.machine import object_code
+from ..lower import Lowered, count_operations
+from ..numpy.generate import name_tables, of_invariants
+from ..numpy.write import Writer
+from ..program import Names, Program
+from .described import Described, bind
+from .write import Module
+
+Compile = Callable[[str, int], bytes]
+
+# LLVM takes more than proportional time for long functions without branches: lines up to which a level of it is used. Code at level 0
+# takes about 1.5 times as long as code at level 2, which is soon less than what compiling it better would take.
+LEVELS = ((1_500, 2), (4_000, 1))
+
+
+def generate_program(lowered: Lowered) -> Program:
+    """A program of the native target."""
+    return bind(*generate_code(lowered))
+
+
+def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[Described, tuple[bytes, ...]]:
+    """A program as data and object code; `compile_` makes the latter of a module's text and a level."""
+    writer = Writer(lowered)
+    modules = Module(writer, True), Module(writer, False)
+    texts = [module.text() for module in modules]
+    level = next((level for most, level in LEVELS if modules[0].operations <= most), 0)
+    codes = compile_(texts[0], level), compile_(texts[1], 0)
+    functions = tuple(function for module in modules for function in module.functions)
+    return _described(lowered, texts[0], functions), codes
+
+
+def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...]) -> Described:
+    space = lowered.space
+    tables = {
+        heading: Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows)) for heading, rows in name_tables(lowered)
+    }
+    values = [space.variables[v].value or 0.0 for v in (*lowered.parameters, *lowered.inputs)]
+    count = len(lowered.parameters)
+    return Described(
+        space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
+        _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), of_invariants(lowered),
+        tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),
+        lowered.differentiated, functions,
+    )  # fmt: skip
+
+
+def _places(places: Sequence[tuple[int, int]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    return tuple(p[0] for p in places), tuple(p[1] for p in places)

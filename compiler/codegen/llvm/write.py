@@ -1,0 +1,312 @@
+"""Expressions to LLVM IR: one function without branches for each function of a program, over arrays of the caller.
+
+Operations stand in the order in which the numpy target has them, so both compute the same but for the last bits of powers and of the
+functions of the mathematical library. The text is written as such: it is the largest part of a model's compilation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
+from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.table import lists
+from ...native.translate import translate
+from ...native.values import float_text
+from ..limits import Leaf
+from ..numpy.write import Writer, operations_in_order
+from . import support
+
+ARGUMENTS = ("state", "inputs", "constants", "mode")
+_HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(
+    arrays=", ".join(f"ptr noalias nocapture readonly %{a}" for a in ARGUMENTS)
+)
+_LIBRARY = {
+    "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "tanh": 1, "asinh": 1, "acosh": 1,
+    "atanh": 1, "exp": 1, "log": 1, "log10": 1,
+}  # fmt: skip
+# As intrinsics they have no side effect: a sine and a cosine of one angle are computed together.
+_INTRINSICS = {n: f"llvm.{n}.f64" for n in ("sin", "cos", "exp", "log", "sqrt", "floor", "ceil")} | {
+    "abs": "llvm.fabs.f64"
+}
+_COMPARE = {"less": "olt", "less_equal": "ole", "equal": "oeq"}
+_SUPPORTED: dict[str, Callable[..., Any]] = {
+    "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
+    "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
+}  # fmt: skip
+LARGEST_PRODUCT = 32  # power that is written as products
+
+
+HOT = frozenset(
+    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes"}
+)  # what the steps of a run call again and again
+
+
+class Module:
+    """Writes a module with some functions of a program. `functions` says of each: name, its arguments in Python, how many values."""
+
+    def __init__(self, writer: Writer, hot: bool) -> None:
+        self.lowered, self.writer, self.hot = writer.lowered, writer, hot
+        self.called: set[str] = set()  # operators that need support
+        self.declared: set[str] = set()
+        self.arrays: dict[tuple[float, ...], str] = {}
+        self.functions: list[tuple[str, tuple[str, ...], int]] = []
+        self.operations = 0
+
+    def text(self) -> str:
+        """The whole module: the functions that are called again and again, or the others."""
+        constants = self.writer.constants
+        known: dict[Expression, tuple[str, int]] = {node: ("constants", i) for i, node in enumerate(constants)}
+        space = self.lowered.space
+        counts = {"state": len(space.states) + len(space.unknowns), "input": len(self.lowered.inputs)}
+        known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
+        known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
+        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(len(self.lowered.switches))}
+        parts = [] if self.hot else [self._constants(constants)]
+        for name, arguments, _, roots in self.writer.functions():
+            if (name in HOT) == self.hot:
+                parts.append(self._function(name, tuple(arguments.split(", ")), roots, known))
+        needed = list(dict.fromkeys(_SUPPORTED[o] for o in sorted(self.called)))
+        supporting = translate(needed if self.hot else [support.batch, *needed])
+        declared = [
+            f"declare double @{name}" for name in sorted(self.declared) if f"declare double @{name}" not in supporting
+        ]
+        arrays = [
+            f"{name} = private unnamed_addr constant [{len(v)} x double] [{', '.join(f'double {float_text(x)}' for x in v)}]"
+            for v, name in self.arrays.items()
+        ]
+        return "\n".join([*arrays, *declared, supporting, *parts, ""])
+
+    def _constants(self, nodes: Sequence[Expression]) -> str:
+        parameters = range(len(self.lowered.parameters))
+        leaves: dict[Expression, tuple[str, int]] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
+        return self._function("constants", ("parameters",), nodes, leaves)
+
+    def array(self, values: tuple[float, ...]) -> str:
+        """The name of a list of numbers, written once for the module."""
+        return self.arrays.setdefault(values, f"@points.{len(self.arrays) + 1}")
+
+    def _function(
+        self,
+        name: str,
+        arguments: tuple[str, ...],
+        roots: Sequence[Expression],
+        known: dict[Expression, tuple[str, int]],
+    ) -> str:
+        self.functions.append((name, arguments, len(roots)))
+        body = _Body(self, known)
+        lines = body.write(roots)
+        self.operations += len(lines)
+        return "\n".join([f"define void @{name}{_HEAD}", *body.opening, *lines, "  ret void", "}"])
+
+
+class _Body:
+    """The lines of one function. Values are doubles, but for conditions, which are truths."""
+
+    def __init__(self, module: Module, known: dict[Expression, tuple[str, int]]) -> None:
+        self.module, self.known = module, known
+        self.names: dict[Expression, str] = {Symbol(Leaf("time", 0)): "%time"}
+        self.truths: set[str] = set()  # names that are no doubles
+        self.lines: list[str] = []
+        self.opening: list[str] = []
+        self.count = 0
+        self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
+
+    def write(self, roots: Sequence[Expression]) -> list[str]:
+        """Everything behind the roots, then the roots into `out`."""
+        known: dict[Expression, object] = {**self.known, Symbol(Leaf("time", 0)): ""}
+        for node in operations_in_order(roots, known):
+            self.names[node] = self._operation(node)
+        for place, root in enumerate(roots):
+            value = self._double(root)
+            self.lines += [
+                f"  %o{place} = getelementptr inbounds double, ptr %out, i64 {place}",
+                f"  store double {value}, ptr %o{place}",
+            ]
+        return self.lines
+
+    # ------------------------------------------------------------ values
+    def _emit(self, text: str, truth: bool = False) -> str:
+        self.count += 1
+        name = f"%{'c' if truth else 't'}{self.count}"
+        self.lines.append(f"  {name} = {text}")
+        if truth:
+            self.truths.add(name)
+        return name
+
+    def _name(self, node: Expression) -> str:
+        if isinstance(node, Number):
+            return float_text(node.value)
+        name = self.names.get(node)
+        if name is None:
+            array, place = self.known[node]
+            pointer = self._emit(f"getelementptr inbounds double, ptr %{array}, i64 {place}")
+            name = self.names[node] = self._emit(f"load double, ptr {pointer}")
+        return name
+
+    def _double(self, node: Expression) -> str:
+        name = self._name(node)
+        return self._emit(f"uitofp i1 {name} to double") if name in self.truths else name
+
+    def _truth(self, node: Expression) -> str:
+        name = self._name(node)
+        return name if name in self.truths else self._emit(f"fcmp une double {name}, {float_text(0.0)}", True)
+
+    def _doubles(self, nodes: Sequence[Expression]) -> list[str]:
+        return [self._double(n) for n in nodes]
+
+    def _room(self, count: int) -> str:
+        """Room for some numbers, for the time of a call."""
+        name = f"%room{len(self.opening)}"
+        self.opening.append(f"  {name} = alloca [{max(1, count)} x double], align 16")
+        return name
+
+    def _points(self, nodes: Sequence[Expression]) -> str:
+        """A list as an array: of the module if it is of numbers alone."""
+        numbers = tuple(x.value for x in nodes if isinstance(x, Number))
+        if len(numbers) == len(nodes):
+            return self.module.array(numbers)
+        place = self._room(len(nodes))
+        for i, value in enumerate(self._doubles(nodes)):
+            pointer = self._emit(f"getelementptr inbounds double, ptr {place}, i64 {i}")
+            self.lines.append(f"  store double {value}, ptr {pointer}")
+        return place
+
+    # ------------------------------------------------------------ operations
+    def _operation(self, node: Apply) -> str:
+        operator, operands = node.operator, node.operands
+        if operator in CONDITIONS:
+            return self._condition(node)
+        if operator in _SUPPORTED:
+            self.module.called.add(operator)
+            return self._supported(node)
+        match operator:
+            case "add":
+                return self._sum(operands)
+            case "multiply":
+                return self._product(operands)
+            case "divide":
+                return self._emit("fdiv double {}, {}".format(*self._doubles(operands)))
+            case "power":
+                return self._power(*operands)
+            case "select":
+                condition, value, otherwise = self._truth(operands[0]), *self._doubles(operands[1:])
+                return self._emit(f"select i1 {condition}, double {value}, double {otherwise}")
+            case "min" | "max":
+                return self._extreme(operator, *self._doubles(operands))
+            case "sign":
+                return self._sign(self._double(operands[0]))
+            case "item":
+                index = operands[1]
+                assert isinstance(index, Number)
+                place = f"getelementptr inbounds double, ptr {self._name(operands[0])}, i64 {int(index.value)}"
+                return self._emit(f"load double, ptr {self._emit(place)}")
+        return self._call(operator, self._doubles(operands))
+
+    def _call(self, operator: str, values: Sequence[str]) -> str:
+        name = _INTRINSICS.get(operator, operator)
+        assert operator in _INTRINSICS or operator in _LIBRARY or operator == "pow", operator
+        self.module.declared.add(f"{name}({', '.join(['double'] * len(values))})")
+        return self._emit(f"call double @{name}({', '.join(f'double {v}' for v in values)})")
+
+    def _condition(self, node: Apply) -> str:
+        if node.operator in _COMPARE:
+            a, b = self._doubles(node.operands)
+            return self._emit(f"fcmp {_COMPARE[node.operator]} double {a}, {b}", True)
+        values = [self._truth(o) for o in node.operands]
+        if node.operator == "not":
+            return self._emit(f"xor i1 {values[0]}, true", True)
+        return self._emit(f"{node.operator} i1 {values[0]}, {values[1]}", True)
+
+    def _sum(self, operands: Sequence[Expression]) -> str:
+        values = self._doubles(operands)
+        result = values[0]
+        for value in values[1:]:
+            result = self._emit(f"fadd double {result}, {value}")
+        return result
+
+    def _product(self, operands: Sequence[Expression]) -> str:
+        values = self._doubles(operands)
+        if operands[0] == Number(-1.0):
+            values[1] = self._emit(f"fneg double {values[1]}")
+            values = values[1:]
+        result = values[0]
+        for value in values[1:]:
+            result = self._emit(f"fmul double {result}, {value}")
+        return result
+
+    def _power(self, base: Expression, exponent: Expression) -> str:
+        x = self._double(base)
+        if isinstance(exponent, Number) and abs(exponent.value) <= LARGEST_PRODUCT and exponent.value % 1 == 0:
+            left, square, result = abs(int(exponent.value)), x, ""
+            while left:
+                if left % 2:
+                    result = self._emit(f"fmul double {result}, {square}") if result else square
+                left //= 2
+                if left:
+                    square = self._emit(f"fmul double {square}, {square}")
+            return result if exponent.value > 0 else self._emit(f"fdiv double {float_text(1.0)}, {result}")
+        return self._call("pow", [x, self._double(exponent)])
+
+    def _extreme(self, operator: str, a: str, b: str) -> str:
+        """As numpy has it: the first of two that are equal, not a number if one is not."""
+        better = self._emit(f"fcmp {'ole' if operator == 'min' else 'oge'} double {a}, {b}", True)
+        none = self._emit(f"fcmp uno double {a}, {a}", True)
+        first = self._emit(f"or i1 {better}, {none}", True)
+        return self._emit(f"select i1 {first}, double {a}, double {b}")
+
+    def _sign(self, x: str) -> str:
+        zero, one, less = (float_text(v) for v in (0.0, 1.0, -1.0))
+        above, below, none = (self._emit(f"fcmp {w} double {x}, {zero}", True) for w in ("ogt", "olt", "uno"))
+        result = self._emit(f"select i1 {none}, double {x}, double {zero}")
+        result = self._emit(f"select i1 {below}, double {less}, double {result}")
+        return self._emit(f"select i1 {above}, double {one}, double {result}")
+
+    # ------------------------------------------------------------ what needs a function
+    def _supported(self, node: Apply) -> str:
+        operands = node.operands
+        match node.operator:
+            case "solve":
+                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
+                entries, out = self._points(operands), self._room(count)
+                work = self._room(2 * count * count + 6 * count)
+                self.lines.append(f"  call void @solve(i64 {count}, ptr {entries}, ptr {work}, ptr {out})")
+                return out
+            case "natural_slope" | "monotone_slope":
+                return self._slope(node)
+            case "noise":
+                place, seed = self._doubles(operands[1:])
+                steps = tuple(map(float, SMOOTH_STEP[_order(node)]))
+                rest = f"double {place}, double {seed}, ptr {self.module.array(steps)}, i64 {len(steps)}"
+                return self._emit(f"call double @noise(i64 {_order(node)}, {rest})")
+            case "root":
+                return self._emit("call double @root(double {}, double {})".format(*self._doubles(operands)))
+        points = lists(node)
+        arrays = ", ".join(f"ptr {self._points(p)}" for p in points)
+        order = "" if node.operator == "inverse" else f"i64 {_order(node)}, "
+        name = _SUPPORTED[node.operator].__name__
+        return self._emit(
+            f"call double @{name}({order}double {self._double(operands[1])}, {arrays}, i64 {len(points[0])})"
+        )
+
+    def _slope(self, node: Apply) -> str:
+        """A slope of a curve: all those of one curve are computed at once."""
+        number, points = node.operands[0], node.operands[1:]
+        assert isinstance(number, Number)
+        key = (node.operator, points)
+        if key not in self.slopes:
+            n = len(points) // 2
+            places, values = self._points(points[:n]), self._points(points[n:])
+            self.slopes[key] = out = self._room(n)
+            self.lines.append(
+                f"  call void @{node.operator}(i64 {n}, ptr {places}, ptr {values}, ptr {self._room(n)}, ptr {out})"
+            )
+        place = f"getelementptr inbounds double, ptr {self.slopes[key]}, i64 {int(number.value)}"
+        return self._emit(f"load double, ptr {self._emit(place)}")
+
+
+def _order(node: Apply) -> int:
+    order = node.operands[0]
+    assert isinstance(order, Number)
+    return int(order.value)

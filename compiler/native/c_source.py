@@ -1,0 +1,268 @@
+"""Functions of the subset -> C source: the same operations as `translate.py`, for who has a C compiler and wants no LLVM."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from .kinds import BOOL, FLOAT, FLOATS, INT, INTS, ITEMS, NOTHING, Fields, Handed, TranslationError, signature
+
+_WORDS = {FLOAT: "double", INT: "int64_t", BOOL: "int", FLOATS: "double *", INTS: "int64_t *", NOTHING: "void"}
+_SIGNS = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "/", ast.Mod: "%", ast.BitAnd: "&", ast.BitXor: "^",
+    ast.RShift: ">>", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.And: "&&", ast.Or: "||",
+}  # fmt: skip
+_UNSIGNED = (ast.BitAnd, ast.BitXor, ast.RShift, ast.Mult, ast.Add)
+BEGINNING = """static inline double ulp(double x) { return nextafter(fabs(x), INFINITY) - fabs(x); }
+static inline double smaller(double a, double b) { return b < a ? b : a; }
+static inline double larger(double a, double b) { return b > a ? b : a; }
+static inline int64_t fewer(int64_t a, int64_t b) { return b < a ? b : a; }
+static inline int64_t more(int64_t a, int64_t b) { return b > a ? b : a; }
+"""
+
+
+def c_source(exported: Sequence[Callable[..., Any]]) -> str:
+    """Definitions of these functions, and before them of all that they call."""
+    writer = _Writer({f.__name__ for f in exported})
+    for function in exported:
+        writer.need(function)
+    while writer.waiting:
+        writer.bodies.append(_Function(writer, writer.waiting.pop()).text())
+    records = [writer.record(r) for r in writer.records.values()]
+    return "\n".join([*records, *writer.lists.values(), *writer.heads, "", *writer.bodies])
+
+
+def c_number(value: float) -> str:
+    """A double, exactly."""
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    text = repr(float(value))
+    return text if value >= 0 and not text.startswith("-") else f"({text})"
+
+
+class _Writer:
+    """What the functions share."""
+
+    def __init__(self, exported: set[str]) -> None:
+        self.exported = exported
+        self.waiting: list[Callable[..., Any]] = []
+        self.seen: set[Callable[..., Any]] = set()
+        self.records: dict[str, Fields] = {}
+        self.lists: dict[tuple[float, ...], str] = {}
+        self.heads: list[str] = []
+        self.bodies: list[str] = []
+
+    def need(self, function: Callable[..., Any]) -> None:
+        """Write this function too."""
+        if function not in self.seen:
+            self.seen.add(function)
+            self.waiting.append(function)
+
+    def array(self, values: tuple[float, ...]) -> str:
+        """The name of a list of numbers."""
+        whole = all(isinstance(v, int) for v in values)
+        name = f"list_{len(self.lists) + 1}"
+        if values not in self.lists:
+            items = ", ".join(str(v) if whole else c_number(v) for v in values)
+            kind = "int64_t" if whole else "double"
+            self.lists[values] = f"static const {kind} {name}[] = {{{items}}};"
+        return self.lists[values].split()[3].partition("[")[0]
+
+    def declared(self, kind: Any, name: str) -> str:
+        """A variable or argument of a type."""
+        if isinstance(kind, Fields):
+            self.records[kind.name] = kind
+            return f"struct {kind.name} *{name}"
+        if isinstance(kind, Handed):
+            arguments = ", ".join(self.declared(k, "").strip() for k in kind.arguments)
+            return f"{_WORDS[kind.result]} (*{name})({arguments})"
+        return f"{_WORDS[kind]} {name}".replace("* ", "*")
+
+    def record(self, kind: Fields) -> str:
+        """The struct of a record."""
+        fields = "".join(f"    {self.declared(k, n)};\n" for n, k in kind.fields.items())
+        return f"struct {kind.name} {{\n{fields}}};\n"
+
+
+class _Function:
+    """One function."""
+
+    def __init__(self, writer: _Writer, function: Callable[..., Any]) -> None:
+        tree = ast.parse(inspect.getsource(function)).body[0]
+        assert isinstance(tree, ast.FunctionDef)
+        self.writer, self.tree, self.home = writer, tree, function.__globals__
+        kinds, self.result = signature(function)
+        self.arguments = dict(zip((a.arg for a in tree.args.args), kinds, strict=True))
+        self.variables = dict(self.arguments)
+        self.lines: list[str] = []
+        self.depth = 1
+
+    def text(self) -> str:
+        """The definition; its declaration goes to the writer."""
+        self._block(self.tree.body)
+        given = ", ".join(self.writer.declared(k, n) for n, k in self.arguments.items())
+        static = "" if self.tree.name in self.writer.exported else "static "
+        head = f"{static}{self.writer.declared(self.result, self.tree.name)}({given})"
+        self.writer.heads.append(f"{head};")
+        local = [f"    {self.writer.declared(k, n)};" for n, k in self.variables.items() if n not in self.arguments]
+        return "\n".join([f"{head}", "{", *local, *self.lines, "}\n"])
+
+    def _line(self, text: str) -> None:
+        self.lines.append("    " * self.depth + text)
+
+    def _block(self, body: Sequence[ast.stmt]) -> None:
+        for statement in body:
+            self._statement(statement)
+
+    def _inner(self, body: Sequence[ast.stmt]) -> None:
+        self.depth += 1
+        self._block(body)
+        self.depth -= 1
+
+    def _statement(self, node: ast.stmt) -> None:
+        match node:
+            case ast.Expr(value=ast.Constant()) | ast.Pass():
+                pass
+            case ast.Expr(value=value):
+                self._line(f"{self._value(value)};")
+            case ast.Assign(targets=[target], value=value) | ast.AnnAssign(target=target, value=ast.expr() as value):
+                if isinstance(target, ast.Name):
+                    self.variables.setdefault(target.id, self._kind(value))
+                self._line(f"{self._value(target)} = {self._value(value)};")
+            case ast.AugAssign(target=target, op=op, value=value):
+                self._line(f"{self._value(target)} {_SIGNS[type(op)]}= {self._value(value)};")
+            case ast.If():
+                self._line(f"if ({self._value(node.test)}) {{")
+                self._inner(node.body)
+                if node.orelse:
+                    self._line("} else {")
+                    self._inner(node.orelse)
+                self._line("}")
+            case ast.While():
+                self._line(f"while ({self._value(node.test)}) {{")
+                self._inner(node.body)
+                self._line("}")
+            case ast.For(target=ast.Name(id=name), iter=ast.Call(args=bounds)):
+                self._for(name, bounds, node.body)
+            case ast.Return(value=value):
+                self._line("return;" if value is None else f"return {self._value(value)};")
+            case ast.Break() | ast.Continue():
+                self._line(f"{type(node).__name__.lower()};")
+            case _:
+                raise TranslationError(f"{type(node).__name__} is not in the subset")
+
+    def _for(self, name: str, bounds: Sequence[ast.expr], body: Sequence[ast.stmt]) -> None:
+        self.variables.setdefault(name, INT)
+        values = [self._value(b) for b in bounds]
+        start, stop = (values[0], values[1]) if len(values) > 1 else ("0", values[0])
+        back = len(values) > 2 and values[2].lstrip("(").startswith("-")
+        step = values[2] if len(values) > 2 else "1"
+        self._line(f"for ({name} = {start}; {name} {'>' if back else '<'} {stop}; {name} += {step}) {{")
+        self._inner(body)
+        self._line("}")
+
+    # ------------------------------------------------------------ values
+    def _value(self, node: ast.expr) -> str:
+        match node:
+            case ast.Constant(value=value):
+                return self._constant(value)
+            case ast.Name(id=name):
+                return name if name in self.variables else self._constant(self.home[name])
+            case ast.Attribute(value=owner, attr=name):
+                return f"{self._value(owner)}->{name}"
+            case ast.Subscript(value=array, slice=ast.Slice(lower=ast.expr() as lower)):
+                return f"({self._value(array)} + {self._value(lower)})"
+            case ast.Subscript(value=array, slice=index):
+                return f"{self._value(array)}[{self._value(index)}]"
+            case ast.UnaryOp(op=op, operand=operand):
+                return f"({'!' if isinstance(op, ast.Not) else '-'}{self._value(operand)})"
+            case ast.BoolOp(op=op, values=values):
+                return f"({f' {_SIGNS[type(op)]} '.join(map(self._value, values))})"
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return f"({self._value(test)} ? {self._value(body)} : {self._value(orelse)})"
+            case ast.Compare(left=left, ops=signs, comparators=others):
+                values = [left, *others]
+                pairs = zip(signs, values, others, strict=False)
+                parts = [f"{self._value(a)} {_SIGNS[type(s)]} {self._value(b)}" for s, a, b in pairs]
+                return f"({' && '.join(parts)})"
+            case ast.BinOp():
+                return self._binary(node)
+            case ast.Call():
+                return self._call(node)
+        raise TranslationError(f"{type(node).__name__} is not in the subset")
+
+    def _constant(self, value: Any) -> str:
+        if isinstance(value, bool | int):
+            return f"{int(value)}" if abs(int(value)) < 2**31 else f"UINT64_C({value})"
+        if isinstance(value, tuple):
+            return self.writer.array(value)
+        return c_number(value)
+
+    def _binary(self, node: ast.BinOp) -> str:
+        if isinstance(node.op, ast.Pow):
+            return c_number(ast.literal_eval(node.left) ** ast.literal_eval(node.right))
+        a, b = self._value(node.left), self._value(node.right)
+        if self._kind(node) == INT and isinstance(node.op, _UNSIGNED):  # no overflow, `>>` brings zeros
+            return f"((int64_t)((uint64_t){a} {_SIGNS[type(node.op)]} (uint64_t){b}))"
+        if isinstance(node.op, ast.Div) and FLOAT not in (self._kind(node.left), self._kind(node.right)):
+            a = f"(double){a}"
+        return f"({a} {_SIGNS[type(node.op)]} {b})"
+
+    def _call(self, node: ast.Call) -> str:
+        values = [self._value(a) for a in node.args]
+        if isinstance(node.func, ast.Name):
+            name = node.func.id
+            if name in ("min", "max"):
+                whole = self._kind(node) == INT
+                word = {"min": ("smaller", "fewer"), "max": ("larger", "more")}[name][whole]
+                result = values[0]
+                for value in values[1:]:
+                    result = f"{word}({result}, {value})"
+                return result
+            words = {"abs": "llabs" if self._kind(node) == INT else "fabs", "float": "(double)", "int": "(int64_t)"}
+            if name in words:
+                return f"{words[name]}({values[0]})"
+            known = self.home.get(name)
+            if inspect.isfunction(known):
+                self.writer.need(known)
+        return (
+            f"{self._value(node.func) if isinstance(node.func, ast.Attribute) else node.func.id}({', '.join(values)})"  # type: ignore[attr-defined]
+        )
+
+    def _kind(self, node: ast.expr) -> Any:
+        match node:
+            case ast.Constant(value=value):
+                return BOOL if isinstance(value, bool) else INT if isinstance(value, int) else FLOAT
+            case ast.Name(id=name):
+                known = self.variables.get(name, self.home.get(name))
+                if isinstance(known, tuple):
+                    return INTS if all(isinstance(v, int) for v in known) else FLOATS
+                return {int: INT, float: FLOAT, bool: BOOL}.get(type(known), known)
+            case ast.Attribute(value=owner, attr=name):
+                return self._kind(owner).fields[name]
+            case ast.Subscript(value=array, slice=index):
+                return self._kind(array) if isinstance(index, ast.Slice) else ITEMS[self._kind(array)]
+            case ast.UnaryOp(op=op, operand=operand):
+                return BOOL if isinstance(op, ast.Not) else self._kind(operand)
+            case ast.BinOp(op=op, left=left, right=right):
+                return FLOAT if isinstance(op, ast.Div | ast.Pow) else self._wider(left, right)
+            case ast.IfExp(body=body, orelse=orelse):
+                return self._wider(body, orelse)
+            case ast.Compare() | ast.BoolOp():
+                return BOOL
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                if name in ("min", "max", "abs"):
+                    return self._wider(*arguments)
+                if inspect.isfunction(self.home.get(name)):
+                    return signature(self.home[name])[1]
+                return {"int": INT, "isfinite": BOOL, "isnan": BOOL}.get(name, FLOAT)
+        raise TranslationError(f"{type(node).__name__} is not in the subset")
+
+    def _wider(self, *nodes: ast.expr) -> Any:
+        kinds = [self._kind(n) for n in nodes]
+        return FLOAT if FLOAT in kinds else kinds[0] if len(set(kinds)) == 1 and kinds[0] != BOOL else INT

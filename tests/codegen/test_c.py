@@ -1,0 +1,117 @@
+"""The C target, compiled by whatever C compiler there is, against the numpy target; and that it compiles without a warning."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from compiler.codegen.c.write import write_c
+from compiler.driver import Compilation
+from tests.codegen.test_module import MODELS_OF_FILES
+from tests.codegen.test_native import FUNCTIONS, somewhere
+from tests.codegen.test_tables import LAWS, SPRINGS
+from tests.compiling import MODELS, compiled
+
+COMPILER = shutil.which("gcc") or shutil.which("cc") or ""
+WARNINGS = ("-Wall", "-Wextra", "-Wno-unused-function", "-Werror", "-pedantic")
+needs_compiler = pytest.mark.skipif(not COMPILER, reason="no C compiler")
+
+
+def library(text: str, folder: Path) -> ctypes.CDLL:
+    (folder / "model.c").write_text(text, encoding="utf-8")
+    command = [
+        COMPILER,
+        "-O1",
+        "-std=c11",
+        "-ffp-contract=off",
+        *WARNINGS,
+        "-shared",
+        "-fPIC",
+        "model.c",
+        "-o",
+        "model.so",
+        "-lm",
+    ]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert not done.returncode and not done.stderr, done.stderr
+    return ctypes.CDLL(str(folder / "model.so"))
+
+
+def agree(compilation: Compilation, folder: Path, rtol: float = 1e-13) -> None:
+    text, reference = write_c(compilation.lowered), compilation.program
+    loaded, arguments = library(text, folder), somewhere(reference, ())
+    prefix = compilation.lowered.space.name
+    with np.errstate(all="ignore"):
+        for name, wanted in FUNCTIONS.items():
+            if name == "jacobian":
+                continue
+            expected = np.asarray(getattr(reference, name)(*[arguments[w] for w in wanted]), dtype=float)
+            given = arguments | ({"constants": arguments["parameters"]} if name == "constants" else {})
+            found = np.full(expected.size + 1, 7.0)
+            arrays = [np.ascontiguousarray(given[w], dtype=float) for w in ("state", "inputs", "constants", "mode")]
+            function = getattr(loaded, f"{prefix}_{name}")
+            function(ctypes.c_double(float(given["time"])), *(ctypes.c_void_p(a.ctypes.data) for a in (*arrays, found)))
+            assert found[-1] == 7.0
+            cancelled = 0.01 * rtol * np.abs(np.where(np.isfinite(expected), expected, 0.0)).max(initial=0.0)
+            np.testing.assert_allclose(found[:-1], expected, rtol=rtol, atol=cancelled, err_msg=name)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("path", "name"), MODELS_OF_FILES[::4], ids=lambda x: x if isinstance(x, str) else x.name)
+def test_models(path: Path, name: str, tmp_path: Path) -> None:
+    agree(compiled(path, model=name, experiment="", everything=True), tmp_path)
+
+
+@needs_compiler
+@pytest.mark.parametrize("law", LAWS)
+def test_tables_noise_and_parameters(law: str, tmp_path: Path) -> None:
+    agree(compiled(SPRINGS.format(law=LAWS[law], ys="-4, 0, 0.5, 4"), free=("*",)), tmp_path, 1e-11)
+
+
+@needs_compiler
+def test_a_program_of_its_own(tmp_path: Path) -> None:
+    """Euler's method in C over the oscillator, with nothing but the file."""
+    model = bondgraph.load(MODELS / "oscillator.bg")
+    text = model.compile("c")
+    main = """
+#include <stdio.h>
+int main(void) {
+    double c[Oscillator_constants_count + 1], x[8], f[8], mode[8];
+    Oscillator_constants(0, 0, 0, Oscillator_defaults, 0, c);
+    Oscillator_start(0, 0, 0, c, 0, x);
+    for (int k = 0; k < 1000; k++) {
+        Oscillator_switches(k*1e-4, 0, 0, c, 0, mode);
+        Oscillator_derivative(k*1e-4, x, Oscillator_input_defaults, c, mode, f);
+        for (int i = 0; i < Oscillator_derivative_count; i++) x[i] += 1e-4*f[i];
+    }
+    printf("%s %s %.17g\\n", Oscillator_states[0][0], Oscillator_states[0][1], x[0]);
+}
+"""
+    (tmp_path / "model.c").write_text(text + main)
+    subprocess.run([COMPILER, "-O1", "-std=c11", "model.c", "-o", "model", "-lm"], cwd=tmp_path, check=True)
+    name, unit, value = subprocess.run(
+        [str(tmp_path / "model")], capture_output=True, text=True, check=True
+    ).stdout.split()
+    program = model.compilation().program
+    constants = program.constants(np.array(program.defaults))
+    x: Any = program.start(constants)
+    for k in range(1000):
+        x = x + 1e-4 * program.derivative(k * 1e-4, x, (), constants, program.switches(k * 1e-4, constants))
+    assert (name, unit) == (program.states.names[0], program.states.units[0])
+    assert float(value) == pytest.approx(x[0], rel=1e-9)
+
+
+def test_names_are_data() -> None:
+    """What an author writes stands in strings and comments that it cannot end."""
+    text = 'model A {\n"*/ int main() { /*"\nsignal x = integral(1 [1/s], 0)\noutput y = x "*/"\n}\n'
+    source = bondgraph.load(text).compile("c")
+    assert re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL).count("*/") == 0
+    assert "main" not in re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL)

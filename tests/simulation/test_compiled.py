@@ -1,0 +1,241 @@
+"""Stepping in machine code against the reference: the same steps, the same errors, the same words; and the source of it run as Python."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time as clock
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("llvmlite")
+
+import bondgraph
+from bondgraph.errors import RunFailed, UsageError
+from bondgraph.prepared import HIDDEN
+from bondgraph.results import Result
+from bondgraph.simulation import exponential, integrate, leg
+from bondgraph.simulation.compiled import run as compiled
+from bondgraph.simulation.compiled.advance import advance, begin
+from bondgraph.simulation.compiled.stepper import Stepper
+from tests.codegen.test_module import MODELS_OF_FILES
+from tests.compiling import MODELS
+
+STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
+RUNNING = [(path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ())]
+# Where the law has a kink, or rounding decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
+PARTING = {"duffing.bg", "quarter_car.bg", "rectifier.bg"}
+
+
+@pytest.fixture(autouse=True)
+def nothing_exactly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Linear models take steps too, as those with more states do."""
+    monkeypatch.setattr(exponential, "linear_form", lambda *_: None)
+
+
+def both(path: Path, name: str | None = None, **settings: Any) -> tuple[Result, Result]:
+    model = bondgraph.load(path, name)
+    return tuple(model.simulate(target=target, **settings) for target in ("native", "numpy"))  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
+def test_models_take_the_same_steps(path: Path, name: str) -> None:
+    native, numpy = both(path, name, energy=True)
+    assert native.solver in ("Radau IIA 5, native", "Newton", "none")
+    assert native.warnings == numpy.warnings
+    scale = np.abs(numpy.values).max(axis=0) + 1e-300
+    found = (np.abs(native.values - numpy.values) / scale).max()
+    assert native.energy is not None and numpy.energy is not None
+    if path.name in PARTING:
+        assert native.steps == pytest.approx(numpy.steps, rel=0.05) and found < 1e-3
+        return
+    assert (native.steps, dict(native.evaluations)) == (numpy.steps, dict(numpy.evaluations))
+    assert found < 1e-6
+    work = max(abs(numpy.energy.supplied), abs(numpy.energy.stored), abs(numpy.energy.dissipated))
+    for kind in ("supplied", "stored", "dissipated", "residual"):
+        assert getattr(native.energy, kind) == pytest.approx(getattr(numpy.energy, kind), rel=1e-3, abs=1e-9 * work)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6])
+def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends of steps and error estimates, one by one."""
+    seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
+    original, reference = compiled.CompiledRadau.advance, integrate.Radau.step
+
+    def one(solver: compiled.CompiledRadau, most: int) -> int:
+        answer = original(solver, 1)
+        seen["native"].append((solver.last_step[1], np.array(solver.error)))
+        return answer
+
+    def step(solver: integrate.Radau) -> None:
+        reference(solver)
+        seen["numpy"].append((solver.last_step[1], np.array(solver.error)))
+
+    monkeypatch.setattr(compiled.CompiledRadau, "advance", one)
+    monkeypatch.setattr(integrate.Radau, "step", step)
+    both(MODELS / "manipulator.bg", rtol=rtol)
+    assert len(seen["native"]) == len(seen["numpy"]) > 30
+    for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):
+        assert here == pytest.approx(there, rel=1e-5)
+        np.testing.assert_allclose(error, expected, atol=1e-3 * max(1e-2, np.abs(expected).max()))
+
+
+def test_the_same_source_runs_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit by bit: what the compiler makes of the source is what the source says."""
+    made: list[tuple[compiled.CompiledRadau, dict[str, Any]]] = []
+    original = compiled.CompiledRadau.begin
+
+    def keep(solver: compiled.CompiledRadau) -> None:
+        copies = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in solver.values.items()}
+        made.append((solver, copies))
+        original(solver)
+
+    monkeypatch.setattr(compiled.CompiledRadau, "begin", keep)
+    bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20)
+    (solver, values) = made[0]
+    values = {
+        k: np.ascontiguousarray(v, dtype=solver.values[k].dtype) if isinstance(v, np.ndarray) else v
+        for k, v in values.items()
+    }
+    for name in ("derivative", "entries", "signals", "holds", "dependent", "sensitivities", "powers"):
+        values[name] = _into(values[name], name == "signals")
+    values["reported"] = values["reported"].ravel()
+    python = Stepper(**values)
+    with np.errstate(all="ignore"):
+        begin(python)
+        assert advance(python, 10_000) == 0
+    assert python.steps == solver.steps > 5
+    for name in Stepper.__annotations__:
+        mine, other = getattr(python, name), getattr(solver, name) if name not in ("derivative",) else None
+        if isinstance(mine, np.ndarray) and name != "reported":
+            np.testing.assert_array_equal(mine, other, err_msg=name)
+        elif isinstance(mine, int | float):
+            assert mine == other, name
+
+
+def _into(function: Any, of_time: bool) -> Any:
+    """A function of the program, in the shape that the stepping calls it in."""
+
+    def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
+        found = function(time, inputs, constants, mode) if of_time else function(time, state, inputs, constants, mode)
+        out[: len(found)] = found
+
+    return call
+
+
+@pytest.mark.parametrize("name", ["manipulator.bg", "rectifier.bg", "crane.bg", "quarter_car.bg"])
+def test_magnitudes_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The coarse run takes its steps in machine code too."""
+    found = []
+    original = leg.nominal_magnitudes
+    monkeypatch.setattr(leg, "nominal_magnitudes", lambda *a: found.append(original(*a)) or found[-1])
+    both(MODELS / name, points=2)
+    np.testing.assert_allclose(found[0].values, found[1].values, rtol=1e-9)
+    assert (found[0].stopped, found[0].unknown) == (found[1].stopped, found[1].unknown)
+
+
+PUSHED = """
+model Pushed {{
+  Se push : F = 1 N*{push}
+  I  mass : p = 1 kg*v
+  C  held : F = 100 [N/m]*x
+  R  loss : F = {loss}
+  push -> 1(mass, held, loss)
+  {extra}
+  output x = held.x
+}}
+"""
+
+
+def pushed(push: str = "1", loss: str = "0.1 [N*s/m]*v", extra: str = "") -> bondgraph.Model:
+    return bondgraph.load(PUSHED.format(push=push, loss=loss, extra=extra))
+
+
+@pytest.mark.parametrize(
+    ("model", "word"),
+    [
+        (pushed(loss="-1 [N*s/m]*v - 5 [N*s^3/m^3]*v^3"), "holds|grows|fell|solved"),
+        (pushed(loss="1 N*sqrt(0.05 - v/1 [m/s])"), "solved|not finite|fell"),
+        (pushed(loss="1 N*linear(v/1 [m/s], (-0.05, 0, 0.05), (-0.01, 0, 0.02))"), "asked"),
+    ],
+)
+def test_failures_are_told_in_the_same_words(model: bondgraph.Model, word: str) -> None:
+    told = []
+    for target in ("native", "numpy"):
+        with pytest.raises(RunFailed, match=word) as failed:
+            model.simulate(to=20, target=target)
+        told.append(str(failed.value))
+    native, numpy = (text.split() for text in told)
+    assert len(native) == len(numpy)
+    for mine, other in zip(native, numpy, strict=True):
+        number = mine.strip("(),;`")
+        if number != other.strip("(),;`"):
+            assert float(number) == pytest.approx(float(other.strip("(),;`")), rel=1e-2)
+
+
+def test_requirements_are_found_at_the_same_instant() -> None:
+    model = pushed("sin(time*3 [1/s])", extra='require held.x < 9 mm "short"\nrequire mass.v < 0.02 [m/s] "slow"')
+    (native, numpy) = (model.simulate(to=10, target=t, points=11).warnings for t in ("native", "numpy"))
+    assert [w.condition for w in native] == [w.condition for w in numpy] and len(native) == 2
+    assert [w.time for w in native] == pytest.approx([w.time for w in numpy], rel=1e-9)
+
+
+def test_tolerances_that_are_held_and_signals_that_must_be_seen() -> None:
+    """A tolerance of the author does not grow with the state; a pulse in the middle of nothing is not passed over."""
+    model = pushed(
+        "exp(-((time - 3 s)/(200 ms))^2)", extra="experiment e {\n simulate 0 .. 6 s { tolerance held.x = 1 pm }\n}"
+    )
+    native, numpy = (model.simulate(target=t) for t in ("native", "numpy"))
+    assert native.steps == pytest.approx(numpy.steps, rel=0.01)
+    assert np.abs(native["x"] - numpy["x"]).max() < 1e-3 * np.abs(numpy["x"]).max()
+    assert np.abs(native["x"]).max() == pytest.approx(0.0159, rel=0.01)
+
+
+def test_other_states_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tests.simulation.test_choice import pair
+
+    model = bondgraph.load(pair("exp(12*sin(time/1 s))"))
+    native, numpy = (model.simulate(to=6, points=31, target=t, energy=True) for t in ("native", "numpy"))
+    assert native.steps == pytest.approx(numpy.steps, rel=0.02)
+    np.testing.assert_allclose(native.values, numpy.values, rtol=1e-4, atol=1e-6 * np.abs(numpy.values).max())
+
+
+def test_more_states_than_the_dense_algebra_has_use_numpy_and_say_so() -> None:
+    cells = "\n".join(f"C c{i} : q = 1 F*u\nR r{i} : u = 1 ohm*i" for i in range(101))
+    chain = " ".join(
+        f"0 n{i} : electric\nn{i} -> c{i}\n"
+        + (f"1 s{i} : electric\nn{i} -> s{i} -> n{i + 1}\ns{i} -> r{i}\n" if i < 100 else f"n{i} -> r{i}\n")
+        for i in range(101)
+    )
+    result = bondgraph.load(
+        f"model Long {{\nSe u : u = 1 V\n{cells}\n{chain}\nSf feed : i = 1 A\nfeed -> n0\noutput y = c5.u\n}}".replace(
+            "Se u : u = 1 V\n", ""
+        )
+    ).simulate(to=1, points=3, target="native")
+    assert result.solver == "Radau IIA 5, numpy (more than 100 states)"
+
+
+def test_targets(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = pushed()
+    assert model.simulate(to=1).solver == "Radau IIA 5, native"
+    assert model.simulate(to=1, target="numpy").solver == "Radau IIA 5, numpy"
+    with pytest.raises(UsageError, match="targets are native, numpy"):
+        model.simulate(to=1, target="fortran")
+    monkeypatch.setenv(HIDDEN, "1")
+    assert model.simulate(to=1).solver == "Radau IIA 5, numpy"
+    with pytest.raises(UsageError, match="llvmlite"):
+        model.simulate(to=1, target="native")
+
+
+def test_a_run_can_be_interrupted() -> None:
+    """Machine code comes back often enough for Python to see that somebody pressed Ctrl-C."""
+    model = pushed("sin(time*1e6 [1/s])")
+    model.simulate(to=1e-5)
+    threading.Timer(0.5, signal.raise_signal, (signal.SIGINT,)).start()
+    began = clock.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        model.simulate(to=1e5, points=3)
+    assert clock.perf_counter() - began < 5
