@@ -23,7 +23,8 @@ from compiler.graph.network import (
     Quantity,
     Reading,
 )
-from compiler.scene import Scene
+from compiler.scene import Plan, Scene
+from compiler.semantics.build import Built
 from compiler.source import Source, Span
 
 SOURCE = Source("drawn", " ")
@@ -117,5 +118,5 @@ class Drawing:
             named[output] = Named(output, "output", "", definition, None, SPAN)
         graph = BondGraph("drawn", tuple(nodes), tuple(bonds), quantities, named, {}, SPAN)
         compilation = Compilation(SOURCE, Scene(None, None, (), frozenset("*")), None, everything)
-        compilation.__dict__["_built"] = graph, None
+        compilation.__dict__["_built"] = Built(graph, Plan(None), ())
         return compilation
