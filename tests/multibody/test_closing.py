@@ -289,7 +289,7 @@ model Flat {
   output x = m.b.x
 }
 """
-    with pytest.raises(bondgraph.RunFailed, match="starts in a singular pose.*`m.four`"):
+    with pytest.raises(bondgraph.RunFailed, match=r"starts in a singular pose.*`m.four`"):
         loaded(tmp_path, text).simulate(to=1.0)
 
 
