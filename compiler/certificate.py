@@ -23,7 +23,7 @@ class Loop:
 class Certificate:
     """What a compilation gave.
 
-    `form` is what a run solves: `explicit ODE`; `linear-implicit ODE` (linear loops, or dependent storages that share the
+    `form` is what a run solves: `explicit ODE`; `linear-implicit ODE` (linear loops, closing joints, or dependent storages that share the
     rates: solved in every evaluation); `index-1 DAE` (with unknowns of nonlinear loops); `algebraic` without any state.
     `index` is that of the equations as written: 0 explicit, 1 with loops, from 2 on with storages in derivative form.
     """
@@ -41,6 +41,8 @@ class Certificate:
     unneeded: tuple[str, ...]  # states behind no requested output
     degrees_of_freedom: int  # states that are momenta, or speeds of a mechanism: independent flows
     notes: tuple[str, ...]  # laws that do what one may not expect, such as a resistor that creates energy
+    constraints: int = 0  # of closing joints, solved for where they stand and held by projection
+    redundant: tuple[str, ...] = ()  # those that follow from others where the mechanism was drawn
 
     @property
     def reduced(self) -> bool:
@@ -57,6 +59,9 @@ class Certificate:
             parts.append("driven" if self.driven else "autonomous")
         if self.dependent:
             parts.append(f"{_count(len(self.dependent), 'storage')} in derivative form")
+        if self.constraints:
+            redundant = f", {len(self.redundant)} of them redundant" if self.redundant else ""
+            parts.append(f"{_count(self.constraints, 'constraint')} of closing joints{redundant}")
         for word, linear in (("linear", True), ("nonlinear", False)):
             sizes = sorted(x.size for x in self.loops if x.linear is linear)
             if sizes:
@@ -71,6 +76,7 @@ class Certificate:
     def _lists(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield f"states, of {_count(self.degrees_of_freedom, 'degree')} of freedom", self.states
         yield "in derivative form", self.dependent
+        yield "constraints that follow from others where it is drawn", self.redundant
         for loop in self.loops:
             word = "linear" if loop.linear else "nonlinear"
             yield f"{word} loop of {_count(loop.size, 'unknown')} through", loop.members
@@ -85,6 +91,7 @@ class Certificate:
             "loops": [{"linear": x.linear, "size": x.size, "members": list(x.members)} for x in self.loops],
             "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
             "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
+            "constraints": self.constraints, "redundant": list(self.redundant),
         }  # fmt: skip
 
 

@@ -73,12 +73,30 @@ def _solved(constraints: Constraints, claims: Missed, time: float, mode: Any, st
     def missed(x: Any) -> Any:
         return np.concatenate([claims(x), program.invariant(time, x, *fixed)], axis=-1)
 
-    places = np.flatnonzero(movable)
-    state, value, damping = np.array(state), missed(state), 0.0
-    for _ in range(ITERATIONS):
-        shifts = np.zeros((len(places), len(state)))
-        shifts[np.arange(len(places)), places] = DIFFERENCE * size[places]
-        slopes = ((missed(state + shifts) - missed(state - shifts)) / (2 * DIFFERENCE)).T
+    speeds = np.zeros(len(movable), dtype=bool)
+    speeds[constraints.speeds] = True
+    _, by_speeds = _slopes(missed, state, np.flatnonzero(speeds), size)
+    still = ~(np.abs(by_speeds).max(axis=1, initial=0.0) > 0)
+    # Positions first: where both are sought together, a speed that is asked for could turn a joint over to another pose.
+    state = _search(missed, state, np.flatnonzero(movable & ~speeds), still, size)
+    for places in (np.flatnonzero(movable & speeds), np.flatnonzero(movable)):
+        state = _search(missed, state, places, np.ones(len(still), dtype=bool), size)
+    return state
+
+
+def _slopes(missed: Missed, state: Any, places: Any, size: Any) -> tuple[Any, Any]:
+    """The places' size of a change, and central differences by these; shape (rows, places)."""
+    shifts = np.zeros((len(places), len(state)))
+    shifts[np.arange(len(places)), places] = DIFFERENCE * size[places]
+    return size[places], ((missed(state + shifts) - missed(state - shifts)) / (2 * DIFFERENCE)).T
+
+
+def _search(missed: Missed, state: Any, places: Any, rows: Any, size: Any) -> Any:
+    """Gauss and Newton, damped where a step brings nothing nearer (Levenberg and Marquardt)."""
+    state, value, damping = np.array(state), missed(state)[rows], 0.0
+    for _ in range(ITERATIONS if len(places) else 0):
+        reach, slopes = _slopes(missed, state, places, size)
+        slopes = slopes[rows]
         bound = np.abs(slopes).max(axis=1, initial=0.0)
         told = bound > 0
         if not told.any():
@@ -88,10 +106,9 @@ def _solved(constraints: Constraints, claims: Missed, time: float, mode: Any, st
             break
         step = _step(scaled, miss, damping)
         trial = state.copy()
-        trial[places] += size[places] * step
-        new = missed(trial)
-        better = np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss)
-        if better:
+        trial[places] += reach * step
+        new = missed(trial)[rows]
+        if np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss):
             state, value = trial, new
             damping = damping / 10 if damping > 1e-6 else 0.0
         elif np.abs(step).max() < 1e-13 or damping > 1e8:

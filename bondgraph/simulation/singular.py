@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import RunFailed
 from .constraints import Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
 from .loops import LoopSolver
@@ -19,6 +20,7 @@ from .loops import LoopSolver
 LOOK = 16.0  # steps ahead, within which a singular pose is crossed in one go
 NEAR = 0.3  # of the time to it: no usual step is longer
 MISSES = 0.5  # of it: what a parabola leaves where a straight line would end
+APART = 1e-8  # of its size: a gap of a redundant row
 OPEN = 1e-10  # of its size: a gap that cannot be closed where slopes vanish
 VANISHED = 1e-6  # of the largest: a singular value that is none
 SEARCH = 12
@@ -72,6 +74,18 @@ class Watcher:
         self.comes = np.isfinite(self.ahead) and 0.5 * bend * self.ahead**2 < MISSES * least
         if not self.comes:
             self.tried = np.inf
+        self._check_redundant(time, state, mode)
+
+    def _check_redundant(self, time: float, state: Any, mode: Any) -> None:
+        """What followed from other constraints at the start must go on to do so. Raises `RunFailed`."""
+        constraints = self.constraints
+        if not constraints.taking.all() and constraints.missed(time, state, mode) > APART:
+            assert constraints.assembled is not None
+            names = ", ".join(f"`{n}`" for n in constraints.assembled.redundant[:SHOWN])
+            raise RunFailed(
+                f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer "
+                "do: the mechanism is drawn in a special pose; start it elsewhere, or leave a joint out"
+            )
 
     @property
     def longest(self) -> float:
@@ -102,7 +116,10 @@ class Watcher:
         self.tried = self.ahead
         constraints = self.constraints
         function = OnConstraints(constraints, self.loops, mode, state[constraints.count :])
-        crossed = cross(function, time, state[: constraints.count] / constraints.reach, size)
+        scaled = state[: constraints.count] / constraints.reach
+        if not self._lies_ahead(function, time, scaled, state, mode):
+            return None
+        crossed = cross(function, time, scaled, size)
         if crossed is None or not crossed.error <= tolerance:
             return None
         pose = self._pose(crossed, state, mode)
@@ -110,6 +127,21 @@ class Watcher:
             return None
         self.passed.append(pose)
         return crossed
+
+    def _lies_ahead(self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any) -> bool:
+        """Whether a singular point is near where the motion would be by then: much cheaper than to go there."""
+        constraints, count = self.constraints, self.constraints.count
+        rates = function(time, scaled)
+        share = 1e-4 * self.ahead
+        bend = (function(time, scaled + share * rates) - rates) / share
+        there = np.array(state)
+        there[:count] = constraints.reach * (scaled + self.ahead * rates + 0.5 * self.ahead**2 * bend)
+        found = self._point(time, there, mode)
+        if found is None:
+            return False
+        positions, reach = constraints.positions, constraints.reach[constraints.positions]
+        way = np.linalg.norm((there - state)[positions] / reach)
+        return bool(np.linalg.norm((found[0] - there)[positions] / reach) < 0.5 * way)
 
     def _pose(self, crossed: Crossed, state: Any, mode: Any) -> SingularPose | None:
         """The singular pose on a crossing; None if there is none."""

@@ -14,6 +14,7 @@ from ..algebra.affine import affine_parts
 from ..algebra.expression import Expression, Symbol, depends_on, symbols
 from ..certificate import Certificate, Loop
 from ..equations.system import Assignment, EquationSystem
+from .mobility import redundant_constraints
 from .state_space import LinearLoop, StateSpace
 
 SPEEDS = ("m/s", "1/s")
@@ -28,16 +29,18 @@ def certify(
     dependence = _Dependence(space)
     if not space.states:
         form = "algebraic"
-    elif space.unknowns:
+    elif any(not u.multiplier for u in space.unknowns):
         form = "index-1 DAE"
     else:
-        form = "linear-implicit ODE" if loops else "explicit ODE"
+        form = "linear-implicit ODE" if loops or space.unknowns else "explicit ODE"
+    bound = sum(i.multiplier is not None for i in space.invariants)
+    redundant = redundant_constraints(space) or ()
     return Certificate(
         space.name, form, space.index, tuple(space.variables[s.variable].name for s in space.states), space.dependent, loops,
         dependence.linear, dependence.varying, dependence.driven,
         left_out,
         tuple(system.variables[s.variable].name for s in system.states if s.variable not in needed),
-        _degrees_of_freedom(space, system), notes,
+        max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant,
     )  # fmt: skip
 
 
@@ -58,7 +61,7 @@ def _loops(space: StateSpace) -> Iterator[Loop]:
         if isinstance(step, LinearLoop):
             yield Loop(True, len(step.targets), step.members)
     sizes: dict[int, int] = {}
-    for unknown in space.unknowns:
+    for unknown in (u for u in space.unknowns if not u.multiplier):
         sizes[unknown.loop] = sizes.get(unknown.loop, 0) + 1
     members = {u.loop: u.members for u in space.unknowns}
     for loop, size in sizes.items():

@@ -71,6 +71,24 @@ def test_slider_crank_keeps_its_energy() -> None:
     assert took == pytest.approx(0.5, rel=1e-7)
 
 
+def test_crank_linkage_moves_as_its_closed_form() -> None:
+    """1/2 M(phi) omega^2 stays, with the rod's mass in it; the wrist holds what the piston's acceleration asks for."""
+    r, l, inertia, m, rod, omega_0, phi_0 = 0.04, 0.13, 5e-3, 0.8, 0.2, 60.0, 0.3
+
+    def slopes(phi: float | Vector) -> tuple[float | Vector, ...]:
+        beta = np.arcsin(r * np.sin(phi) / l)
+        turn = r * np.cos(phi) / (l * np.cos(beta))
+        return -r * np.sin(phi) - r * np.cos(phi) * np.tan(beta), turn, -r * np.sin(phi) - 0.5 * l * np.sin(beta) * turn
+
+    def whole(phi: float | Vector) -> float | Vector:
+        piston, turn, middle = slopes(phi)
+        return inertia + m * piston**2 + rod * (l**2 / 12 * turn**2 + middle**2 + (0.5 * r * np.cos(phi)) ** 2)
+
+    found = run("crank_linkage", points=101)
+    near(found["omega"], omega_0 * np.sqrt(whole(phi_0) / whole(found["angle"])))
+    near(found["x"], r * np.cos(found["angle"]) + np.sqrt(l * l - (r * np.sin(found["angle"])) ** 2))
+
+
 def test_robot_reaches_what_its_inverse_kinematics_say() -> None:
     """Forces along the legs on a platform: m (x, y)'' = sum f u, J phi'' = sum f (b x u), f = k (wanted - length) - r length'."""
     m, inertia, k, r = 2.0, 0.01, 4e4, 400.0

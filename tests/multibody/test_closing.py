@@ -151,3 +151,186 @@ def test_energy_is_kept(name: str, tmp_path: Path) -> None:
     found = loaded(tmp_path, CASES[name]).simulate(to=0.3, rtol=1e-8, points=4, energy=True)
     assert found.energy is not None
     assert abs(found.energy.residual) < 2e-6
+
+
+# ---------------------------------------------------------------- runs
+CRANK = """
+model Crank {
+  parameter r = 40 mm, l = 130 mm
+  multibody m : planar {
+    body crank  { mass = 1 kg, inertia = 5e-3 [kg*m^2], at = (0, 0) }
+    body rod    { mass = 0.2 kg, inertia = 0.2 kg*l^2/12, at = (r + l/2, 0) }
+    body piston { mass = 0.8 kg, at = (r + l, 0) }
+    hinge main  : ground to crank  { at = (0, 0), %s }
+    hinge pin   : crank to rod     { at = (r, 0) }
+    hinge wrist : rod to piston    { at = (r + l, 0) %s }
+    slide bore  : ground to piston { along = 0 %s }
+    frame end : rod { at = (r + l, 0) }
+  }
+  output phi = m.crank.phi, w = m.crank.phi.omega, x = m.piston.x, open_x = m.end.x - m.piston.x, open_y = m.end.y
+  output slip_x = m.end.x.v - m.piston.x.v, slip_y = m.end.y.v, fx = m.wrist.reaction.x, fy = m.wrist.reaction.y, ay = m.wrist.phi
+}
+"""
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+def test_loops_stay_closed_at_every_reported_instant(rtol: float, tmp_path: Path) -> None:
+    """Position and velocity, whatever the tolerance; between steps as well."""
+    model = loaded(tmp_path, CRANK % ("start phi.omega = 60 [rad/s]", "", ""))
+    found = model.simulate(to=0.3, rtol=rtol, points=307, energy=True)
+    assert np.abs([found["open_x"], found["open_y"]]).max() < 1e-12 * 0.17
+    assert np.abs([found["slip_x"], found["slip_y"]]).max() < 1e-12 * 60 * 0.17
+    assert found.energy is not None
+    assert abs(found.energy.residual) < 30 * max(rtol, 1e-9)
+    angle, w = found["phi"], found["w"]
+    assert np.abs(found["x"] - (0.04 * np.cos(angle) + np.sqrt(0.13**2 - (0.04 * np.sin(angle)) ** 2))).max() < 1e-12
+    beta = np.arcsin(0.04 * np.sin(angle) / 0.13)
+    piston = -0.04 * w * (np.sin(angle) + np.cos(angle) * np.tan(beta))
+    rate = -0.04 * np.cos(angle) * w / (0.13 * np.cos(beta))
+    middle_x, middle_y = -0.04 * w * np.sin(angle) + 0.065 * np.sin(-beta) * -rate, 0.02 * w * np.cos(angle)
+    kinetic = 0.5 * (5e-3 * w**2 + 0.8 * piston**2 + 0.2 * (middle_x**2 + middle_y**2) + 0.2 * 0.13**2 / 12 * rate**2)
+    assert np.abs(kinetic / kinetic[0] - 1).max() < 100 * rtol
+
+
+def test_the_reaction_of_a_closing_joint(tmp_path: Path) -> None:
+    """What the wrist pushes on the piston with is mass times acceleration, along the bore."""
+    found = loaded(tmp_path, CRANK % ("start phi.omega = 60 [rad/s]", "", "")).simulate(to=0.2, rtol=1e-9, points=2001)
+    speed = np.gradient(np.gradient(found["x"], found.time, edge_order=2), found.time, edge_order=2)
+    assert np.abs(found["fx"] - 0.8 * speed)[5:-5].max() < 2e-3 * np.abs(found["fx"]).max()
+
+
+class TestAssembly:
+    """Starts that the drawing does not have: the rest follows."""
+
+    def test_the_rest_follows_what_is_said(self, tmp_path: Path) -> None:
+        found = loaded(tmp_path, CRANK % ("start phi = 50 deg", "", "")).simulate(to=1e-3, rtol=1e-6, points=2)
+        angle = np.deg2rad(50)
+        assert found["phi"][0] == pytest.approx(angle, abs=1e-14)
+        assert found["x"][0] == pytest.approx(
+            0.04 * np.cos(angle) + np.sqrt(0.13**2 - (0.04 * np.sin(angle)) ** 2), abs=1e-13
+        )
+
+    def test_of_a_closing_or_any_joint(self, tmp_path: Path) -> None:
+        text = CRANK % ("start phi = 0.2", "", ", start x.v = -1 [m/s]")
+        found = loaded(tmp_path, text).simulate(to=1e-3, rtol=1e-6, points=2)
+        beta = np.arcsin(0.04 * np.sin(0.2) / 0.13)
+        assert found["w"][0] == pytest.approx(1 / (0.04 * (np.sin(0.2) + np.cos(0.2) * np.tan(beta))), rel=1e-9)
+
+    def test_contradictions_are_told_by_names(self, tmp_path: Path) -> None:
+        model = loaded(tmp_path, CRANK % ("start phi = 50 deg", "", ", start x = 10 mm"))
+        with pytest.raises(
+            bondgraph.RunFailed, match=r"`m.wrist` cannot be closed with the starts of `m.main.phi`, `m.bore.x`"
+        ):
+            model.simulate(to=1e-3)
+
+    def test_rounded_digits_are_no_contradiction(self, tmp_path: Path) -> None:
+        x = 0.04 * np.cos(0.9) + np.sqrt(0.13**2 - (0.04 * np.sin(0.9)) ** 2) - 0.17
+        found = loaded(tmp_path, CRANK % ("start phi = 0.9", "", f", start x = {x:.9f} [m]")).simulate(
+            to=1e-3, points=2
+        )
+        assert found["phi"][0] == pytest.approx(0.9, abs=1e-7)
+        assert abs(found["open_x"][0]) < 1e-14
+
+
+BEAM = """
+model Beam {
+  constant J = 1 kg*(1 m)^2/12
+  multibody bars : planar {
+    gravity = (0, -9.81 [m/s^2])
+    for i in 0..2 {
+      body  upright[i] { mass = 1 kg, inertia = J, at = (i*1 m, 0.5 m), angle = 90 deg }
+      hinge foot[i] : ground to upright[i] { at = (i*1 m, 0) }
+    }
+    body beam { mass = 1 kg, inertia = J, at = (1 m, 1 m) }
+    for i in 0..2 { hinge top[i] : upright[i] to beam { at = (i*1 m, 1 m) } }
+    frame corner : upright[0] { at = (0, 1 m), start x.v = 1 [m/s] }
+  }
+  output x = bars.corner.x, vx = bars.corner.x.v
+}
+"""
+
+
+def test_a_redundant_bar_is_named_and_changes_nothing_else(tmp_path: Path) -> None:
+    """Three uprights under one beam: one row follows from the others; I = 3/3 + 1, moment = g (3/2 + 1)."""
+    from scipy.integrate import solve_ivp
+
+    found = loaded(tmp_path, BEAM).simulate(to=0.6, rtol=1e-8, points=7)
+    run = solve_ivp(
+        lambda t, y: (y[1], 9.81 * 2.5 / 2 * np.sin(y[0])),
+        (0, 0.6),
+        (0.0, 1.0),
+        "DOP853",
+        found.time,
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    assert np.abs(found["x"] - np.sin(run.y[0])).max() < 1e-6
+    (note,) = found.notes
+    assert (
+        note.startswith("1 constraint of closing joints follows from the others")
+        and "`bars.top[" in note
+        and "mobility 1" in note
+    )
+
+
+def test_a_start_in_a_singular_pose_is_told(tmp_path: Path) -> None:
+    """A rhombus that lies in one line: nothing says which way it opens."""
+    text = """
+model Flat {
+  multibody m : planar {
+    body a { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.5 m, 0) }
+    body b { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (1.5 m, 0) }
+    body c { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (1.5 m, 0) }
+    hinge one : ground to a { at = (0, 0) }
+    hinge two : a to b { at = (1 m, 0) }
+    hinge three : ground to c { at = (1 m, 0) }
+    hinge four : c to b { at = (2 m, 0) }
+  }
+  output x = m.b.x
+}
+"""
+    with pytest.raises(bondgraph.RunFailed, match=r"starts in a singular pose.*`m.four`"):
+        loaded(tmp_path, text).simulate(to=1.0)
+
+
+def test_stretched_bars_between_two_fixed_points_are_told(tmp_path: Path) -> None:
+    text = """
+model Stretched {
+  multibody m : planar {
+    body a { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.5 m, 0) }
+    body b { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (1.5 m, 0) }
+    hinge one : ground to a { at = (0, 0) }
+    hinge two : a to b { at = (1 m, 0) }
+    hinge three : b to ground { at = (2 m, 0) }
+  }
+  output x = m.b.x
+}
+"""
+    with pytest.raises(bondgraph.RunFailed, match="drawn in a pose from which it cannot move"):
+        loaded(tmp_path, text).simulate(to=1.0)
+
+
+def test_a_gear_and_a_rack_carry_their_inertias(tmp_path: Path) -> None:
+    """A wheel of 0.1 kg m^2 and one of 0.4 at twice its speed, then a rack: known sums."""
+    text = """
+model Train {
+  multibody m : planar {
+    body a { mass = 1 kg, inertia = 0.1 [kg*m^2] }
+    body b { mass = 1 kg, inertia = 0.4 [kg*m^2], at = (1 m, 0) }
+    body c { mass = 3 kg, at = (1 m, 0.2 m) }
+    hinge one : ground to a { at = (0, 0) }
+    hinge two : ground to b { at = (1 m, 0) }
+    slide way : ground to c { along = 0 }
+    gear mesh : one to two { ratio = -2 }
+    rack teeth : two to way { radius = 0.2 m }
+  }
+  Se drive : M = 5 [N*m]
+  drive -> m.one
+  output w = m.one.phi.omega, v = m.way.x.v, f = m.teeth.reaction.x
+}
+"""
+    found = loaded(tmp_path, text).simulate(to=2.0, rtol=1e-8, points=3)
+    inertia = 0.1 + 4 * 0.4 + (2 * 0.2) ** 2 * 3
+    assert found.final("w") == pytest.approx(5 / inertia * 2, rel=1e-9)
+    assert found.final("v") == pytest.approx(-0.4 * 5 / inertia * 2, rel=1e-9)
+    assert found.final("f") == pytest.approx(3 * -0.4 * 5 / inertia, rel=1e-9)

@@ -198,3 +198,30 @@ model Row {
     found = loaded(tmp_path, text % "\n      ".join(bodies[n] for n in order)).simulate(to=3.0, rtol=1e-8, points=31)
     assert np.abs(corner(found) - pendulum(2, found.time)).max() < 3e-7
     assert "singular poses passed" in found.notes[0]
+
+
+def test_bricard_moves_although_counting_says_it_cannot() -> None:
+    """Five hinges in a row, and five constraints of the sixth, one of which follows from the others; energy is kept to 1e-8 J in 10 s."""
+    model = bondgraph.load(PUBLISHED / "iftomm_A04_bricard.bg")
+    assert (model.certificate.constraints, model.certificate.degrees_of_freedom) == (5, 1)
+    (name,) = model.certificate.redundant
+    assert name.startswith("ring.j4.")
+    found = model.simulate(energy=True, points=21)
+    assert found.energy is not None
+    assert abs(found.energy.residual) < 1e-8
+    assert found["turn"].max() == pytest.approx(np.pi, abs=1e-3), "it falls, turns over and comes back"
+    assert "follows from the others" in found.notes[0] and "mobility 1" in found.notes[0]
+
+
+def test_certificates_count_what_closes() -> None:
+    rows = compiled(PUBLISHED / "iftomm_A02_N_fourbar.bg", {"N": "3"}).certificate
+    assert (rows.form, rows.index, rows.constraints, rows.degrees_of_freedom, rows.redundant) == (
+        "linear-implicit ODE",
+        3,
+        6,
+        1,
+        (),
+    )
+    squeezer = compiled(PUBLISHED / "andrews.bg").certificate
+    assert (squeezer.constraints, squeezer.degrees_of_freedom, squeezer.loops) == (6, 1, ())
+    assert squeezer.to_json()["constraints"] == 6
