@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .compiled.run import CompiledRadau
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
+MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
 _PLACES = np.array([0.4342437493468026, 0.7745966692414834, 0.9604912687080202])
 _KRONROD = np.array([0.4013974147759622, 0.2684880898683334, 0.1046562260264672])
@@ -246,7 +247,7 @@ class _Stepper:
             self._sample(solver, stretch)
             self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
-                self._add_work(*solver.last_step, self._along(solver), stretch)
+                self._add_work(*solver.last_step, self._along(solver, stretch), stretch)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
             solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
@@ -396,7 +397,7 @@ class _Stepper:
             return [*self.watch.left]
 
         try:
-            while steps(solver, look, MOST_STEPS):
+            while steps(solver, look, MOST_COMPILED):
                 assert self.choice is not None
                 state = solver.state * self.tolerances.magnitude
                 self.result.handover = self.choice.look(solver.time, state, stretch.mode)
@@ -448,9 +449,11 @@ class _Stepper:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         self._watch_limits(*solver.last_step, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
 
-    def _along(self, solver: Radau) -> Callable[[Any], Any]:
-        """The last step of a solver, as states at instants."""
-        return lambda times: solver.collocation(times) * self.tolerances.magnitude
+    def _along(self, solver: Radau, stretch: Segment) -> Callable[[Any], Any]:
+        """The last step of a solver, as states at instants, with the unknowns that belong to them: those of the collocation
+        polynomial begin where the step before left them, which is not where a projection put the states."""
+        magnitude = self.tolerances.magnitude
+        return lambda times: self.loops.solve_all(times, solver.collocation(times) * magnitude, stretch.mode)
 
     def _watch_limits(
         self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment
@@ -507,8 +510,9 @@ def _stuck(
     value = f"`{names[worst]}` (now {state[worst]:.6g} {units[worst]})"
     begin = f"the solver cannot hold rtol = {tolerances.relative:g} at t = {solver.time:.9g} s"
     if what == "steps":
+        most = MOST_STEPS if isinstance(solver, Radau) else MOST_COMPILED
         return (
-            f"the run gets no further than t = {solver.time:.9g} s within {MOST_STEPS} steps; {value} holds the steps down. "
+            f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
             "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"
         )
     if what == "round-off":

@@ -239,6 +239,14 @@ def test_any_joint_of_a_loop_may_be_driven(hinge: str) -> None:
     np.testing.assert_allclose(energy[1:] - energy[0], work, atol=2e-6)
 
 
+@pytest.mark.parametrize("hinge", ["h1", "h3"])
+def test_the_work_of_a_drive_in_a_loop_is_balanced(hinge: str) -> None:
+    """Its torque holds the multipliers, which are solved for at every place of the quadrature."""
+    found = bondgraph.load(FOUR_BARS.format(hinge=hinge)).simulate(to=0.5, rtol=1e-8, points=11, energy=True).energy
+    assert found is not None and found.supplied > 0.03
+    assert abs(found.residual) < 1e-9 * found.supplied
+
+
 def test_a_ball_at_rest() -> None:
     """What its coordinates read in the drawing."""
     drawn = Drawing()
