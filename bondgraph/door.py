@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from compiler.certificate import Certificate
     from compiler.codegen.cost import Cost, cost
     from compiler.codegen.llvm.described import Described, bind
-    from compiler.codegen.program import LimitNote, Program
+    from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
@@ -54,6 +54,7 @@ _HOMES = {
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
+    "EventNote": "codegen.program", "Hybrid": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
@@ -73,7 +74,8 @@ _HOMES = {
 __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
-    "Expression", "Facts", "Floats", "Handed", "InternalError", "Ints", "Junction", "Kind", "LimitNote", "LinearLoop", "Literal",
+    "EventNote", "Expression", "Facts", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind", "LimitNote",
+    "LinearLoop", "Literal",
     "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene",
     "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "bind", "blocks", "bond_lines",
     "braces", "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",

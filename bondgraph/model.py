@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,6 +78,9 @@ class Model:
             compilation = door.Compilation(self.source, scene, LIBRARY, everything)
             if self._compilations:  # the text is parsed once
                 compilation.__dict__["tree"] = next(iter(self._compilations.values())).tree
+            like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
+            if like is not None and "_built" in like.__dict__:  # and opened once
+                compilation.__dict__["_built"] = like.__dict__["_built"]
             self._compilations[key] = compilation
         return self._compilations[key]
 

@@ -96,6 +96,8 @@ class Prepared:
         made = self.compilation
         if made.plan.unsupported:  # told before anything else is
             return made.program, made.plan, made.facts, made.certificate
+        if made.lowered.events.present or made.lowered.lags:  # what happens at instants is told by Python
+            return made.program, made.plan, made.facts, made.certificate
         try:
             described, codes = made.native(compiled_safely)
         except CannotCompile:

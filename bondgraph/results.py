@@ -99,6 +99,20 @@ class LimitLeft:
         return f"{where}: {shown}" if shown else where
 
 
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """An event that acted in a run: when, its condition as written, the instance ("" for the model itself), its line."""
+
+    time: float
+    condition: str
+    owner: str
+    place: str
+
+    def __str__(self) -> str:
+        who = f" of `{self.owner}`" if self.owner else ""
+        return f"t = {self.time:.9g} s: when {self.condition}{who}, {self.place}"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """One run. `result["x"]` is the output `x` over `result.time`, in SI.
@@ -107,8 +121,7 @@ class Result:
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
     left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
-    `notes` what became known of the run on its way. Raises
-    ValueError if the shapes do not fit.
+    `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -126,6 +139,7 @@ class Result:
     warnings: tuple[LimitLeft, ...] = ()
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
+    events: tuple[Occurrence, ...] = ()
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):

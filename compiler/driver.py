@@ -17,6 +17,7 @@ from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
 from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
+from .graph.switch import off_at_the_start, switch_off
 from .memory import uncollected
 from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops
 from .reduction.errors import DerivativeWithoutEnd
@@ -80,7 +81,15 @@ class Compilation:
 
     @cached_property
     def _wished(self) -> BondGraph:
-        return preferring(prune(self.whole_graph, self.zeros), dict(self.scene.preferences))
+        graph = switch_off(self.whole_graph, self.off)
+        return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
+
+    @cached_property
+    def off(self) -> tuple[str, ...]:
+        """The switched junctions that are off; at the start those that are so as far as modes tell."""
+        if self.scene.off is not None:
+            return self.scene.off
+        return off_at_the_start(self.whole_graph, self.plan.start) if self.whole_graph.switches else ()
 
     @cached_property
     def given_way(self) -> tuple[str, ...]:

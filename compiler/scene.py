@@ -39,6 +39,7 @@ class Scene:
     preferences: tuple[
         tuple[str, str], ...
     ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
+    off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,7 @@ class Running:
             x[self.program.states.names.index(name)] = value
         for name, value in (inputs or {}).items():
             u[self.program.inputs.names.index(name)] = value
-        return time, x, u, self.constants, self.program.switches(time, self.constants)
+        return time, x, u, self.constants, self.program.mode_at(time, x, u, self.constants)
 
     def rates(
         self, state: Mapping[str, float] | None = None, time: float = 0.0, inputs: Mapping[str, float] | None = None

@@ -22,13 +22,13 @@ def values_at(compilation: Compilation, state: Mapping[str, float], time: float)
     x = np.array(program.start(constants), dtype=float)
     for i, name in enumerate(program.states.names):
         x[i] = state.get(name, x[i])
-    mode = program.switches(time, constants)
+    mode = program.mode_at(time, x, inputs, constants)
     with np.errstate(all="ignore"):
         x = LoopSolver(program, constants, inputs, np.where(x != 0, np.abs(x), 1.0)).solve(time, x, mode)
     values: dict[int, float] = {}
     known = dict(zip(program.parameters.names, program.defaults, strict=True))
     for number, variable in enumerate(space.variables):
-        if variable.role in ("parameter", "input"):
+        if variable.role in ("parameter", "input", "mode", "delayed"):
             values[number] = known.get(variable.name, variable.value or 0.0)
         elif variable.role == "time":
             values[number] = time

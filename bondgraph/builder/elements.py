@@ -47,13 +47,13 @@ class Elements:
     def _add(self, name: str, statement: str, ports: tuple[str, ...] | None) -> Part:
         raise NotImplementedError
 
-    def zero(self, name: str, domain: str = "", *, description: str = "") -> Part:
-        """A 0-junction: one effort for all bonds."""
-        return self._junction("0", name, domain, description)
+    def zero(self, name: str, domain: str = "", *, active: Value = None, description: str = "") -> Part:
+        """A 0-junction: one effort for all bonds; none while the condition `active` fails."""
+        return self._junction("0", name, domain, active, description)
 
-    def one(self, name: str, domain: str = "", *, description: str = "") -> Part:
-        """A 1-junction: one flow for all bonds."""
-        return self._junction("1", name, domain, description)
+    def one(self, name: str, domain: str = "", *, active: Value = None, description: str = "") -> Part:
+        """A 1-junction: one flow for all bonds; none while the condition `active` fails: `active="not resting"`."""
+        return self._junction("1", name, domain, active, description)
 
     def Se(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """A source of effort: `Se("push", "F = 1 N")`."""
@@ -121,9 +121,10 @@ class Elements:
         text = f"port {name_of(name)}: {domain_of(domain, BUNDLES)}{literal_of(description)}"
         return self._add(name, text, tuple(BUNDLES.get(domain, ())))
 
-    def _junction(self, kind: str, name: str, domain: str, description: str) -> Part:
-        text = f"{kind} {name_of(name)}{f' : {domain_of(domain)}' if domain else ''}{literal_of(description)}"
-        return self._add(name, text, ())
+    def _junction(self, kind: str, name: str, domain: str, active: Value, description: str) -> Part:
+        switch = [] if active is None else [f"active = {value_of(active, f'when `{name}` is active')}"]
+        text = f"{kind} {name_of(name)}{f' : {domain_of(domain)}' if domain else ''}{braces(switch)}"
+        return self._add(name, text + literal_of(description), ())
 
     def _element(self, kind: str, name: str, law: str, given: Given) -> Part:
         own = name_of(name)

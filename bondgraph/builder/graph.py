@@ -57,6 +57,7 @@ class Graph(Elements):
         self._quantities: list[str] = []
         self._outputs: list[str] = []
         self._parts: list[str] = []
+        self._events: list[str] = []
         self._mechanisms: list[Mechanism] = []
         self._bonds: list[tuple[str, str, str]] = []
         self._experiments: dict[str, list[str]] = {}
@@ -83,6 +84,10 @@ class Graph(Elements):
     def signal(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
         """A name for an expression: `signal("force", "c*volt^2")`, `signal("h", "integral(ball.v, 1 m)")`."""
         return self._quantity("signal", name, value, unit, description)
+
+    def mode(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+        """What only events change, a number or a truth; `value` is its start: `mode("resting", "false")`."""
+        return self._quantity("mode", name, value, unit, description)
 
     def output(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
         """A signal that runs report: `output("position", "spring.x")`."""
@@ -114,6 +119,15 @@ class Graph(Elements):
         mechanism = Mechanism(self, self._enter(name), lines, spatial)
         self._mechanisms.append(mechanism)
         return mechanism
+
+    def when(self, condition: Value, sets: Mapping[Any, Value]) -> None:
+        """What happens at the instant a condition becomes true: `when("height < 0 m", {"mass.v": "-0.8*mass.v"})`."""
+        told = value_of(condition, "a condition")
+        lines = [
+            f"{path_of(n)} = {value_of(v, f'what `when {told}` sets')}"
+            for n, v in mapping_of(sets, "what is set").items()
+        ]
+        self._events.append(f"when {told} {{ {'; '.join(lines)} }}")
 
     # ------------------------------------------------------------ models within models
     def instance(self, name: str, model: Model | Graph | Quantity | str, /, **values: Value) -> Part:
@@ -256,7 +270,7 @@ class Graph(Elements):
         mechanisms = [line for m in self._mechanisms for line in m.text()]
         blocks = [
             [literal_of(self.description).strip()] if self.description else [],
-            self._quantities, [*self._parts, *mechanisms], list(bond_lines(self._bonds)), self._outputs,
+            self._quantities, [*self._parts, *mechanisms], list(bond_lines(self._bonds)), self._events, self._outputs,
             *([f"experiment {n} {{", *(f"  {line}" for line in lines), "}"] for n, lines in self._experiments.items()),
         ]  # fmt: skip
         body = "\n\n".join("\n".join(f"  {line}" for line in lines) for lines in blocks if lines)

@@ -9,25 +9,34 @@ are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sci. Comput. 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ..door import Program
+from .history import History
 
 WORST = 1e3  # change of a dependent storage, as a share of its peak, for that of a state as a share of its own
 
 
 @dataclass(frozen=True, slots=True)
 class Handover:
-    """Where a run stops so that another choice of states can go on: the instant, all that is stored, and who changes places."""
+    """Where a run stops so that another program can go on: the instant, all that is stored, and why.
+
+    Either two storages change places, or other junctions are off.
+    """
 
     time: float
     stored: dict[str, float]  # by name: states and dependent storages
     peaks: dict[str, float]  # the largest that they have been
-    dependent: str  # the element that was in derivative form
-    state: str  # the element that was a state
+    dependent: str = ""  # the element that was in derivative form
+    state: str = ""  # the element that was a state
+    off: tuple[str, ...] | None = None  # the junctions that are off from now on; None: as before
+    modes: dict[str, float] = field(default_factory=dict)  # by name: what only events change
+    on: dict[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
+    history: History | None = None  # of delayed signals
+    magnitudes: dict[str, float] = field(default_factory=dict)  # of states and unknowns
 
 
 class Choice:
@@ -48,15 +57,21 @@ class Choice:
         """Who should change places after a step that ended here."""
         if not len(self.rows):
             return None
-        program, count = self.program, len(self.program.states.names)
-        stored = np.concatenate([state[:count], program.dependent(time, state, *self.fixed, mode)])
-        self.peak = np.maximum(self.peak, np.abs(stored))
-        slopes = np.abs(program.sensitivities(time, state, *self.fixed, mode))[self.chosen]
+        count = len(self.program.states.names)
+        values, peaks = self.stored(time, state, mode)
+        slopes = np.abs(self.program.sensitivities(time, state, *self.fixed, mode))[self.chosen]
         scale = self.peak[count + self.rows]
         gain = slopes * self.peak[self.columns] / np.where(scale > 0, scale, np.inf)
         worst = int(np.argmax(gain))
         if not gain[worst] > WORST:
             return None
-        dependent = program.dependents.names[self.rows[worst]].rpartition(".")[0]
-        values, peaks = (dict(zip(self.names, map(float, x), strict=True)) for x in (stored, self.peak))
+        dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
         return Handover(time, values, peaks, dependent, self.elements[self.columns[worst]])
+
+    def stored(self, time: float, state: Any, mode: Any) -> tuple[dict[str, float], dict[str, float]]:
+        """All that is stored, states and dependent storages, and the largest that they have been; by name."""
+        count = len(self.program.states.names)
+        stored = np.concatenate([state[:count], self.program.dependent(time, state, *self.fixed, mode)])
+        self.peak = np.maximum(self.peak, np.abs(stored))
+        values, peaks = (dict(zip(self.names, map(float, x), strict=True)) for x in (stored, self.peak))
+        return values, peaks

@@ -6,7 +6,7 @@ that the residual is an independent measure of the error of the run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,11 +19,14 @@ if TYPE_CHECKING:
 SOURCES, LOSSES = ("Se", "Sf"), ("R",)
 
 
-def energy_balance(space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float]) -> EnergyBalance:
+def energy_balance(
+    space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = ()
+) -> EnergyBalance:  # fmt: skip
     """Balance from the integrated powers and the stored quantities before and after.
 
     `work` has one item per port; `before` and `after` the mechanisms' energies and then the stored quantities, as the
-    program's `powers` gives them; `arguments` the values of the storages' parameters.
+    program's `powers` gives them; `arguments` the values of the storages' parameters. `jumps`: the same before and after
+    each event, which dissipates what is stored less after it.
     """
     elements: list[ElementEnergy] = []
     by_element: dict[str, tuple[str, float]] = {}
@@ -48,10 +51,53 @@ def energy_balance(space: StateSpace, work: Any, before: Any, after: Any, argume
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
         if kind in ("C", "I", "IC") and not any(s.element == name for s in space.storages):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
+    if jumps:
+        lost = -sum(_change(space, *jump, arguments) for jump in jumps)
+        elements.append(ElementEnergy("when", "event", 0.0, 0.0, lost))
     stored, supplied, dissipated = (
         float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
     )
     return EnergyBalance(tuple(elements), stored, supplied, dissipated, supplied - dissipated - stored)
+
+
+def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, float]) -> float:
+    """The change of all that is stored, in J."""
+    first = len(space.ports)
+    offset = first + len(space.stored)
+    total = float(np.sum(after[first:offset] - before[first:offset]))
+    for storage in space.storages:
+        stop = offset + len(storage.stored)
+        total += stored_change(storage, before[offset:stop], after[offset:stop], arguments)
+        offset = stop
+    return total
+
+
+def impulse_loss(
+    space: StateSpace, held: Mapping[str, Any], after: Any, arguments: dict[int, float]
+) -> EnergyBalance | None:  # fmt: skip
+    """What impulses dissipate where other junctions go on or off. `held`: what each storage held before, by its name."""
+    offset = len(space.ports) + len(space.stored)
+    lost = []
+    for storage in space.storages:
+        stop = offset + len(storage.stored)
+        if storage.element in held:
+            change = stored_change(storage, held[storage.element], after[offset:stop], arguments)
+            lost.append((ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0), change))
+        offset = stop
+    total = sum(change for _, change in lost)
+    if total == 0:
+        return None
+    elements = (*(element for element, _ in lost), ElementEnergy("active", "event", 0.0, 0.0, -total))
+    return EnergyBalance(elements, total, 0.0, -total, 0.0)
+
+
+def held_in(space: StateSpace, powers: Any) -> dict[str, Any]:
+    """What each storage holds, by its name, from the program's `powers`."""
+    held, offset = {}, len(space.ports) + len(space.stored)
+    for storage in space.storages:
+        held[storage.element] = powers[offset : offset + len(storage.stored)]
+        offset += len(storage.stored)
+    return held
 
 
 def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:

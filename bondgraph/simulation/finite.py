@@ -43,7 +43,7 @@ def _known(program: Program, space: StateSpace, time: float, state: Any, paramet
     for number, variable in enumerate(space.variables):
         if variable.role == "time":
             known[number] = time
-        elif variable.role in ("parameter", "input"):
+        elif variable.role in ("parameter", "input", "mode", "delayed"):
             known[number] = float(given.get(variable.name, variable.value or 0.0))
     return known
 

@@ -6,7 +6,7 @@ States are divided by their magnitudes before the solver sees them, which keeps 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +16,13 @@ from ..door import Program
 from ..errors import RateNotFinite, RunFailed
 from .choice import Choice, Handover
 from .constraints import Constraints
+from .events import Events, Moment
 from .factorise import dense, is_large, sparse
+from .history import History
+from .locate import Flip, StateAt, first_flip
 from .loops import Eliminated, LoopSolver
 from .radau import C, Problem, Radau, StepFailed
-from .segments import Segment, follower
+from .segments import Segment, follower, mode_after, with_time_of
 from .singular import NEAR, SingularPose, Watcher
 from .validity import Watch
 
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
     from . import exponential
     from .compiled.run import CompiledRadau
 
+PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
+MOST_EVENTS = 1_000_000  # of one run
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
@@ -68,6 +73,9 @@ class Trajectory:
     poses: list[SingularPose] = field(default_factory=list)  # that were passed
     handover: Handover | None = None  # the run stops there: other states should go on
     solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
+    pieces: list[Segment] = field(default_factory=list)  # of the stretches, with their modes, as they were run through
+    peak: Any = None  # the largest magnitudes on the way
+    jumps: list[tuple[Any, Any]] = field(default_factory=list)  # powers and what is stored, before and after each event
 
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -86,6 +94,9 @@ def integrate(
     choice: Choice | None,
     linear: bool,
     constraints: Constraints,
+    events: Events | None = None,
+    off: tuple[str, ...] = (),
+    history: History | None = None,
 ) -> Trajectory:
     """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
@@ -94,18 +105,47 @@ def integrate(
     `powers` are integrated along the solution, outside the error control.
     """
     stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch, constraints)
-    stepper.choice, stepper.linear = choice, linear and not constraints
+    stepper.choice, stepper.events, stepper.off = choice, events, off
+    stepper.linear = linear and not constraints and history is None and (events is None or not len(events.places))
+    stepper.remember(history)
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
         if number:
-            stepper.check_forced(stretches[number - 1], stretch, x)
-        x = stepper.run(stretch, x)
+            stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+        x = stepper.run_to_end(stretch, x) if events is None else stepper.run_with_events(stretch, x, not number)
         if stepper.result.handover is not None:
             stepper.result.states = stepper.result.states[: stepper.position]
             break
+    if events is not None and stepper.result.handover is None:
+        x = stepper.finish(stretches[-1], x)
     stepper.result.states[stepper.position :] = x
     stepper.result.final = x
     return stepper.result
+
+
+def pilot(
+    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], magnitude: Any, events: Events,
+    off: tuple[str, ...], constraints: Constraints, history: History | None,
+) -> Any:  # fmt: skip
+    """The largest magnitudes of states and unknowns in a coarse run through the events, as far as this program goes."""
+    tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
+    watch = Watch(program, constants, inputs, PILOT)
+    stepper = _Stepper(
+        program, constants, inputs, np.array([stretches[-1].stop]), lambda: tolerances, None, watch, constraints
+    )
+    stepper.events, stepper.off = events, off
+    stepper.remember(history)
+    stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
+    x = np.array(state, dtype=float)
+    try:
+        for number, stretch in enumerate(stretches):
+            x = stepper.run_with_events(stretch, x, not number)
+            if stepper.switched:
+                break
+    except RunFailed:
+        pass  # the run itself will tell
+    largest = stepper.result.peak
+    return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)
 
 
 class _Stepper:
@@ -125,6 +165,15 @@ class _Stepper:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
         self.linear = False
+        self.events: Events | None = None
+        self.off: tuple[str, ...] = ()  # the junctions that are off here
+        self.switched = False  # whether others are now
+        self.most_steps = MOST_STEPS
+        self.steps, self.most_events = 0, MOST_EVENTS  # of all stretches
+        self.mode: Any = None  # where the last piece ended
+        self.history: History | None = None  # of delayed signals
+        self.reached = -np.inf  # where the last run ended
+        self.flip: Flip | None = None  # where the last stretch ended early
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
@@ -148,8 +197,98 @@ class _Stepper:
     def singular(self) -> Watcher:
         return Watcher(self.constraints, self.loops, self.result.poses)
 
+    def remember(self, history: History | None) -> None:
+        """Keep what delayed signals will be; no step is longer than the shortest delay."""
+        self.history = history
+        if history is not None:
+            self.longest = min(self.longest, float(history.lags.min()))
+
+    def run_to_end(self, stretch: Segment, x: Any) -> Any:
+        """One stretch; it is cut where a delayed signal jumps."""
+        start = stretch.start
+        while True:
+            stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
+            x = self.run(Segment(start, stop, stretch.mode), x)
+            start = self.reached
+            if start >= stretch.stop or self.result.handover is not None:
+                return x
+
+    def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
+        """One stretch, from event to event; returns the state at its end. `first`: its mode is that of the start."""
+        events, result = self.events, self.result
+        assert events is not None
+        now = Moment(stretch.start, x, stretch.mode)
+        if not first:
+            now = self._happen(Moment(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
+        while True:
+            self.mode = now.mode
+            if self._switched(now) or now.time >= stretch.stop:
+                return now.state
+            stop = stretch.stop if self.history is None else self.history.next_cut(now.time, stretch.stop)
+            self.piece = Segment(now.time, stop, now.mode)
+            x = self.run(self.piece, now.state)
+            flip, self.flip, self.mode = self.flip, None, self.piece.mode
+            stop = self.reached if flip is None else flip.time
+            if result.handover is not None:
+                result.handover = self._carrying(result.handover)
+                stop = result.handover.time
+            result.pieces.append(Segment(self.piece.start, stop, self.mode))
+            if result.handover is not None or (flip is None and stop >= stretch.stop):
+                return x
+            if flip is None:
+                now = Moment(stop, x, self.mode)
+                continue
+            if len(events.log) >= self.most_events:
+                raise RunFailed(f"more than {self.most_events} events act before t = {stop:.9g} s")
+            now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
+
+    def finish(self, last: Segment, x: Any) -> Any:
+        """What happens at the very end: values hold from a jump on."""
+        events, stop = self.events, last.stop
+        assert events is not None
+        mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
+        if (mode == self.mode).all() and not events.due(stop):
+            return x
+        now = self._happen(Moment(stop, x, mode), None)
+        self.result.pieces.append(Segment(stop, stop, now.mode))
+        return now.state
+
+    def _happen(self, at: Moment, flipped: Any) -> Moment:
+        events, powers = self.events, self.powers
+        assert events is not None
+        now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
+        if powers is not None and events.log[-1].events:
+            both = (powers(m.time, m.state, m.mode) for m in (at, now))
+            self.result.jumps.append((next(both), next(both)))
+        return now
+
+    def _switched(self, now: Moment) -> bool:
+        """Whether other junctions are off than this program knows: another has to go on."""
+        events, choice = self.events, self.choice
+        assert events is not None
+        if not events.hybrid.junctions or events.actives(now) == self.off:
+            return False
+        self.switched = True
+        if choice is None:
+            return True
+        stored, peaks = choice.stored(now.time, now.state, now.mode)
+        self.result.handover = self._carrying(Handover(now.time, stored, peaks, off=events.actives(now)))
+        return True
+
+    def _carrying(self, handover: Handover) -> Handover:
+        """With what only events change, and what their conditions were."""
+        events = self.events
+        assert events is not None
+        if handover.off is None:
+            handover = replace(handover, off=self.off)
+        modes = dict(zip(events.hybrid.modes.names, map(float, self.mode), strict=False))
+        return replace(handover, modes=modes, on=dict(events.on))
+
     def run(self, stretch: Segment, x: Any) -> Any:
-        """One stretch from state x; returns the state at its end."""
+        """One stretch from state x, or up to the first event in it; returns the state at its end."""
+        self.reached = stretch.stop
+        if self.history is not None:
+            self.history.window = stretch.start, stretch.stop
         x = self.held(stretch.start, x, stretch.mode)
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
             self.result.states[self.position] = x
@@ -241,13 +380,29 @@ class _Stepper:
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
         steps = 0
         while not solver.finished:
-            self._step(solver, steps)
+            self._step(solver, steps, stretch.mode)
             steps += 1
             before = self.position
+            if self.events is not None:
+                stretch = self._follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
             self._sample(solver, stretch)
             self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
-                self._add_work(*solver.last_step, self._along(solver, stretch), stretch)
+                start, stop = solver.last_step
+                stop = stop if self.flip is None else self.flip.time
+                self._add_work(start, stop, self._along(solver, stretch), stretch)
+            if self.history is not None:
+                start, stop = solver.last_step
+                stop = stop if self.flip is None else self.flip.time
+                self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
+            if self.flip is not None:
+                self._grow(self.flip.state)
+                break
+            if self.history is not None and self.history.next_cut(solver.time, stretch.stop) < stretch.stop:
+                self.reached = solver.time  # a signal will jump that did not when this stretch began
+                break
+            if self.events is not None:
+                self._grow(solver.state * magnitude)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
             solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
@@ -259,6 +414,8 @@ class _Stepper:
                 solver = self._past_singular_pose(solver, stretch)
         self.result.steps += steps
         self._count(solver.evaluations)
+        if self.flip is not None:
+            return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
@@ -302,6 +459,34 @@ class _Stepper:
         watcher.begin(end, after, stretch.mode)
         return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
 
+    def _grow(self, x: Any) -> None:
+        """Keep the largest magnitudes."""
+        peak = self.result.peak
+        self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
+
+    def _follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
+        """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way."""
+        events = self.events
+        assert events is not None
+        while start < stop:
+            flip = first_flip(events, start, stop, stretch.mode, state_at)
+            if flip is None:
+                break
+            mode = np.array(stretch.mode)
+            mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
+            if events.steers[flip.conditions].any() or events.rising(Moment(flip.time, flip.state, mode)):
+                self.flip = flip
+                break
+            self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
+            self.piece = stretch = Segment(flip.time, stretch.stop, mode)
+            start = flip.time
+        return stretch
+
+    def _dense(self, solver: Radau, stretch: Segment, times: Any, exactly: bool = True) -> Any:
+        """States and unknowns within the last step, the latter solved for if they are wanted exactly; shape (times, n)."""
+        states = solver.sample(times) * self.tolerances.magnitude
+        return self.held_all(times, states, stretch.mode) if exactly or self.constraints else states
+
     def _without_states(self, stretch: Segment, x: Any) -> Any:
         """Nothing to integrate: loops at each instant by themselves, each from the solution before it."""
         inner = self.instants[(self.instants > stretch.start) & (self.instants < stretch.stop)]
@@ -312,8 +497,18 @@ class _Stepper:
         while before < stretch.stop:
             inside = self.position < len(self.instants) and self.instants[self.position] < stretch.stop
             now = self.instants[self.position] if inside else stretch.stop
+            if now - before > self.longest:
+                now, inside = before + self.longest, False
+            if self.events is not None:
+                stretch = self._follow(before, now, stretch, partial(self._loops_exactly, x, stretch))
             if self.powers is not None:
-                self._add_work(before, now, partial(self._loops_at, x, stretch), stretch)
+                stop = now if self.flip is None else self.flip.time
+                self._add_work(before, stop, partial(self._loops_at, x, stretch), stretch)
+            if self.history is not None:
+                stop = now if self.flip is None else self.flip.time
+                self.history.keep(before, stop, partial(self._loops_at, x, stretch), self.inputs, stretch.mode)
+            if self.flip is not None:
+                return self.flip.state
             x = self.loops.solve(now, x, stretch.mode)
             if inside:
                 self.result.states[self.position] = x
@@ -321,17 +516,22 @@ class _Stepper:
             before = now
         return x
 
+    def _loops_exactly(self, x: Any, stretch: Segment, times: Any, _: bool) -> Any:
+        return self._loops_at(x, stretch, times)
+
     def _loops_at(self, x: Any, stretch: Segment, times: Any) -> Any:
         return self.loops.solve_all(times, np.tile(x, (len(times), 1)), stretch.mode)
 
-    def check_forced(self, before: Segment, after: Segment, x: Any) -> None:
-        """What is differentiated in time must not jump where conditions on time change."""
+    def check_forced(self, time: float, before: Any, after: Any, x: Any) -> None:
+        """What is differentiated in time must not jump where conditions on time change. `before`, `after`: modes."""
+        if self.mode is not None:
+            before, after = self.mode, with_time_of(self.program, after, self.mode)
         fixed = (x, self.inputs, self.constants)
-        old, new = (np.asarray(self.program.forced(after.start, *fixed, s.mode)) for s in (before, after))
+        old, new = (np.asarray(self.program.forced(time, *fixed, mode)) for mode in (before, after))
         bad = np.flatnonzero(np.abs(new - old) > 1e-9 * np.maximum(np.abs(new), np.abs(old)))
         if len(bad):
             raise RunFailed(
-                f"at t = {after.start:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: "
+                f"at t = {time:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: "
                 "its flow would be an impulse; put a resistor between source and storage, or let the source rise within a time"
             )
 
@@ -404,7 +604,7 @@ class _Stepper:
                 if self.result.handover is not None:
                     break
         except StepFailed as failed:
-            raise self._failed(solver, failed.what) from None
+            raise self._failed(solver, failed.what, stretch.mode) from None
         self.position, self.traffic = solver.position, solver.traffic
         if self.position > first:
             times, states = (a[first : self.position] for a in (self.instants, self.result.states))
@@ -413,32 +613,31 @@ class _Stepper:
         self._count(solver.evaluations)
         return self.loops.solve(solver.time, solver.state * self.tolerances.magnitude, stretch.mode)
 
-    def _step(self, solver: Radau, steps: int) -> None:
+    def _step(self, solver: Radau, steps: int, mode: Any) -> None:
         """One accepted step."""
         try:
             solver.step()
         except StepFailed as failed:
-            raise self._failed(solver, failed.what) from None
-        if steps >= MOST_STEPS:
-            raise self._failed(solver, "steps")
+            raise self._failed(solver, failed.what, mode) from None
+        self.steps += 1
+        if steps >= MOST_STEPS or self.steps > self.most_steps:
+            raise self._failed(solver, "steps", mode)
 
-    def _failed(self, solver: Radau | CompiledRadau, what: str) -> RunFailed:
+    def _failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
         state = solver.state * self.tolerances.magnitude
         slope = np.zeros(len(state))
         if what != "steps":
-            slope = self.program.derivative(solver.time, state, self.inputs, self.constants, self._mode(solver))
+            slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             return _not_finite(self.program, solver.time, slope, state)
         return RunFailed(_stuck(self.program, solver, what, state, slope, self.tolerances))
 
-    def _mode(self, solver: Radau | CompiledRadau) -> Any:
-        return self.program.switches(solver.time, self.constants)
-
     def _sample(self, solver: Radau, stretch: Segment) -> None:
-        """States at the instants that the last step passed."""
+        """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
         first = last = self.position
-        while last < len(self.instants) and self.instants[last] <= solver.time and self.instants[last] < stretch.stop:
+        end = stretch.stop if self.flip is None else self.flip.time
+        while last < len(self.instants) and self.instants[last] <= solver.time and self.instants[last] < end:
             last += 1
         if last > first:
             states = solver.sample(self.instants[first:last]) * self.tolerances.magnitude
@@ -447,7 +646,9 @@ class _Stepper:
 
     def _look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
-        self._watch_limits(*solver.last_step, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
+        start, stop = solver.last_step
+        stop = stop if self.flip is None else self.flip.time
+        self._watch_limits(start, stop, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
 
     def _along(self, solver: Radau, stretch: Segment) -> Callable[[Any], Any]:
         """The last step of a solver, as states at instants, with the unknowns that belong to them: those of the collocation

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import RateNotFinite, RunFailed, UsageError
-from ..results import EnergyBalance
+from ..results import EnergyBalance, Occurrence
 from .assembly import choose_rows
+from .begin import UntilEvent, begun, continued, off_in, with_mode
 from .choice import Choice, Handover
 from .constraints import Constraints
-from .energy import energy_balance
-from .integrate import Tolerances, Trajectory, integrate
+from .energy import added, energy_balance, held_in, impulse_loss
+from .events import Events
+from .history import History, history_of
+from .impulse import Jump
+from .integrate import Tolerances, Trajectory, integrate, pilot
 from .loops import LoopSolver
-from .nominal import nominal_magnitudes
+from .nominal import Looks, Magnitudes, nominal_magnitudes
 from .rest import equilibrium
-from .segments import mode_after, segments
+from .segments import Segment, mode_after, segments
 from .singular import told_of
 from .start import consistent_start
 from .validity import Watch
@@ -38,35 +45,57 @@ class Leg:
         atol: float | None,
         energy: bool,
         begin: Handover | None,
+        off: tuple[str, ...] = (),
     ) -> None:
         self.compilation, self.plan, self.begin = compilation, plan, begin
-        self.program = program = compilation.program
+        self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
+        hybrid = compilation.program.hybrid
+        self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
+        self.begins_without = self.off  # before anything acts
+        before = None if begin is None else begin.history
+        self.history = history_of(compilation.program, before)
+        self.program = program = compilation.program if self.history is None else self.history.program
         self.instants, self.rtol, self.atol, self.energy = instants, rtol, atol, energy
         self.inputs = np.array(program.input_defaults, dtype=float)
         self.constraints = self._constraints(program)
         start = instants[0] if begin is None else begin.time
         self.stretches = segments(program, self.constraints.constants, start, instants[-1])
-        self.state, self.moved = self._start(program, compilation, self.constraints)
+        self.events: Events | None = None
+        self.jumps: tuple[Jump, ...] = ()  # of what is stored, where other junctions went on or off
+        self.known = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
+        self.state, self.moved = self._start(program, compilation, self.constraints, self.stretches)
+        if self.history is not None and begin is None:
+            self._settle_history(self.history, start)
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.told = self._told_tolerances()
         self.notes: tuple[str, ...] = ()
         self.trajectory = Trajectory(np.empty((0, 0)))
         self.watch = Watch(program, self.constants, self.inputs, rtol)
+        self.held: dict[str, Any] | None = (
+            None  # what storages held where the leg before ended, then where this one ends
+        )
         self.values: Any = None  # of the outputs, shape (points, outputs)
         self.balance: EnergyBalance | None = None
 
     def _constraints(self, program: Program) -> Constraints:
         return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
 
-    def _start(self, program: Program, compilation: Prepared, constraints: Constraints) -> tuple[Any, tuple[str, ...]]:
-        """The state at the start, unknowns of loops included, and what the author's starts moved."""
+    def _start(
+        self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
+    ) -> tuple[Any, tuple[str, ...]]:
+        """The state at the start, unknowns of loops included, and what the author's starts moved. With events, the first
+        stretch gets its mode."""
         constants = constraints.constants
         state = np.asarray(program.start(constants), dtype=float)
         names = program.states.names
         if not np.isfinite(state).all():
             bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
             raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
-        first = self.stretches[0]
+        first, horizon = stretches[0], stretches[-1].stop - self.plan.start
+        if self.begin is not None and program.hybrid is not None:
+            self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon)
+            stretches[0] = replace(first, mode=moment.mode)
+            return moment.state, ()
         if self.begin is not None:
             held = [self.begin.stored[n] for n in names]
             full = np.array([*held, *state[len(names) :]])
@@ -75,11 +104,27 @@ class Leg:
                 full = constraints.project(first.start, full, first.mode)
             loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
             return loops.solve(first.start, full, first.mode), ()
+        if program.hybrid is not None:
+            first = with_mode(compilation, constraints, state, first, horizon)
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
             full = equilibrium(program, constraints.constants, self.inputs, full, first)
             full = constraints.project(first.start, full, first.mode)
+        if program.hybrid is not None:
+            self.begins_without = off_in(constraints, full, first)
+            self.events, moment = begun(constraints, full, first, horizon)
+            full, stretches[0] = moment.state, replace(first, mode=moment.mode)
         return full, moved
+
+    def _settle_history(self, history: History, start: float) -> None:
+        """A start that reads what was before it, which is what it is at the start."""
+        for _ in range(20):
+            before = history.first
+            history.begin(start, self.state, self.inputs, self.stretches[0].mode)
+            if (history.first == before).all():
+                break
+            self.stretches = segments(self.program, self.constraints.constants, start, self.instants[-1])
+            self.state, self.moved = self._start(self.program, self.compilation, self.constraints, self.stretches)
 
     def _tolerances(self) -> Tolerances:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
@@ -108,18 +153,42 @@ class Leg:
     def _magnitudes(self) -> Any:
         """Magnitudes of all states and unknowns."""
         mechanisms = self.compilation.facts.mechanisms
-        found = nominal_magnitudes(
-            self.program,
-            mechanisms,
-            self.constants,
-            self.state,
-            self.inputs,
-            self.stretches,
-            self._choice(),
-            self.constraints,
-        )
+
+        def found_with(choice: Looks, largest: Any = 0.0) -> Magnitudes:
+            return nominal_magnitudes(
+                self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, choice,
+                self.constraints, largest,
+            )  # fmt: skip
+
+        if self.events is not None:
+            return self._magnitudes_with_events(found_with)
+        found = found_with(self._choice())
         self.notes = () if found.note is None else (found.note,)
         return found.values
+
+    def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
+        """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
+        names = (*self.program.states.names, *self.program.unknowns.names)
+        events = self.events
+        assert events is not None
+        known = self.known
+        if not all(n in known for n in names):
+            first = found_with(UntilEvent(events, self._choice()))
+            events.measure(first.values)
+            saved = None if self.history is None else self.history.saved()
+            largest = pilot(
+                self.program, self.constants, self.inputs, self.state, self.stretches, first.values,
+                replace(events, on=dict(events.on), log=[]), self.off, self.constraints,
+                self.history,
+            )  # fmt: skip
+            if self.history is not None and saved is not None:
+                self.history.restore(saved)
+            first = found_with(UntilEvent(events, self._choice()), largest)
+            self.notes = () if first.note is None else (first.note,)
+            known = dict(zip(names, map(float, first.values), strict=True)) | known
+        events.measure(np.array([known[n] for n in names]))
+        self.known = known
+        return events.magnitude.copy()
 
     def _choice(self) -> Choice:
         storages = frozenset(self.compilation.facts.storages)
@@ -132,13 +201,15 @@ class Leg:
             self.trajectory = integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
                 self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
-                self.constraints,
+                self.constraints, self.events, self.off, self.history,
             )  # fmt: skip
         except RateNotFinite as failed:
             from .finite import cause_of
 
             cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
+        if self.history is not None:
+            self.history.window = (-np.inf, np.inf)
         self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
@@ -149,17 +220,26 @@ class Leg:
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
 
+    @property
+    def occurrences(self) -> list[Occurrence]:
+        """The events that acted."""
+        if self.events is None:
+            return []
+        notes = self.events.hybrid.events
+        acted = [(h.time, notes[i]) for h in self.events.log for i in h.events if not notes[i].sampled]
+        return [Occurrence(t, n.words, n.owner, f"{PurePath(n.span.source.name).name}:{n.span.line}") for t, n in acted]
+
     def _outputs(self) -> Any:
         """Shape (points, outputs)."""
         values = np.empty((len(self.instants), len(self.program.outputs.names)))
-        for stretch in self.stretches:
+        for stretch in self.trajectory.pieces or self.stretches:
             chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
             if chosen.any():
                 values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
         if self.trajectory.handover is not None:
             return values
-        last = self.stretches[-1]
-        mode = mode_after(self.program, self.constants, last.stop, last)
+        last = (self.trajectory.pieces or self.stretches)[-1]
+        mode = last.mode if last.start == last.stop else mode_after(self.program, self.constants, last.stop, last)
         final = self.trajectory.states[-1:]
         self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
@@ -172,13 +252,18 @@ class Leg:
         return self.program.powers(times, states, self.inputs, self.constants, mode)
 
     def _balance(self) -> EnergyBalance:
-        space, first, handover = self.compilation.state_space, self.stretches[0], self.trajectory.handover
-        stop = self.stretches[-1].stop if handover is None else handover.time
-        last = next(s for s in self.stretches if s.start < stop <= s.stop)
+        stretches = self.trajectory.pieces or self.stretches
+        space, first, handover = self.compilation.state_space, stretches[0], self.trajectory.handover
+        stop = stretches[-1].stop if handover is None else handover.time
+        last = next((s for s in stretches if s.start < stop <= s.stop), stretches[-1])
         before = self._powers(first.start, self.state, first.mode)
         after = self._powers(stop, self.trajectory.final, last.mode)
         work = self.trajectory.work if self.trajectory.work is not None else np.zeros(len(before))
-        return energy_balance(space, work, before, after, self._arguments())
+        held, self.held = self.held, held_in(space, after)
+        arguments = self._arguments()
+        found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps)
+        passed = None if held is None else impulse_loss(space, held, before, arguments)
+        return found if passed is None else added([passed, found]) or found
 
     def _arguments(self) -> dict[int, float]:
         """The values of the storages' parameters."""

@@ -11,13 +11,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
-from .choice import Choice
 from .constraints import Constraints
 from .factorise import is_large, once, sparse
 from .loops import Eliminated, LoopSolver
@@ -37,6 +36,12 @@ SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrive
 LARGEST = 200  # states up to which the modes are computed
 SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
 SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
+
+
+class Looks(Protocol):
+    """Looks at states on the way; where it sees something, what follows says nothing any more."""
+
+    def look(self, time: float, state: Any, mode: Any) -> object | None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +67,12 @@ class Magnitudes:
 
 def nominal_magnitudes(
     program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
-    choice: Choice | None = None, constraints: Constraints | None = None,
+    choice: Looks | None = None, constraints: Constraints | None = None, largest: Any = 0.0,
 ) -> Magnitudes:  # fmt: skip
     """A positive magnitude for every state and unknown. `mechanisms`: their names; `choice` says where these states will be
-    no longer the right ones."""
+    no longer the right ones; `largest` is what is known of them from elsewhere."""
     given = np.asarray(program.nominal(constants), dtype=float)
-    peak = np.abs(state)
+    peak = np.maximum(np.abs(state), largest)
     stopped = None
     if len(program.states.names):
         coarse = _Coarse(program, constants, inputs, state, constraints)
@@ -118,7 +123,7 @@ class _Coarse:
 
         return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
 
-    def peak(self, stretches: Sequence[Segment], choice: Choice | None) -> Any:
+    def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""
         reach = None
         first = stretches[0]

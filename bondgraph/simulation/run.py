@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from ..prepared import chosen_target
 from ..results import Column, LimitLeft, Result
 from .choice import WORST, Handover
 from .energy import added
+from .impulse import Jump
 from .leg import Leg
 
 if TYPE_CHECKING:
@@ -54,17 +55,28 @@ def simulate(
     instants = left = np.linspace(plan.start, stop, count)
     legs: list[Leg] = []
     wishes: dict[str, str] = {}
+    tried: set[tuple[str, ...]] = set()
     with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
         begin: Handover | None = None
         while not legs or begin is not None:
             chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
             leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin)
+            if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
+                tried.add(leg.begins_without)  # the first guess was wrong: begin anew
+                scene = replace(scene, off=leg.begins_without)
+                continue
+            leg.held = legs[-1].held if legs else None
             leg.go()
             legs.append(leg)
-            begin, left = leg.trajectory.handover, left[len(leg.values) :]
-            if begin is not None:
+            before, begin, left = begin, leg.trajectory.handover, left[len(leg.values) :]
+            if begin is None:
+                break
+            if begin.dependent:
                 wishes |= {begin.dependent: "integral", begin.state: "derivative"}
                 _check_choice(made, scene, wishes, begin, len(legs))
+            if begin.off is not None:
+                scene = replace(scene, off=begin.off)
+            begin = _with_earlier(begin, before, leg)
     program = legs[0].program
     columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
     evaluations: Counter[str] = Counter()
@@ -73,9 +85,33 @@ def simulate(
     return Result(
         program.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program, legs),
         sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
-        added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), prepared.certificate,
-        tuple(dict.fromkeys(note for leg in legs for note in leg.notes)),
+        added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), legs[0].compilation.certificate,
+        tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *_impulses(legs)])),
+        tuple(o for leg in legs for o in leg.occurrences),
     )  # fmt: skip
+
+
+def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handover:
+    """A handover with what earlier programs knew: what stands still in one may move in the next."""
+    if before is not None:
+        begin = replace(begin, stored=before.stored | begin.stored, peaks=before.peaks | begin.peaks)
+    return replace(begin, magnitudes=leg.known, history=leg.history)
+
+
+def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
+    """What jumped where junctions went on or off: each storage at its first instant."""
+    told: dict[str, tuple[Jump, float, int]] = {}
+    for leg in legs:
+        for jump in leg.jumps:
+            first, time, count = told.get(jump.name, (jump, leg.stretches[0].start, 0))
+            told[jump.name] = first, time, count + 1
+    for jump, time, count in told.values():
+        often = f" ({count} times in all)" if count > 1 else ""
+        unit = f" {jump.unit}" if jump.unit not in ("", "1") else ""
+        yield (
+            f"at t = {time:.9g} s an impulse takes `{jump.name}` from {jump.before:.6g}{unit} to {jump.after:.6g}{unit}"
+            f"{often}: a junction that goes on or off ties it to other storages, or holds it"
+        )
 
 
 def _check_supported(plan: Plan) -> None:

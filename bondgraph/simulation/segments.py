@@ -16,6 +16,7 @@ from .zeros import crossing
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
+MOST_SAMPLES = 1_000_000  # of one sampled event
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
 ROUNDING = 16  # units in the last place of a time
 # Where a step looks, places between, and the weights that a cubic through the former has at the latter.
@@ -36,9 +37,21 @@ class Segment:
 def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
     """Cut [start, stop] where an expression of time jumps or bends."""
     cuts = [t for t in np.atleast_1d(program.instants(constants)) if start < t < stop]
+    if program.hybrid is not None:
+        cuts += [t for p in program.hybrid.sampling(constants) for t in _multiples(float(p), start, stop)]
     edges = _distinct([start, *sorted(cuts), stop])
     edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
     return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in pairwise(edges)]
+
+
+def _multiples(period: float, start: float, stop: float) -> Any:
+    """The instants at which an event is sampled."""
+    if not period > 0 or (stop - start) / period > MOST_SAMPLES:
+        raise RunFailed(
+            f"an event every {period:g} s for {stop - start:g} s acts more than {MOST_SAMPLES} times, or never"
+        )
+    times = period * np.arange(np.floor(start / period), np.ceil(stop / period) + 1)
+    return times[(times > start) & (times < stop)]
 
 
 def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Callable[[float, float], bool]:
@@ -75,11 +88,29 @@ def inside(stretch: Segment) -> tuple[float, float]:
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
     """The conditions just after the end of a run, which is what an output at a jump shows (values hold from the jump on)."""
-    return _mode(program, constants, instant + 1e-6 * (last.stop - last.start))
+    return with_time_of(program, _mode(program, constants, instant + 1e-6 * (last.stop - last.start)), last.mode)
 
 
-def _mode(program: Program, constants: Any, time: float) -> Any:
-    return program.switches(time, constants)
+def with_time_of(program: Program, mode: Any, before: Any) -> Any:
+    """The mode before, with the conditions on time alone as they are in `mode`."""
+    if program.hybrid is None:
+        return mode
+    timed = list(program.hybrid.timed)
+    result = np.array(before, dtype=float)
+    result[timed] = mode[timed]
+    return result
+
+
+def _mode(program: Program, constants: Any, time: Any) -> Any:
+    """The conditions on time; with events, what only they change is as at the start. Shape (…, mode)."""
+    switches, hybrid = program.switches(time, constants), program.hybrid
+    if hybrid is None:
+        return switches
+    start = hybrid.start(constants)
+    mode = np.zeros((*np.shape(time), hybrid.size))
+    mode[..., : len(start)] = start
+    mode[..., list(hybrid.timed)] = switches
+    return mode
 
 
 def _distinct(edges: list[float]) -> list[float]:
@@ -118,7 +149,7 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     for a, b in pairwise(edges):
         places = _places(program, constants, b - a)
         times = a + (b - a) * (np.arange(places) + 0.5) / places
-        values = program.crossings(times, constants, program.switches(times, constants))
+        values = program.crossings(times, constants, _mode(program, constants, times))
         for column in range(values.shape[1]):
             signs = np.sign(values[:, column])
             for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):

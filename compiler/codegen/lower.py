@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from ..algebra.derivative import derivative
@@ -29,6 +29,7 @@ from ..algebra.expression import (
     rebuild,
     select,
     substitute,
+    symbols,
 )
 from ..algebra.formula import Formula
 from ..algebra.table import domain, is_table
@@ -37,10 +38,19 @@ from ..errors import CompilationFailed
 from ..reduction import LinearLoop, StateSpace
 from ..source import Span
 from .errors import JumpsWithoutEnd, NoiseOutOfStep
+from .events import Located, LoweredEvents, behind_the_run, event_notes, event_variables
 from .limits import Leaf, Limit, ranges, requirement
 from .multipliers import Solved, solve_multipliers
+from .program import ConditionNote
 
-PARAMETER, TIME, INPUT, STATE, MODE = 1, 2, 4, 8, 16  # what a node depends on, as bits
+PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (
+    1,
+    2,
+    4,
+    8,
+    16,
+    32,
+)  # what a node depends on, as bits; EVENT: on states once
 
 
 BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
@@ -82,11 +92,26 @@ class Lowered:
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
+    events: LoweredEvents = field(default_factory=LoweredEvents)
     periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
     limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
+    lags: tuple[Expression, ...] = ()  # of delayed signals, of parameters
+    delayed: tuple[Expression, ...] = ()  # what they will be
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     solved: Solved | None = None  # with the multipliers of closing joints solved for
     differentiated: int = 0  # formulas whose partial derivatives were formed
+
+    def event_symbol(self, position: int) -> Symbol:
+        """An item of the mode that does not come from time alone."""
+        symbol = Symbol(Leaf("mode", position))
+        self._bits[symbol] = MODE | EVENT
+        return symbol
+
+    def delayed_symbol(self, position: int) -> Symbol:
+        """What the run knows from before stands among the inputs, but moves like a state."""
+        symbol = Symbol(Leaf("input", position))
+        self._bits[symbol] = INPUT | STATE
+        return symbol
 
     def dependence(self, x: Expression) -> int:
         """What an expression depends on, as bits."""
@@ -112,18 +137,25 @@ def lower(space: StateSpace) -> Lowered:
             position = len(roles[variable.role])
             roles[variable.role].append(number)
             result.values[number] = Symbol(Leaf(variable.role, position))
-    result.parameters, result.inputs = tuple(roles["parameter"]), tuple(roles["input"])
+    for position, delay in enumerate(space.delays, len(roles["input"])):
+        result.values[delay.variable] = result.delayed_symbol(position)
+    result.parameters = tuple(roles["parameter"])
+    result.inputs = (*roles["input"], *(d.variable for d in space.delays))
+    for position, discrete in enumerate(space.discretes):
+        result.values[discrete.variable] = result.event_symbol(position)
     slopes: dict[int, dict[int, Expression]] = {}
     for position, number in enumerate(moving(space)):
         result.values[number] = Symbol(Leaf("state", position))
         slopes[number] = {position: ONE}
-    switching = _Switching(result)
+    switching = _Switching(result, len(space.discretes))
+    behind = behind_the_run(space)
     formulas: set[Formula] = set()
     uses = Counter(a for step in space.steps if isinstance(step, Assignment) for a in step.arguments)
     for step in space.steps:
         if isinstance(step, LinearLoop):
             _lower_loop(result, step, slopes)
         else:
+            switching.at(step, step.target in behind, step.target in space.derived)
             _lower_assignment(result, step, slopes, switching, formulas)
             if uses[step.target] > 1:
                 result.values[step.target] = closed(result.values[step.target])
@@ -149,6 +181,9 @@ def lower(space: StateSpace) -> Lowered:
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
     result.solved = solve_multipliers(result)
     result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
+    _lower_events(result)
+    result.lags = tuple(_entry(result, d.lag) for d in space.delays)
+    result.delayed = tuple(result.values[d.value] for d in space.delays)
     return result
 
 
@@ -163,6 +198,30 @@ def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]])
         for column, slope in slopes.get(variable, {}).items():
             if column < count and slope != ZERO and (row < len(gaps) or column not in positions):
                 result.invariant_slopes[row, column] = slope
+
+
+def _lower_events(result: Lowered) -> None:
+    """What happens at instants, from what has been lowered."""
+    space, events, values = result.space, result.events, result.values
+    events.events, computed = event_notes(space, {v: i for i, v in enumerate(moving(space))})
+    events.starts = tuple(_entry(result, d.start) for d in space.discretes)
+    events.periods = tuple(_entry(result, e.period) for e in space.events if e.period is not None)
+    events.triggers = tuple(values[e.condition] for e in space.events)
+    events.values = tuple(values[s.value] for e in space.events for s in e.settings)
+    events.targets = tuple(values[v] for v in computed)
+    steering = {s for rate in result.rates for s in symbols(rate)}
+    grown = True
+    while grown:  # a condition may be asked under another
+        more = {s for i in events.located if i.symbol in steering for s in symbols(i.root)} - steering
+        steering, grown = steering | more, bool(more)
+    events.located = [replace(i, note=replace(i.note, steers=i.symbol in steering)) for i in events.located]
+    events.actives = tuple(values[s.condition] for s in space.switches)
+    if space.switches:
+        stored = [(s.variable, s.conjugate) for s in space.states] + [
+            (d.variable, d.conjugate) for d in space.dependents
+        ]
+        events.conjugates = tuple(values[v if c is None else c] for v, c in stored)
+    events.junctions = tuple((s.junction, s.span) for s in space.switches)
 
 
 def _signals(result: Lowered) -> Iterable[Expression]:
@@ -204,6 +263,13 @@ def _used(space: StateSpace) -> set[int]:
         used.add(state.rate)
         used.update(e for e in (state.start, state.nominal) if isinstance(e, int))
     used.update(v for c in space.claims for v in (c.variable, c.start) if isinstance(v, int))
+    used.update(event_variables(space))
+    used.update(v for d in space.delays for v in (d.value, d.lag) if isinstance(v, int))
+    if space.switches:
+        conjugates = [s.conjugate for s in space.states] + [d.conjugate for d in space.dependents]
+        used.update(v for v in conjugates if v is not None)
+    used.update(d.start for d in space.discretes if isinstance(d.start, int))
+    used.update(e.period for e in space.events if isinstance(e.period, int))
     used.update(v for port in space.ports for v in (port.effort, port.flow))
     used.update(space.stored.values())
     used.update(v for i in space.invariants for v in (i.position, i.velocity) if v is not None)
@@ -236,7 +302,7 @@ def _lower_assignment(
         slot: int = symbol.key
         return arguments[slot]
 
-    value = switching.replaced(substitute(step.formula.expression, put), step.span)
+    value = switching.replaced(substitute(step.formula.expression, put))
     result.values[step.target] = value
     result.limits += ranges(step, put, result.space.variables, result.parameter_values)
     if isinstance(value, Apply):
@@ -245,12 +311,13 @@ def _lower_assignment(
     if not moving:
         return
     formulas.add(step.formula)
+    switching.at(step, False, True)  # a slope jumps where its law does, and at bends, which are no events
     terms: dict[int, list[Expression]] = {}
     for slot, argument in moving:
         slope = substitute(partial(step.formula, slot), put)
         if slope == ZERO:
             continue
-        slope = switching.replaced(slope, step.span)
+        slope = switching.replaced(slope)
         for column, inner in slopes[argument].items():
             terms.setdefault(column, []).append(multiply(slope, inner))
     found = {column: add(*parts) for column, parts in terms.items()}
@@ -323,62 +390,85 @@ class _Switching:
     """Finds what jumps or bends with time alone.
 
     A condition on time becomes an item of the mode, which holds still between two instants: a solver that evaluates at the
-    end of a step sees the side that it came from. Bends (min, max, abs) only give instants.
+    end of a step sees the side that it came from. Bends (min, max, abs) only give instants. So does a condition on states
+    behind the rates, but its instants are located in the run; elsewhere, as in an output, it is looked at where it is asked.
     """
 
-    def __init__(self, result: Lowered) -> None:
-        self.result = result
+    def __init__(self, result: Lowered, first: int) -> None:
+        self.result, self.next = result, first  # the next place in the mode
         self.modes: dict[Expression, Expression] = {}
+        self.opened: dict[int, Expression] = {}  # items of the mode as the conditions on time that they stand for
         self.bends: set[Expression] = set()
-        self.done: dict[Expression, Expression] = {}
+        self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
+        self.located = False  # whether conditions on states become items of the mode
+        self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
 
-    def replaced(self, x: Expression, span: Span) -> Expression:
-        """The expression with its conditions on time replaced by items of the mode."""
-        found = self.done.get(x)
+    def at(self, step: Assignment, behind: bool, derived: bool) -> None:
+        """What is looked at next: whether the run reads it, so that its conditions on states are located, and whether it is
+        a slope or the derivative of something else, whose conditions are the author's only if they are known already."""
+        self.span, self.owner, self.located, self.derived = step.span, step.owner, behind and not derived, derived
+        self._done = self._memories.setdefault((self.located, derived), {})
+
+    def replaced(self, x: Expression) -> Expression:
+        """The expression with its conditions on time, and if they are located on states, replaced by items of the mode."""
+        done = self._done
+        found = done.get(x)
         if found is None:
             bits = self.result.dependence(x)
-            found = x if not bits & TIME or not isinstance(x, Apply) else self._apply(x, span)
-            self.done[x] = found
-            self.done[found] = found
+            found = x if not bits & (TIME | STATE) or not isinstance(x, Apply) else self._apply(x)
+            done[x] = found
+            done[found] = found
         return found
 
-    def _apply(self, x: Apply, span: Span) -> Expression:
-        bits = self.result.dependence(x)
-        alone = not bits & (INPUT | STATE)
-        if alone and x.operator in CONDITIONS:
-            return self._mode(x, span)
-        if alone and x.operator == "sign":
+    def _apply(self, x: Apply) -> Expression:
+        span = self.span
+        alone = not self.result.dependence(x) & (INPUT | STATE | EVENT)
+        if x.operator in CONDITIONS:
+            return self._mode(x, alone)
+        if x.operator == "sign" and (alone or self.located):
             g = x.operands[0]
-            return self.replaced(
-                select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)), span
-            )
+            return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
         if alone and x.operator in ("floor", "ceil"):
             raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
-        operands = tuple(self.replaced(o, span) for o in x.operands)
+        operands = tuple(map(self.replaced, x.operands))
         if alone and is_table(x):
             for knot in domain(x):  # where the curve or one of its derivatives bends
-                self._instant(self.replaced(x.operands[1] - knot, span))
+                self._instant(self.replaced(x.operands[1] - knot))
         if x.operator == "noise":
             self._period(x.operands[1], alone, span)
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
-            self._instant(self.replaced(g, span))
+            self._instant(self.replaced(g))
         return x if operands == x.operands else _rebuilt(x.operator, operands)
 
-    def _mode(self, condition: Apply, span: Span) -> Expression:
-        if condition.operator in ("and", "or", "not"):
-            return _rebuilt(condition.operator, tuple(self.replaced(o, span) for o in condition.operands))
-        if condition not in self.modes:
-            a, b = condition.operands
-            self._instant(self.replaced(a - b, span))
-            self.modes[condition] = Symbol(Leaf("mode", len(self.result.switches)))
-            self.result.switches.append(substitute(condition, self._opened))
+    def _mode(self, condition: Apply, alone: bool) -> Expression:
+        operands = tuple(map(self.replaced, condition.operands))
+        if condition in self.modes:
+            return self.modes[condition]
+        if self.derived and not alone:
+            self.guards.add(condition)
+        locatable = self.located and condition.operator in ("less", "less_equal") and condition not in self.guards
+        if condition.operator in ("and", "or", "not") or not (alone or locatable):
+            return _rebuilt(condition.operator, operands)
+        events, a, b = self.result.events, *condition.operands
+        if alone:
+            self._instant(self.replaced(a - b))
+            self.modes[condition] = Symbol(Leaf("mode", self.next))
+            self.opened[self.next] = substitute(condition, self._opened)
+            self.result.switches.append(self.opened[self.next])
+            events.timed.append(self.next)
+        else:
+            symbol = self.result.event_symbol(self.next)
+            note = ConditionNote(self.next, condition.operator == "less", True, self.owner, self.span)
+            self.modes[condition] = symbol
+            events.located.append(Located(symbol, operands[0] - operands[1], note))
+        self.next += 1
         return self.modes[condition]
 
     def _opened(self, symbol: Symbol) -> Expression:
         """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
         leaf: Leaf = symbol.key
-        return self.result.switches[leaf.position] if leaf.role == "mode" else symbol
+        return self.opened[leaf.position] if leaf.role == "mode" else symbol
 
     def _period(self, place: Expression, alone: bool, span: Span) -> None:
         """No step may pass over more than one whole number of the places that random numbers belong to.

@@ -32,6 +32,82 @@ class LimitNote:
     values: tuple[tuple[str, str], ...]  # names and SI units of what it is about
 
 
+@dataclass(frozen=True, slots=True)
+class ConditionNote:
+    """A condition that is located: its place in the mode, and where it comes from. It holds where its root is negative,
+    or (not `strict`) zero. One that does not steer is asked by events alone: rates do not know it."""
+
+    position: int
+    strict: bool
+    steers: bool
+    owner: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class SettingNote:
+    """What an event sets: an item of the mode, a state, or what is computed from states, by its place."""
+
+    kind: str  # "mode", "state" or "computed"
+    position: int
+    words: str  # as written
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class EventNote:
+    """`when` or `every`: how it is told, and what it sets."""
+
+    owner: str  # the instance, "" for the model itself
+    words: str
+    span: Span
+    settings: tuple[SettingNote, ...]
+    sampled: bool = False
+
+    def __str__(self) -> str:
+        return f"{'every' if self.sampled else 'when'} {self.words}"
+
+
+@dataclass(frozen=True, eq=False)
+class Delays:
+    """Signals that are what others were some time ago: the last items of the inputs, which the run fills in."""
+
+    count: int
+    lags: Callable[[Array], Array]  # constants -> by how much they are late
+    values: Callable[[float, Array, Array, Array, Array], Array]  # as Program.output -> what they will be
+
+
+@dataclass(frozen=True, eq=False)
+class Hybrid:
+    """What happens in a program at instants that depend on its states.
+
+    The mode (…, size) holds first what only events change, then the truth of conditions: those on time alone stand at `timed`,
+    in the order of `Program.switches`; the others are located, each where its root changes sign.
+    """
+
+    size: int
+    modes: Names  # of what only events change
+    start: Callable[[Array], Array]  # constants -> those, at the start
+    timed: tuple[int, ...]
+    conditions: tuple[ConditionNote, ...]
+    roots: Callable[
+        [float, Array, Array, Array, Array], Array
+    ]  # as Program.output -> left less right of each condition
+    events: tuple[EventNote, ...]
+    triggers: Callable[[float, Array, Array, Array, Array], Array]  # the same -> 1 or 0 for each event
+    values: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what the settings of all events set
+    targets: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what is computed and set, as it is
+    sampling: Callable[[Array], Array]  # constants -> periods of the sampled events, in their order
+    mode_at: Callable[
+        [float, Array, Array, Array], Array
+    ]  # time, state, inputs, constants -> mode with modes as they start
+    junctions: tuple[tuple[str, Span], ...]
+    actives: Callable[[float, Array, Array, Array, Array], Array]  # the same -> 1 or 0 for each switched junction
+    conjugates: Callable[
+        [float, Array, Array, Array, Array], Array
+    ]  # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
+
+
 @dataclass(frozen=True, eq=False)
 class Native:
     """Machine code of a program's functions: `void name(double time, state, inputs, constants, mode, out)` over arrays of doubles.
@@ -50,7 +126,7 @@ class Program:
     Arrays have their index last and may have leading axes (batches): parameters (…, P), constants (…, K), inputs (…, U),
     state (…, n). The state holds the n - m states and then the m unknowns of the algebraic loops: the program is M x' = f
     with M = diag(1 … 1, 0 … 0), an explicit system if m = 0, else semi-explicit of index 1. `mode` holds the truth of the
-    conditions on time (`switches`), constant between two instants.
+    conditions on time (`switches`), constant between two instants; with events it holds more, see `Hybrid`.
     """
 
     name: str
@@ -109,3 +185,10 @@ class Program:
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed
     native: Native | None = None  # where the functions lie, if they are machine code
+    hybrid: Hybrid | None = None  # None: only time makes anything jump
+    delays: Delays | None = None
+
+    def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
+        """The mode at a state, with what only events change as it starts."""
+        hybrid = self.hybrid
+        return self.switches(time, constants) if hybrid is None else hybrid.mode_at(time, state, inputs, constants)

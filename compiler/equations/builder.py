@@ -9,7 +9,19 @@ from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, substitute, symbols
 from ..algebra.formula import Bound, Formula, bind
 from ..errors import Diagnostic
-from ..graph.network import TIME, BondGraph, End, Integral, Junction, Quantity, Reading, Reference, Requirement
+from ..graph.network import (
+    TIME,
+    BondGraph,
+    Delay,
+    End,
+    Integral,
+    Junction,
+    Named,
+    Quantity,
+    Reading,
+    Reference,
+    Requirement,
+)
 from ..graph.prune import adjustable
 from ..source import Span
 from .errors import Undetermined
@@ -18,12 +30,16 @@ from .system import (
     Argument,
     Assignment,
     Claim,
+    Delayed,
     Derivative,
+    Discrete,
     EquationSystem,
+    EventRow,
     Invariant,
     PowerPort,
     State,
     Storage,
+    Switch,
     Validity,
     Variable,
 )
@@ -46,6 +62,10 @@ class EquationBuilder:
         self.ports: list[PowerPort] = []
         self.storages: list[Storage] = []
         self.stored: dict[str, int] = {}
+        self.discretes: list[Discrete] = []
+        self.events: list[EventRow] = []
+        self.delays: list[Delayed] = []
+        self.switches: list[Switch] = []
         self.diagnostics: list[Diagnostic] = []
         self.alias: dict[int, int] = {}
         self.quantities: dict[str, int] = {}
@@ -74,6 +94,9 @@ class EquationBuilder:
             tuple(self.ports), tuple(self.storages), self.stored, tuple(self.claims),
             tuple(replace(t, condition=self.root(t.condition), values=tuple((n, self._through(v), u) for n, v, u in t.values)) for t in limits),
             tuple(self.invariants),
+            tuple(replace(d, start=self._through(d.start)) for d in self.discretes), tuple(self._event(e) for e in self.events),
+            tuple(replace(s, condition=self.root(s.condition)) for s in self.switches),
+            tuple(replace(d, value=self.root(d.value), lag=self._through(d.lag)) for d in self.delays),
         )  # fmt: skip
 
     def _limit(self, required: Requirement) -> Validity:
@@ -82,6 +105,12 @@ class EquationBuilder:
         self.apply(condition, required.condition, required.span, required.name)
         values = tuple((words, self.reference(reference), unit) for words, reference, unit in required.readings)
         return Validity(required.name, required.words, required.text, condition, values, required.span, required.stands)
+
+    def _event(self, event: EventRow) -> EventRow:
+        root = self.root
+        settings = tuple(replace(s, target=root(s.target), value=root(s.value)) for s in event.settings)
+        period = None if event.period is None else self._through(event.period)
+        return replace(event, condition=root(event.condition), settings=settings, period=period)
 
     # ------------------------------------------------------------ what rooms write with
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int:
@@ -214,9 +243,13 @@ class EquationBuilder:
         if name == TIME.name and name not in self.graph.quantities:
             self.quantities[name] = self.variable("time", "time", "s")
             return iter(()), _nothing
+        if name in self.graph.delays:
+            return self._delay(self.graph.delays[name])
         if name in self.graph.integrals:
             return self._integral(self.graph.integrals[name])
         named = self.graph.quantities[name]
+        if named.role == "mode":
+            return self._discrete(named)
         if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
             value = named.value if named.value is not None else _number(named.definition)
             self.quantities[name] = self.variable(name, named.role, named.unit, value)
@@ -237,6 +270,31 @@ class EquationBuilder:
             self.state(variable, rate, self.folded(integral.start), integral.name, integral.span)
 
         return iter(integral.rate.arguments), finish
+
+    def _delay(self, delay: Delay) -> _Row:
+        """A delayed signal is known from before: what it reads may depend on it."""
+        unit = self.graph.quantities[delay.name].unit
+        self.quantities[delay.name] = variable = self.variable(delay.name, "delayed", unit)
+        value = self.variable(f"what {delay.name} will be", "computed", unit)
+
+        def finish() -> None:
+            self.apply(value, delay.value, delay.span, delay.name)
+            lag = self.static(self.folded(delay.lag), f"lag of {delay.name}", delay.span)
+            self.delays.append(Delayed(variable, value, lag, delay.span))
+
+        return iter(delay.value.arguments), finish
+
+    def _discrete(self, named: Named) -> _Row:
+        """What only events change; its definition is its start."""
+        self.quantities[named.name] = variable = self.variable(named.name, "mode", named.unit)
+        definition = named.definition
+        assert definition is not None
+
+        def finish() -> None:
+            start = self.static(self.folded(definition), f"{named.name} at the start", named.span)
+            self.discretes.append(Discrete(variable, start))
+
+        return iter(definition.arguments), finish
 
     def reading(self, reading: Reading) -> int:
         """The variable that a reading of a node's port stands for."""
@@ -368,6 +426,7 @@ class EquationBuilder:
             replace(
                 s, variable=root(s.variable), rate=root(s.rate), start=through(s.start),
                 nominal=None if s.nominal is None else through(s.nominal),
+                conjugate=None if s.conjugate is None else root(s.conjugate),
             )
             for s in self.states
         ]  # fmt: skip
@@ -376,7 +435,12 @@ class EquationBuilder:
             replace(i, position=root(i.position), velocity=None if i.velocity is None else root(i.velocity))
             for i in self.invariants
         ]
-        self.derivatives = [replace(d, target=root(d.target), of=root(d.of)) for d in self.derivatives]
+        self.derivatives = [
+            replace(
+                d, target=root(d.target), of=root(d.of), conjugate=None if d.conjugate is None else root(d.conjugate)
+            )
+            for d in self.derivatives
+        ]
         self.ports = [replace(p, effort=root(p.effort), flow=root(p.flow)) for p in self.ports]
         self.storages = [
             replace(s, stored=tuple(map(root, s.stored)), arguments=tuple(map(through, s.arguments)))

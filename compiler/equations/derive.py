@@ -34,6 +34,7 @@ from ..graph.network import (
 from ..multibody import Motion, mechanism_equations
 from .builder import EquationBuilder
 from .errors import NotInvertible
+from .events import event_equations
 from .fields import without_energy
 from .laws import GIVEN, paired, ratio, solved
 from .naming import letter_of, port_name, unit_of
@@ -68,6 +69,7 @@ class _Nodes:
         for number, node in elements:  # after all that a displacement may be known from
             if node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR):
                 self._element(number, node)
+        event_equations(self.graph, self.to)
         system = self.to.system()
         if self.to.diagnostics:
             raise CompilationFailed(self.to.diagnostics)
@@ -198,7 +200,8 @@ class _Nodes:
             if integral[port]:
                 self._state(node, port, quantities[port], rates[port], own)
             else:
-                self.to.derivatives.append(Derivative(rates[port], quantities[port], node.span, node.name))
+                conjugate = own[Own(port, GIVEN[node.stored[port]])]
+                self.to.derivatives.append(Derivative(rates[port], quantities[port], node.span, node.name, conjugate))
                 if port in node.starts and not self._is_zero(node.starts[port][1]):
                     self._claim(node, port, own)
         self._energy_of(node, quantities)
@@ -219,7 +222,7 @@ class _Nodes:
     def _state(self, node: Element, port: int, quantity: int, rate: int, own: Mapping[Own, int]) -> None:
         """A state; or, if the geometry already knows the displacement, a sum of coordinates."""
         start, given = self._start(node, port, own)
-        if node.stored[port] == "q":
+        if node.stored[port] == "q" and not self.graph.switches:  # what is tied now may have been free before
             known = self.to.integral(rate)
             if known is not None:
                 offset = Number(start) if isinstance(start, float) else Symbol(start)
@@ -230,7 +233,8 @@ class _Nodes:
             nominal = self.to.static(self.to.folded(node.nominals[port][1]), f"nominal of {node.name}", node.span)
         variable = self.to.variables[quantity]
         self.to.variables[quantity] = Variable(variable.name, "state", variable.unit)
-        self.to.states.append(State(quantity, rate, start, nominal, node.span, given))
+        conjugate = own[Own(port, GIVEN[node.stored[port]])]
+        self.to.states.append(State(quantity, rate, start, nominal, node.span, given, conjugate))
 
     def _start(self, node: Element, port: int, own: Mapping[Own, int]) -> tuple[Argument, bool]:
         """The start of what a port stores, and whether the author gave it (a zero says nothing: parts have it as a default).

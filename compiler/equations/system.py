@@ -16,7 +16,8 @@ Argument = int | float  # a variable by number, or a number
 class Variable:
     """One scalar of the model.
 
-    role: parameter, input, time, state, unknown (of an algebraic loop), or computed (by an assignment).
+    role: parameter, input, time, state, unknown (of an algebraic loop), mode (events set it), delayed (what another
+    was), or computed (by an assignment).
     """
 
     name: str
@@ -59,6 +60,7 @@ class Derivative:
     of: int
     span: Span
     owner: str
+    conjugate: int | None = None  # the effort of what holds a displacement, the flow of what holds a momentum
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,7 @@ class State:
     nominal: Argument | None
     span: Span
     given: bool = False  # whether the author said the start
+    conjugate: int | None = None  # of a storage, the effort for a displacement, the flow for a momentum
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +141,55 @@ class Validity:
     stands: Span | None
 
 
+@dataclass(frozen=True, slots=True)
+class Discrete:
+    """A variable that only events change, and its start."""
+
+    variable: int
+    start: Argument
+
+
+@dataclass(frozen=True, slots=True)
+class Delayed:
+    """A variable that is what another was some time ago."""
+
+    variable: int
+    value: int
+    lag: Argument
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What an event sets: a state, a discrete variable or what is computed from states, and the variable of its new value."""
+
+    target: int
+    value: int
+    words: str  # the target as written
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """`when`: a variable that is 1 where the condition holds, and what is set at the instant it becomes so; or `every`."""
+
+    condition: int
+    settings: tuple[Setting, ...]
+    owner: str  # the instance, "" for the model itself
+    words: str
+    span: Span
+    period: Argument | None = None  # of a sampled one
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """A junction that is on where a variable is 1."""
+
+    junction: str
+    condition: int
+    span: Span
+
+
 @dataclass(frozen=True, eq=False)
 class EquationSystem:
     """All equations of a model, causal but not yet ordered."""
@@ -155,3 +207,7 @@ class EquationSystem:
     claims: tuple[Claim, ...]
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
+    discretes: tuple[Discrete, ...] = ()
+    events: tuple[EventRow, ...] = ()
+    switches: tuple[Switch, ...] = ()
+    delays: tuple[Delayed, ...] = ()

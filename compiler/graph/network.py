@@ -149,9 +149,10 @@ class Bond:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A parameter, constant, input, signal or output.
+    """A parameter, constant, input, signal, mode or output.
 
-    `definition` computes it (None: it comes from outside); `value` is known for what does not change during a run.
+    `definition` computes it (None: it comes from outside; of a mode its start); `value` is known for what does not change
+    during a run.
     """
 
     name: str
@@ -174,6 +175,16 @@ class Integral:
 
 
 @dataclass(frozen=True, slots=True)
+class Delay:
+    """A signal as it was some time ago: `delay(x, 1 ms)`. What it was before the run is what it is at the start."""
+
+    name: str
+    value: Bound
+    lag: Bound
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
 class Requirement:
     """A validity limit: `require CONDITION "text"`. The condition is 1 where it holds."""
 
@@ -184,6 +195,37 @@ class Requirement:
     readings: tuple[tuple[str, Reference, str], ...]  # what it is about: words, what they read, SI unit
     span: Span
     stands: Span | None  # where the instance is declared
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """What an event sets, and to which value; of a storage the variable that is written, `p` or `f` of an inertia."""
+
+    target: Quantity | Reading
+    value: Bound
+    words: str  # the target as written
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 where it holds; values are read before anything is set."""
+
+    name: str  # the instance that it stands in, "" for the model itself
+    condition: Bound  # of a sampled one it never holds
+    words: str
+    actions: tuple[Action, ...]
+    span: Span
+    period: Bound | None = None  # of a sampled one, known before the run
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """A junction that is on where a condition is 1; off, a 1-junction has no flow and a 0-junction no effort."""
+
+    junction: str
+    active: Bound
+    span: Span
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +242,9 @@ class BondGraph:
     requirements: tuple[Requirement, ...] = ()
     stands: Mapping[str, Span] = field(default_factory=dict)  # instance -> where it is declared
     walls: Mapping[tuple[str, str], int] = field(default_factory=dict)  # port of a model, component -> its bond
+    events: tuple[Event, ...] = ()
+    switches: tuple[Switch, ...] = ()
+    delays: Mapping[str, Delay] = field(default_factory=dict)
 
     def definitions(self) -> Iterator[Bound]:
         """Everything that signals, parameters and outputs are computed from."""
@@ -211,6 +256,16 @@ class BondGraph:
             yield integral.start
         for requirement in self.requirements:
             yield requirement.condition
+        for event in self.events:
+            yield event.condition
+            if event.period is not None:
+                yield event.period
+            yield from (action.value for action in event.actions)
+        for switch in self.switches:
+            yield switch.active
+        for delay in self.delays.values():
+            yield delay.value
+            yield delay.lag
 
     @cached_property
     def incident(self) -> tuple[tuple[int, ...], ...]:

@@ -43,6 +43,7 @@ def known_zeros(graph: BondGraph, free: frozenset[str]) -> Zeros:
             if (
                 named is not None
                 and named.definition is not None
+                and named.role != "mode"
                 and name not in free
                 and not ("*" in free and adjustable(named))
             ):
@@ -123,6 +124,8 @@ def _readings(graph: BondGraph) -> Iterator[Reading]:
     """What is read of elements by quantities, outputs and laws."""
     for definition in graph.definitions():
         yield from (a for a in definition.arguments if isinstance(a, Reading))
+    for event in graph.events:
+        yield from (action.target for action in event.actions if isinstance(action.target, Reading))
     for node in graph.nodes:
         if isinstance(node, Element):
             yield from (a for a in node.arguments if isinstance(a, Reading))

@@ -62,7 +62,7 @@ class Differentiator:
         role = self.variables[variable].role
         if role == "time":
             return ONE
-        if role == "input":
+        if role in ("input", "delayed"):
             self.diagnostics.append(ForcedByInput(item.span, item.owner, self.variables[variable].name))
             return ZERO
         if not self._moves(variable):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, depends_on, multiply, negate, symbols
 from ..algebra.formula import bind
-from ..equations.system import Assignment, Claim, EquationSystem, Invariant, Variable
+from ..equations.system import Assignment, Claim, EquationSystem, EventRow, Invariant, Variable
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..source import Span
 from .differentiate import Differentiator
@@ -31,6 +32,7 @@ class _Reduction:
         self.variables: list[Variable] = differentiator.variables
         self.assigned: dict[int, Assignment] = differentiator.assigned
         self.differentiator = differentiator
+        self.derived = {*differentiator.order, *(d.target for d in system.derivatives)}
         self.unknowns: list[Unknown] = []
         self.multipliers = frozenset(i.multiplier for i in system.invariants if i.multiplier is not None)
         self.diagnostics: list[Diagnostic] = []
@@ -44,6 +46,8 @@ class _Reduction:
         reach = [*inputs]
         for variable, rate in rates.items():
             reach[variable] = [rate]  # who needs a state needs its rate, at the next instant
+        for delay in system.delays:  # and who needs a delayed signal needs what it will be
+            reach[delay.variable] = [delay.value]
         wanted = list(system.outputs.values())
         if self.everything or not wanted:
             wanted += [s.variable for s in system.states]
@@ -54,9 +58,20 @@ class _Reduction:
             wanted += [v for s in system.storages for v in s.stored]
         if not wanted:
             raise CompilationFailed([NothingToCompute(self.span)])
+        if system.switches:  # what is stored goes on where other junctions are on, whatever is read of it here
+            wanted += [s.condition for s in system.switches] + [s.variable for s in system.states]
+            wanted += [v for d in system.derivatives for v in (d.target, d.of)]
+            conjugates = [s.conjugate for s in system.states] + [d.conjugate for d in system.derivatives]
+            wanted += [v for v in conjugates if v is not None]
         used = needed(wanted, reach)
+        events = self._events(used, inputs, reach)
+        discretes = tuple(d for d in system.discretes if d.variable in used)
+        used |= needed([d.start for d in discretes if isinstance(d.start, int)], inputs)
+        delays = tuple(d for d in system.delays if d.variable in used)
+        used |= needed([d.lag for d in delays if isinstance(d.lag, int)], inputs)
+        used |= needed([e.period for e in events if isinstance(e.period, int)], inputs)
         claims = self._claims(used, inputs, reach)
-        dependents = tuple(Dependent(d.of, d.owner) for d in system.derivatives if d.target in used)
+        dependents = tuple(Dependent(d.of, d.owner, d.conjugate) for d in system.derivatives if d.target in used)
         used |= needed([d.variable for d in dependents], reach)
         invariants = self._invariants(used, inputs, reach)
         states = [s for s in system.states if s.variable in used]
@@ -75,8 +90,30 @@ class _Reduction:
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
             system.stored if self.everything else {}, dependents,
-            claims, tuple(forced), self._index(used, steps), system.limits, invariants,
+            claims, tuple(forced), self._index(used, steps), system.limits, invariants, frozenset(self.derived), discretes, events, system.switches, delays,
         )  # fmt: skip
+
+    def _events(
+        self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
+    ) -> tuple[EventRow, ...]:  # fmt: skip
+        """The events that set what this run needs, and of those what it needs; what they read is used as well."""
+        states = {s.variable for s in self.system.states}
+        kept: dict[tuple[int, int], None] = {}
+        growing = True
+        while growing:
+            growing = False
+            for i, event in enumerate(self.system.events):
+                for j, setting in enumerate(event.settings):
+                    moved = {setting.target} | needed([setting.target], inputs) & states
+                    if (i, j) not in kept and moved & used:
+                        kept[i, j] = None
+                        used |= needed([event.condition, setting.target, setting.value], reach)
+                        growing = True
+        rows = [
+            replace(e, settings=tuple(s for j, s in enumerate(e.settings) if (i, j) in kept))
+            for i, e in enumerate(self.system.events)
+        ]
+        return tuple(row for row in rows if row.settings)
 
     def _claims(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
@@ -155,6 +192,7 @@ class _Reduction:
             bound = bind(residual)
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
+            self.derived |= {number} if variable in self.derived else set()
             inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
             bound_by = variable in self.multipliers
             self.unknowns.append(Unknown(variable, number, assignment.span, members, loop, bound_by))
@@ -246,6 +284,7 @@ class _Reduction:
             return expression.key
         variable = len(self.variables)
         self.variables.append(Variable(name, "computed"))
+        self.derived |= {variable} if assignment.target in self.derived else set()
         bound = bind(expression)
         steps.append(Assignment(variable, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
         return variable

@@ -5,7 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..equations.system import Assignment, Claim, Invariant, PowerPort, State, Storage, Validity, Variable
+from ..equations.system import (
+    Assignment,
+    Claim,
+    Delayed,
+    Discrete,
+    EventRow,
+    Invariant,
+    PowerPort,
+    State,
+    Storage,
+    Switch,
+    Validity,
+    Variable,
+)
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number
@@ -43,6 +56,7 @@ class Dependent:
 
     variable: int
     element: str
+    conjugate: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +91,11 @@ class StateSpace:
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
+    derived: frozenset[int] = frozenset()  # variables that are derivatives of others
+    discretes: tuple[Discrete, ...] = ()
+    events: tuple[EventRow, ...] = ()
+    switches: tuple[Switch, ...] = ()
+    delays: tuple[Delayed, ...] = ()
 
     @property
     def dependent(self) -> tuple[str, ...]:

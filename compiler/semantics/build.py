@@ -9,7 +9,7 @@ from pathlib import Path
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.domains import Domain
-from ..graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Node, Port
+from ..graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Node, Port, Switch
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, tree
@@ -20,18 +20,18 @@ from .errors import (
     NoSingleModel,
     UnknownAttribute,
     UnknownName,
-    Unsupported,
     WrongLaw,
     WrongMechanism,
     WrongValue,
 )
+from .events import read_events
 from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
 from .known import Known
 from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
 from .mechanisms import build_mechanism
 from .part_attributes import static_bounds
-from .requirements import read_requirements
+from .requirements import read_condition, read_requirements
 from .resolve import MAXIMUM_MISTAKES
 from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
 from .starts import read_starts
@@ -203,19 +203,25 @@ class _Opened:
         nodes.build()
         starts = read_starts(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
+        events = read_events(elaborator, nodes.nodes)
+        elaborator.integrals()  # which may read delays
+        delays = elaborator.delays()
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)
         graph = BondGraph(
             self.definition.name,
             tuple(starts.nodes(nodes.nodes)),
             tuple(nodes.bonds),
-            elaborator.quantities,
+            starts.quantities(elaborator.quantities),
             outputs,
             starts.memories(elaborator.integrals()),
             self.definition.model.name_span,
             requirements,
             elaborator.stands,
             nodes.walls,
+            events,
+            tuple(nodes.switches),
+            delays,
         )
         if not elaborator.part and not elaborator.structure_broken:
             elaborator.diagnostics += unconnected(graph)
@@ -258,6 +264,7 @@ class _Nodes:
         self.elaborator = elaborator
         self.nodes: list[Node] = []
         self.bonds: list[Bond] = []
+        self.switches: list[Switch] = []
         self.walls: dict[tuple[str, str], int] = {}
         self.ends: dict[tuple[str, str], End] = {}
         self._laws = known.laws
@@ -299,13 +306,11 @@ class _Nodes:
                         "A junction has none: a 0-junction shares its effort, a 1-junction its flow.",
                     )
                 )
-            for attribute in declaration.attributes:
-                if attribute.name == "active":
-                    raise Wrong(Unsupported(attribute.span, "A switched junction", "Switches come with events."))
-                raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`."))
             domain = next(iter(entry.ports.values()))
             self.ends[entry.name, ""] = End(index, 0)
             self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
+            for attribute in declaration.attributes:
+                self._active(scope, attribute, entry)
             return
         compiled = self._law(scope, declaration, entry)
         arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
@@ -320,6 +325,15 @@ class _Nodes:
                 attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
             )
         )  # fmt: skip
+
+    def _active(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry) -> None:
+        """When a junction is on."""
+        known = any(s.junction == entry.name for s in self.switches)
+        if attribute.name != "active" or attribute.target is not None or known:
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`, once."))
+        hint = "A junction is on where a condition holds: `active = not open`, `active = x > 0 m`."
+        _, condition = read_condition(self.elaborator, attribute.value, scope, hint)
+        self.switches.append(Switch(entry.name, condition, attribute.span))
 
     def _law(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> CompiledLaw:
         elaborator = self.elaborator

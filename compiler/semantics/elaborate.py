@@ -68,6 +68,7 @@ class Elaborator(QuantityResolver):
         self.stands: dict[str, Span] = {}  # instance -> where it is declared
         self.requirements: list[tuple[Scope, tree.Requirement]] = []
         self.limits: list[Requirement] = []  # those of joints
+        self.events: list[tuple[Scope, tree.Event]] = []
         self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
         self.mechanism_parts: dict[str, Any] = {}
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
@@ -161,13 +162,7 @@ class Elaborator(QuantityResolver):
                 case tree.Requirement():
                     self.requirements.append((scope, statement))
                 case tree.Event():
-                    self.tell(
-                        Unsupported(
-                            statement.span,
-                            "`when`",
-                            "Events are planned; a smooth law (tanh, a stiff spring) can stand in for many.",
-                        )
-                    )
+                    self.events.append((scope, statement))
                 case tree.Function():
                     functions.append(statement)
         for statement in later:
@@ -235,8 +230,6 @@ class Elaborator(QuantityResolver):
         if role == "parameter" and is_slot(item):
             self._declare_slot(scope, item, bindings)
             return
-        if role == "mode":
-            raise Wrong(Unsupported(item.span, "`mode`", "Modes come with events."))
         self.counted(item.span)
         index = self.index_of(item.index, scope)
         value, where, is_default = item.value, scope, True

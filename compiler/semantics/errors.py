@@ -378,6 +378,17 @@ class WrongColumn(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class WrongEvent(Diagnostic):
+    """BG153."""
+
+    code = "BG153"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
     """BG160."""
 

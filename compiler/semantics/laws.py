@@ -229,7 +229,7 @@ def _check_names(
         words = path.words
         if words in own and not path.steps and scope.find(words) is not None and words != name:
             role = getattr(scope.find(words), "role", "")
-            if role not in ("parameter", "constant", "input", "signal", "index"):
+            if role not in ("parameter", "constant", "input", "signal", "mode", "index"):
                 continue  # not a number, or an output, which a law does not read
             variable = own[words].own
             generic = words if kind in TWO_SIDED else variable.variable

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..algebra.expression import ZERO, Number, select, substitute, symbols
 from ..algebra.formula import Bound, Formula
-from ..graph.network import Integral, Named, Quantity
+from ..graph.network import Delay, Integral, Named, Quantity
 from ..graph.units import ONE, SECOND, Dimension
 from ..scene import Override
 from ..source import Span
@@ -43,6 +43,7 @@ class QuantityResolver(Resolver):
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         super().__init__(overrides, part, known)
         self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._delays: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
         self._inferring = False
@@ -166,7 +167,9 @@ class QuantityResolver(Resolver):
             return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
         if value is None:
             if not self.part:
-                role = {"parameter": "Parameter", "input": "Input", "constant": "Constant"}.get(pending.role, "Signal")
+                role = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}.get(
+                    pending.role, "Signal"
+                )
                 self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
                 raise AlreadyTold
             self.quantities[pending.name] = Named(
@@ -176,7 +179,7 @@ class QuantityResolver(Resolver):
         if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
             return self._integral(value, scope, pending.name, pending.role, declared, item.description or "")
         template = self.template(value, scope, unit if is_default else None)
-        if pending.role in ("parameter", "constant"):
+        if pending.role in ("parameter", "constant", "mode"):
             self._require_static(template, scope, pending)
         parts = template.value if isinstance(template.value, tuple) else (template.value,)
         for part in parts:
@@ -203,8 +206,13 @@ class QuantityResolver(Resolver):
                 ]
             entered = self._enter_quantity(pending, "", bounds[0], dimension, value.span)
             return replace(entered, truth=template.value.truth)
-        if pending.role == "input":
-            raise Wrong(WrongType(value.span, "A single number", "a list", "An input is one signal."))
+        if pending.role in ("input", "mode"):
+            hint = (
+                "An input is one signal."
+                if pending.role == "input"
+                else "Declare a mode for each: `mode on[i] = false`."
+            )
+            raise Wrong(WrongType(value.span, "A single number", "a list", hint))
         items = tuple(
             self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
             for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
@@ -212,14 +220,17 @@ class QuantityResolver(Resolver):
         return Items(pending.name, items)
 
     # ------------------------------------------------------------ signals with memory
-    def nested_integral(self, call: tree.Call, scope: Scope) -> Scalar:
-        """An integral inside a larger expression: a signal without a name of the author's."""
+    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
+        """An integral or delay inside a larger expression: a signal without a name of the author's."""
         key = (id(call), id(scope))
         if key not in self._nested:
             self._keep_scopes.append(scope)
-            name = scope.full(f"integral at line {call.span.line}{scope.suffix}")
+            name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}")
             names = {f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys()
-            self._nested[key] = self._integral(call, scope, min(names), "signal", None, "")
+            if call.function == "delay":
+                self._nested[key] = self._delay(call, scope, min(names))
+            else:
+                self._nested[key] = self._integral(call, scope, min(names), "signal", None, "")
         return self._nested[key]
 
     def _integral(
@@ -236,14 +247,25 @@ class QuantityResolver(Resolver):
         self._memories.append((name, call, scope, dimension))
         return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
 
+    def _delay(self, call: tree.Call, scope: Scope, name: str) -> Scalar:
+        """Enter a delay: known at once, so that what it reads can depend on it; that is read when all names are known."""
+        dimension = None if scope.plain else self._looked_at(call.arguments[0], scope)
+        self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
+        self._delays.append((name, call, scope, dimension))
+        return Scalar(Quantity(name), dimension, "signal", name)
+
     def _inferred(self, rate: tree.Expression, scope: Scope) -> Dimension | None:
         """The dimension of an integral from its rate, in which the integral itself fits anything."""
+        found = self._looked_at(rate, scope)
+        return None if found is None else found * SECOND
+
+    def _looked_at(self, expression: tree.Expression, scope: Scope) -> Dimension | None:
+        """The dimension of an expression, in which quantities that are being resolved fit anything."""
         before, self._inferring = self._inferring, True
         try:
-            found = self._dimension(ExpressionCompiler(scope, self.resolve).compile(rate).value)
+            return self._dimension(ExpressionCompiler(scope, self.resolve).compile(expression).value)
         finally:
             self._inferring = before
-        return None if found is None else found * SECOND
 
     def is_integral(self, name: str) -> bool:
         """Whether a quantity is a signal with memory."""
@@ -260,6 +282,33 @@ class QuantityResolver(Resolver):
             if found is not None:
                 result[name] = found
         return result
+
+    def delays(self) -> dict[str, Delay]:
+        """The delayed signals, what they read and by how much they are late."""
+        result: dict[str, Delay] = {}
+        position = 0
+        while position < len(self._delays):  # what is delayed may contain another delay
+            name, call, scope, dimension = self._delays[position]
+            position += 1
+            found = self.guard(self._read_delay, name, call, scope, dimension)
+            if found is not None:
+                result[name] = found
+        return result
+
+    def _read_delay(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Delay:
+        value, lag = (self.template(part, scope) for part in call.arguments)
+        typed = value.value
+        if not isinstance(typed, Typed) or typed.truth:
+            raise Wrong(WrongType(call.arguments[0].span, "A single number", "something else"))
+        if not scope.plain and typed.dimension not in (None, dimension or ONE):
+            what = f"What is delayed is {describe(typed.dimension)}, but where it is read it is {describe(dimension or ONE)}"
+            raise Wrong(DimensionMismatch(call.arguments[0].span, what, unit_hint(typed.dimension, dimension or ONE)))
+        late = self.static(call.arguments[1], scope, "A delay", ONE if scope.plain else SECOND)
+        if not late > 0:
+            raise Wrong(WrongType(call.arguments[1].span, "A time", f"{late:g} s", "A delay is longer than nothing."))
+        return Delay(
+            name, self.bind(value, value.formulas[0], scope), self.bind(lag, lag.formulas[0], scope), call.span
+        )
 
     def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
         bounds = []

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from ..algebra.expression import ONE as TRUE
 from ..algebra.expression import ZERO, select
-from ..algebra.formula import Formula
+from ..algebra.formula import Bound, Formula
 from ..graph.network import Requirement
 from ..graph.units import ONE
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import WrongType
 from .scope import STATIC_ROLES, Scope, Wrong
-from .template import Typed
+from .template import Template, Typed
 
 MAXIMUM_READINGS = 6  # values that a warning shows
 
@@ -22,13 +22,21 @@ def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
     return (*(item for item in found if item is not None), *elaborator.limits)
 
 
-def _read(elaborator: Elaborator, scope: Scope, statement: tree.Requirement) -> Requirement:
-    template = elaborator.template(statement.condition, scope)
+def read_condition(
+    elaborator: Elaborator, expression: tree.Expression, scope: Scope, hint: str
+) -> tuple[Template, Bound]:
+    """A condition, as a number that is 1 where it holds. Raises `Wrong`, with the hint, for what is none."""
+    template = elaborator.template(expression, scope)
     typed = template.value
     if not isinstance(typed, Typed) or not typed.truth:
-        hint = 'Compare it with something: `require x < 1 mm "small"`.'
-        raise Wrong(WrongType(statement.condition.span, "A condition", "a number", hint))
-    condition = elaborator.bind(template, Formula(len(template.slots), select(typed.expression, TRUE, ZERO)), scope)
+        raise Wrong(WrongType(expression.span, "A condition", "a number", hint))
+    formula = Formula(len(template.slots), select(typed.expression, TRUE, ZERO))
+    return template, elaborator.bind(template, formula, scope)
+
+
+def _read(elaborator: Elaborator, scope: Scope, statement: tree.Requirement) -> Requirement:
+    hint = 'Compare it with something: `require x < 1 mm "small"`.'
+    template, condition = read_condition(elaborator, statement.condition, scope, hint)
     read = [(slot.words, elaborator.scalar_at(slot, scope)) for slot in template.slots]
     moving = [(words, scalar) for words, scalar in read if scalar.role not in STATIC_ROLES] or read
     readings = tuple((words, s.reference, str(s.dimension or ONE)) for words, s in moving[:MAXIMUM_READINGS])

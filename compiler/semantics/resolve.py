@@ -231,7 +231,7 @@ class Resolver(ABC):
         """What a slot reads in this scope."""
         scope = scope.base() if slot.base else scope
         if isinstance(slot.path, tree.Call):
-            return self.nested_integral(slot.path, scope)
+            return self.nested_memory(slot.path, scope)
         if slot.words == "time" and scope.find("time") is None:
             return Scalar(TIME, None if scope.plain else SECOND, "time", "time")
         found = self.lookup(slot.path, scope)
@@ -248,7 +248,7 @@ class Resolver(ABC):
     def resolve(self, path: tree.Path | tree.Call, scope: Scope) -> Readable:
         """The dimensions of what a path reads, or of an integral."""
         if isinstance(path, tree.Call):
-            return Readable((self.nested_integral(path, scope).dimension,), False)
+            return Readable((self.nested_memory(path, scope).dimension,), False)
         found = self.lookup(path, scope)
         if isinstance(found, Items):
             values = tuple(map(_known, found.items))
@@ -398,8 +398,8 @@ class Resolver(ABC):
         """Resolve a quantity: its dimension, its definition, and its value if it does not change."""
 
     @abstractmethod
-    def nested_integral(self, call: tree.Call, scope: Scope) -> Scalar:
-        """An integral inside a larger expression: a signal without a name of the author's."""
+    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
+        """An integral or delay inside a larger expression: a signal without a name of the author's."""
 
 
 def _readable(scope: Scope) -> Iterator[str]:

@@ -38,6 +38,7 @@ RESERVED = frozenset(
         "multibody",
         "for",
         "when",
+        "every",
         "require",
         "experiment",
         "function",

@@ -13,16 +13,16 @@ from typing import TypeVar
 from ..algebra.formula import Bound
 from ..graph.domains import DOMAINS
 from ..graph.mechanism import Body, Frame, Joint
-from ..graph.network import Element, Integral, MechanismNode, Node, Quantity, Reading
+from ..graph.network import Element, Integral, MechanismNode, Named, Node, Quantity, Reading
 from ..graph.units import ONE
 from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import WrongExperiment, WrongType
+from .events import STORED_BY, read_value
 from .part_attributes import attitude_bounds, static_bounds
 from .scope import Items, Scalar, Scope, Wrong
 
-STARTED = {"q": "qe", "p": "pf"}  # what a storage keeps -> the variables by which its start is given
 Given = tuple[str, Bound]
 Part = TypeVar("Part", Body, Frame, Joint)
 
@@ -34,7 +34,12 @@ class Starts:
     elements: dict[tuple[str, str], Given] = field(default_factory=dict)  # node and port -> variable and value
     parts: dict[tuple[str, str], Bound] = field(default_factory=dict)  # mechanism and `guide[1].x`, `guide[1].x.f`
     integrals: dict[str, Bound] = field(default_factory=dict)
+    modes: dict[str, Bound] = field(default_factory=dict)
     places: dict[tuple[str, str], Span] = field(default_factory=dict)  # where each is given
+
+    def quantities(self, named: dict[str, Named]) -> dict[str, Named]:
+        """The quantities with these starts of modes."""
+        return {n: replace(q, definition=self.modes[n]) if n in self.modes else q for n, q in named.items()}
 
     def nodes(self, nodes: Sequence[Node]) -> list[Node]:
         """The nodes with these starts."""
@@ -96,11 +101,15 @@ def _read(
             return
         raise Wrong(WrongType(step.target.span, "One quantity", "a list", f"Start its items: `{words}[1]`."))
     what = f"`start {words}`"
+    if found.role == "mode" and isinstance(found.reference, Quantity):
+        _once(step, ("", found.reference.name), result)
+        result.modes[found.reference.name] = read_value(elaborator, step.value, root, found, what, static=True)
+        return
     (bound,) = static_bounds(elaborator, step.value, root, found.dimension or ONE, what, 1)
     match found.reference:
         case Quantity(name):
             if not elaborator.is_integral(name):
-                hint = "Of signals, only those that are `integral(…)` have a start; parameters and inputs are given by `set`."
+                hint = "Of signals, only those that are `integral(…)` have a start, and modes; parameters and inputs are given by `set`."
                 raise Wrong(WrongExperiment(step.target.span, f"`{words}` has no start", hint))
             _once(step, ("", name), result)
             result.integrals[name] = bound
@@ -146,7 +155,7 @@ def _check_storage(step: tree.Set, element: Element | None, port: str, variable:
     if element is None or not element.stored:
         raise Wrong(_no_start(step, "It stores nothing: start the storages that are tied to it."))
     number = next(i for i, p in enumerate(element.ports) if p.name == port)
-    allowed = STARTED[element.stored[number]]
+    allowed = STORED_BY[element.stored[number]]
     if variable not in allowed:
         domain = DOMAINS[element.ports[number].domain]
         prefix = f"{element.name}.{port}" if port else element.name

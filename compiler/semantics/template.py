@@ -32,14 +32,14 @@ Value = Typed | tuple[Typed, ...]
 class Slot:
     """What a slot reads: a path of the text, and which item of it if it is a list."""
 
-    path: tree.Path | tree.Call  # a call is `integral(…)`, a signal of its own
+    path: tree.Path | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
     item: int | None
     base: bool = False  # read where the model stands, not in a round of a loop: by a function of the model
 
     @property
     def words(self) -> str:
         """What it reads, as written."""
-        return self.path.words if isinstance(self.path, tree.Path) else "integral(…)"
+        return self.path.words if isinstance(self.path, tree.Path) else f"{self.path.function}(…)"
 
 
 @dataclass(frozen=True, slots=True)

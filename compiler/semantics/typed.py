@@ -43,6 +43,7 @@ from .scales import bare, is_absolute, scale_of
 from .scope import Scope, Wrong, describe, suggestion, unit_hint
 from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
 
+MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)"}  # signals with memory
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 
@@ -243,7 +244,7 @@ class ExpressionCompiler:
         return parts if found.is_list else parts[0]
 
     def _slot(self, path: tree.Path | tree.Call, item: int | None, base: bool = False) -> int:
-        key = (path.words if isinstance(path, tree.Path) else f"integral at {path.span.start}", item, base)
+        key = (path.words if isinstance(path, tree.Path) else f"{path.function} at {path.span.start}", item, base)
         if key not in self.slots:
             self.slots[key] = len(self.slot_list)
             self.slot_list.append(Slot(path, item, base))
@@ -374,15 +375,21 @@ class ExpressionCompiler:
         function = self._function(node.function)
         if function is not None:
             return self._open(function, node)
-        if node.function == "integral":
-            return self._integral(node)
+        if node.function in MEMORIES:
+            return self._memory(node)
         if node.function in tables.USAGE:
             return tables.compile_table(self, node)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
             hint = suggestion(
                 node.function,
-                [*FUNCTIONS, *tables.USAGE, *self.scope.definition.file.functions, *self.scope.definition.functions],
+                [
+                    *FUNCTIONS,
+                    *MEMORIES,
+                    *tables.USAGE,
+                    *self.scope.definition.file.functions,
+                    *self.scope.definition.functions,
+                ],
                 "A product is written with `*`.",
             )
             raise Wrong(UnknownFunction(node.span, node.function, hint))
@@ -406,15 +413,14 @@ class ExpressionCompiler:
         own = definition.functions.get(name) if self.in_model else None
         return own or definition.file.functions.get(name)
 
-    def _integral(self, node: tree.Call) -> Typed:
-        """`integral(rate, start)` is a signal of its own, with memory; here it is only read."""
+    def _memory(self, node: tree.Call) -> Typed:
+        """`integral(rate, start)` and `delay(x, 1 ms)` are signals of their own, with memory; here they are only read."""
         if len(node.arguments) != 2:
-            raise Wrong(
-                WrongArguments(node.span, "integral", _arguments(2), len(node.arguments), "integral(rate, start)")
-            )
+            usage = MEMORIES[node.function]
+            raise Wrong(WrongArguments(node.span, node.function, _arguments(2), len(node.arguments), usage))
         if self.opening:
-            hint = "Integrate where the function is used."
-            raise Wrong(Unsupported(node.span, "`integral` inside a function", hint))
+            hint = "Integrate where the function is used." if node.function == "integral" else "Delay where it is used."
+            raise Wrong(Unsupported(node.span, f"`{node.function}` inside a function", hint))
         found = self.resolve(node, self.scope)
         return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
 

@@ -209,7 +209,11 @@ class Builder(Transformer[Token, Any]):
 
     def event(self, parts: list[Any]) -> tree.Event:
         condition = _done(parts[0])
-        return tree.Event(condition.span, condition, parts[1])
+        return tree.Event(condition.span, condition, parts[1], False)
+
+    def sampling(self, parts: list[Any]) -> tree.Event:
+        period = _done(parts[0])
+        return tree.Event(period.span, period, parts[1], True)
 
     def requirement(self, parts: list[Any]) -> tree.Requirement:
         condition = _done(parts[0])

@@ -98,7 +98,9 @@ def _open_brace(text: str, outermost: int) -> int:
 
 _INDENT = re.compile(r"[ \t]*")
 _BRACES = re.compile(r'#[^\n]*|"[^"\n]*"|([{}])')
-_IN_A_MODEL = frozenset(["parameter", "input", "output", "signal", "port", "multibody", "for", "when", "experiment"])
+_IN_A_MODEL = frozenset(
+    ["parameter", "input", "output", "signal", "port", "multibody", "for", "when", "every", "experiment"]
+)
 
 
 def _hint(problem: lark.UnexpectedInput, source: Source) -> str:

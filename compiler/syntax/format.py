@@ -30,7 +30,7 @@ TABLE = 4  # two rows of a table lie at most so many lines apart
 TAB = 8  # columns from one tab stop to the next, where there are tabs
 
 _INTRODUCES_NAMES = frozenset(["parameter", "constant", "input", "output", "signal", "mode", "port", "sweep"])
-_HAS_BLOCK = frozenset(["model", "plain", "multibody", "for", "when", "experiment"])
+_HAS_BLOCK = frozenset(["model", "plain", "multibody", "for", "when", "every", "experiment"])
 _SPACED = frozenset(["=", "->", "=>", "<", "<=", ">", ">=", "==", "!="])
 _CLOSE = frozenset("*/^")
 _OPERAND_ENDS = frozenset(["NAME", "NUMBER", "RPAR", "RSQB"])

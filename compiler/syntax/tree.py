@@ -322,10 +322,11 @@ class Reset(Node):
 
 @dataclass(frozen=True, slots=True)
 class Event(Node):
-    """`when condition { … }`."""
+    """`when condition { … }`; or `every period { … }`, which is `sampled`."""
 
     condition: Expression
     resets: tuple[Reset, ...]
+    sampled: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,17 +7,17 @@ from collections.abc import Iterator
 
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
-from ..graph.network import BondGraph, End, Junction, MechanismNode, Named, Node, Requirement
+from ..graph.network import BondGraph, End, Event, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
 from .errors import UnwrittenDomain
 from .folded import heating_resistors, shared_ports
-from .literals import Refused, bond_lines, description_text, former_name, number_text, unit_text
+from .literals import Refused, bond_lines, braces, description_text, former_name, number_text, unit_text
 from .mechanism import mechanism_lines
 from .names import TWO_SIDED, choose_names, lone_bonds
 from .words import Words
 
-ROLES = {"parameter": "parameter", "constant": "constant", "input": "input"}  # all others are signals
+ROLES = {"parameter": "parameter", "constant": "constant", "input": "input", "mode": "mode"}  # all others are signals
 
 
 def write_text(graph: BondGraph) -> str:
@@ -59,10 +59,11 @@ class _Writer:
         quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
         outputs = [line for n, o in graph.outputs.items() for line in self._told(o, self._output(n, o))]
         limits = [line for r in graph.requirements for line in self._told(r, self._requirement(r))]
+        events = [line for e in graph.events for line in self._told(e, self._event(e))]
         self._check_domains()
         if self.mistakes:
             raise CompilationFailed(self.mistakes)
-        blocks = [quantities, parts, list(bond_lines(self._bonds())), limits, outputs]
+        blocks = [quantities, parts, list(bond_lines(self._bonds())), events, limits, outputs]
         body = "\n\n".join("\n".join(f"  {line}" for line in lines) for lines in blocks if lines)
         head = f"# {graph.name}, flat: its instances are opened, its numbers are in SI.\n"
         return f"{head}{'plain ' if self.plain else ''}model {graph.name} {{\n{body}\n}}\n"
@@ -70,7 +71,17 @@ class _Writer:
     def _requirement(self, required: Requirement) -> Iterator[str]:
         yield f"require {self.words.condition(required.condition)}{description_text(required.text)}"
 
-    def _told(self, item: Node | Named | Requirement, lines: Iterator[str]) -> list[str]:
+    def _event(self, event: Event) -> Iterator[str]:
+        if event.period is not None:
+            yield f"every {self.words.bound(event.period, ONE if self.plain else SECOND)} {{"
+        else:
+            yield f"when {self.words.condition(event.condition)} {{"
+        for action in event.actions:
+            target = self.words.reference(action.target)
+            yield f"  {target.text} = {self.words.bound(action.value, target.dimension)}"
+        yield "}"
+
+    def _told(self, item: Node | Named | Requirement | Event, lines: Iterator[str]) -> list[str]:
         """The lines of one thing, or none and a mistake."""
         try:
             return list(lines)
@@ -107,6 +118,10 @@ class _Writer:
                 self.words.bound(integral.start, dimension),
             )
             value = f"integral({rate}, {start})"
+        elif named.name in self.graph.delays:
+            delay = self.graph.delays[named.name]
+            lag = self.words.bound(delay.lag, ONE if self.plain else SECOND)
+            value = f"delay({self.words.bound(delay.value, dimension)}, {lag})"
         elif named.definition is not None:
             value = self.words.bound(named.definition, dimension)
         else:
@@ -122,7 +137,11 @@ class _Writer:
             yield from mechanism_lines(node.mechanism, self.names, self.words)
         elif isinstance(node, Junction):
             name = self.names.nodes[node.name]
-            yield f"{node.kind.value} {name}{'' if self.plain else f' : {node.domain}'}{former_name(node.name, name)}"
+            domain = "" if self.plain else f" : {node.domain}"
+            active = (
+                f"active = {self.words.condition(s.active)}" for s in self.graph.switches if s.junction == node.name
+            )
+            yield f"{node.kind.value} {name}{domain}{braces(active)}{former_name(node.name, name)}"
         else:
             yield element_line(node, self.words, node.name in self.heating)
 

@@ -237,7 +237,13 @@ def rates_of(
     constants = program.constants(np.array(program.defaults))
     start = np.asarray(program.start(constants))
     x = np.array([state.get(n, start[i]) for i, n in enumerate(program.states.names)])
-    rates = program.derivative(time, x, np.array(program.input_defaults), constants, program.switches(time, constants))
+    rates = program.derivative(
+        time,
+        x,
+        np.array(program.input_defaults),
+        constants,
+        program.mode_at(time, x, np.array(program.input_defaults), constants),
+    )
     known = dict(zip(program.states.names, rates, strict=True))
     return np.array([known.get(n, own) for n, own in zip(found.states, found.rates, strict=True)])
 

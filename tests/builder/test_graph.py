@@ -12,6 +12,7 @@ import pytest
 
 import bondgraph
 from bondgraph import Graph
+from compiler.errors import CompilationFailed
 from compiler.source import Source
 from compiler.syntax.format import format_text
 from tests.compiling import MODELS, ROOT
@@ -427,8 +428,28 @@ def test_experiments_are_those_of_a_text() -> None:
     assert "    report position in mm\n" in g.text()
 
 
+def ball() -> Graph:
+    g = Graph("Ball")
+    bounce = g.parameter("bounce", 0.8)
+    resting = g.mode("resting", "false")
+    body = g.one("ball", active=f"not {resting}")
+    mass = g.I("mass", "p = 0.1 kg*v")
+    g.Se("weight", "F = -0.981 N") >> body >> mass
+    height = g.output("height", f"integral({body}.v, 1 m)")
+    g.when(f"{height} < 0 m", {f"{mass}.v": f"-{bounce}*{mass}.v", resting: f"abs({mass}.v) < 1 [mm/s]"})
+    return g
+
+
+def test_events_of_a_builder() -> None:
+    result = ball().model().simulate(to="5 s")
+    assert len(result.events) == 39
+    assert abs(result.final("height")) < 1e-6
+    with pytest.raises(CompilationFailed):
+        ball().when("height < 0 m }", {"resting": "true"})
+
+
 def test_the_text_is_formatted() -> None:
-    for g in (oscillator(), manipulator()):
+    for g in (oscillator(), manipulator(), ball()):
         assert format_text(Source("text", g.text())) == g.text()
 
 

@@ -81,8 +81,7 @@ def test_jacobian_of_laws(law: str, point: float) -> None:
     text = f"plain model A {{\n  1 j\n  I m : p = 2*f\n  C c : {law}\n  R r : e = f + f^3\n  j -> m, c, r\n}}\n"
     running = Running(compiled(text, everything=True))
     state = np.array([0.8, point])
-    arguments = list(running.arguments(0.0, None, None))
-    arguments[1] = state
+    arguments = list(running.arguments(0.0, {"m.p": 0.8, "c.q": point}, None))
     exact = running.program.jacobian(*arguments)
 
     def rates(x: Any) -> Any:

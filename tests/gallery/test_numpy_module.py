@@ -81,7 +81,10 @@ def test_module_and_sympy_agree(path: Path, name: str, tmp_path: Path) -> None:
             time = float(generator.uniform(0, 1))
             x = start + magnitude * generator.uniform(-1, 1, len(states))
             u = generator.uniform(-1, 1, len(generated.INPUTS))
-            rates = generated.derivative(time, x, u, constants, generated.switches(time, constants))
+            mode = generated.switches(time, constants)
+            if hasattr(generated, "mode_at"):  # with conditions on states
+                mode = generated.mode_at(time, x, u, constants)
+            rates = generated.derivative(time, x, u, constants, mode)
             found.append(dict(zip(states, rates.tolist(), strict=True)))
             values = known | {"time": time} | dict(zip(states, x.tolist(), strict=True))
             values |= dict(zip([n for n, _ in generated.INPUTS], u.tolist(), strict=True))

@@ -106,7 +106,7 @@ class TestExamples:
         assert codes == {"BG130"}
 
     def test_there_are_examples(self) -> None:
-        assert len(EXAMPLES) >= 20 and len(LATER) >= 2
+        assert len(EXAMPLES) >= 20 and len(LATER) >= 1
 
     @pytest.mark.parametrize("fence", [f for f in (*EXAMPLES, *DRAWN) if f.kind != "bg-part"], ids=lambda f: f.place)
     def test_they_are_formatted(self, fence: Fence) -> None:

@@ -132,7 +132,8 @@ class Text:
         rates, outputs = [], []
         with np.errstate(all="ignore"):
             for time, x in zip(times, states, strict=True):
-                arguments = (time, x, self.inputs, self.constants, self.program.switches(time, self.constants))
+                mode = self.program.mode_at(time, x, self.inputs, self.constants)
+                arguments = (time, x, self.inputs, self.constants, mode)
                 rates.append(self.program.derivative(*arguments))
                 outputs.append(self.program.output(*arguments))
         return np.array(rates), np.array(outputs)
@@ -184,9 +185,10 @@ class Text:
     def _middle(self, time: float, x: Any, size: Any, step: float) -> tuple[Any, bool]:
         """The change of the state in one step, by Newton's method, and whether it converged."""
         change, before = np.zeros_like(x), np.inf
-        fixed = (self.inputs, self.constants, self.program.switches(time, self.constants))
         for _ in range(10):
             middle = x + change / 2
+            mode = self.program.mode_at(time, middle, self.inputs, self.constants)
+            fixed = (self.inputs, self.constants, mode)
             rest = (step * self.program.derivative(time, middle, *fixed) - change) / size
             slope = self.program.jacobian(time, middle, *fixed) * size / size[:, None]
             if not (np.isfinite(rest).all() and np.isfinite(slope).all()):

@@ -24,7 +24,7 @@ def test_state_and_algebraic_equations_are_those_of_the_program() -> None:
     assert names[0] == "store.q" and set(names[1:]) == set(rests)
     for time, values in ((0.001, (1e-4, 0.9, 0.1)), (0.013, (-2e-4, -1.5, 0.02))):
         x = np.array([dict(zip(("store.q", "store.u", "series.u"), values, strict=True))[n] for n in names])
-        expected = program.derivative(time, x, inputs, constants, program.switches(time, constants))
+        expected = program.derivative(time, x, inputs, constants, program.mode_at(time, x, inputs, constants))
         known = dict(zip(names, x, strict=True)) | {"time": time} | {n: p.value for n, p in model.parameters.items()}
         put = {s: known[s.name] for e in (*rates.values(), *rests.values()) for s in e.free_symbols}
         found = [float((rates | rests)[n].subs(put)) for n in names]

@@ -182,8 +182,8 @@ def same_motion(first: Compilation, second: Compilation, tries: int = 20, tolera
         for number in range(tries):
             state = x + rng.normal(size=len(x)) * 10.0 ** rng.uniform(-6, 0)
             time = float(rng.uniform(0, 0.03)) if number else 0.0
-            mine = (time, state, u, a.constants(p), a.switches(time, a.constants(p)))
-            theirs = (time, state, w, b.constants(q), b.switches(time, b.constants(q)))
+            mine = (time, state, u, a.constants(p), a.mode_at(time, state, u, a.constants(p)))
+            theirs = (time, state, w, b.constants(q), b.mode_at(time, state, w, b.constants(q)))
             for name in ("derivative", "output"):
                 expected, found = getattr(a, name)(*mine), getattr(b, name)(*theirs)
                 scale = np.max(np.abs(expected), initial=0.0, where=np.isfinite(expected))

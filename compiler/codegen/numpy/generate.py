@@ -8,7 +8,7 @@ from importlib.abc import InspectLoader
 from types import ModuleType
 
 from ..lower import Lowered, count_operations
-from ..program import Names, Program
+from ..program import Delays, Hybrid, Names, Program
 from .write import Writer
 
 
@@ -32,7 +32,20 @@ def generate_program(lowered: Lowered) -> Program:
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
         names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
         module.solved if lowered.solved is not None else None,
-        count_operations(lowered.rates), lowered.differentiated,
+        count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module),
+        Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
+    )  # fmt: skip
+
+
+def _hybrid(lowered: Lowered, module: ModuleType) -> Hybrid | None:
+    events = lowered.events
+    if not events.present:
+        return None
+    variables = [lowered.space.variables[d.variable] for d in lowered.space.discretes]
+    modes = Names(tuple(v.name for v in variables), tuple(v.unit for v in variables))
+    return Hybrid(
+        events.size, modes, module.mode_start, tuple(events.timed), tuple(item.note for item in events.located), module.roots,
+        events.events, module.triggers, module.values, module.targets, module.sampling, module.mode_at, events.junctions, module.actives, module.conjugates,
     )  # fmt: skip
 
 
@@ -54,9 +67,10 @@ def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], t
 
 def write_module(lowered: Lowered) -> str:
     """The text of the module."""
+    mode = "mode_at(0.0, x, INPUT_DEFAULTS, c)" if lowered.events.present else "switches(0.0, c)"
     note = (
         f"{lowered.space.name}: generated from a bond graph; needs numpy alone.\n\n"
-        "c = constants(DEFAULTS); x = start(c); derivative(0.0, x, INPUT_DEFAULTS, c, switches(0.0, c)).\n"
+        f"c = constants(DEFAULTS); x = start(c); derivative(0.0, x, INPUT_DEFAULTS, c, {mode}).\n"
         "All quantities are in SI; arrays may have leading axes (batches). Both sides of an `if` are evaluated: where that warns of\n"
         "a division by zero, `with numpy.errstate(all='ignore')` around the call keeps it quiet.\n"
     )

@@ -13,6 +13,7 @@ from pathlib import PurePath
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
 from ...algebra.table import lists
 from ...errors import printable
+from ..events import LoweredEvents
 from ..limits import Leaf
 from ..lower import INPUT, MODE, STATE, TIME, Lowered, moving
 from .beginning import beginning
@@ -67,6 +68,8 @@ class Writer:
             *lowered.signals,
             *lowered.switches,
             *lowered.crossings,
+            *lowered.events.roots(),
+            *lowered.delayed,
             *(limit.condition for limit in lowered.limits),
             *(value.expression for limit in lowered.limits for value in limit.values),
         ]
@@ -94,6 +97,9 @@ class Writer:
             *self.lowered.starts,
             *(n for n in self.lowered.nominals if n is not None),
             *self.lowered.instants,
+            *self.lowered.events.starts,
+            *self.lowered.lags,
+            *self.lowered.events.periods,
             *self.lowered.periods,
             *argument_values,
         ]
@@ -127,7 +133,7 @@ class Writer:
                 else f"{heading} = ()\n"
             )
         defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.parameters)
-        input_defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.inputs)
+        input_defaults = ", ".join(_float(lowered.space.variables[v].value or 0.0) for v in lowered.inputs)
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
         parts.append(f"INPUT_DEFAULTS = ({input_defaults}{',' if lowered.inputs else ''})\n")
         parts.append(self._constants())
@@ -139,6 +145,8 @@ class Writer:
             parts.append(self._function(name, arguments, doc, roots))
             if name == "jacobian_entries":
                 parts.append(_jacobian(sorted(lowered.jacobian), len(lowered.rates)))
+        if lowered.events.present:
+            parts.append(_mode_at(lowered.events))
         arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.arrays.items())
         return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
 
@@ -218,6 +226,34 @@ class Writer:
             lowered.crossings,
         )
         yield "switches", "time, constants", "The truth of the conditions on time.", lowered.switches
+        if lowered.lags:
+            yield "lags", fixed, "By how much delayed signals are late.", lowered.lags
+            yield "delayed", full, "What delayed signals will be.", lowered.delayed
+        if lowered.events.present:
+            yield from self._event_functions()
+
+    def _event_functions(self) -> Iterator[tuple[str, str, str, Sequence[Expression]]]:
+        """The functions of a program in which something happens at instants that depend on its states."""
+        events, full = self.lowered.events, "time, state, inputs, constants, mode"
+        yield "mode_start", "constants", "What only events change, at the start.", events.starts
+        roots = [item.root for item in events.located]
+        yield (
+            "roots",
+            full,
+            "Conditions on states, left side less right side: each flips where this changes sign.",
+            roots,
+        )
+        yield "triggers", full, "The truth of the conditions of events.", events.triggers
+        yield "values", full, "What events set.", events.values
+        yield "targets", full, "What is computed from states and set by events, as it is.", events.targets
+        yield "sampling", "constants", "The periods of sampled events.", events.periods
+        yield "actives", full, "Whether switched junctions are on.", events.actives
+        yield (
+            "conjugates",
+            full,
+            "Efforts for displacements and flows for momenta, where junctions switch.",
+            events.conjugates,
+        )
 
     def array(self, values: tuple[float, ...]) -> str:
         """The name of a list of numbers, written once for the module."""
@@ -247,7 +283,7 @@ class Writer:
             body.known[Symbol(Leaf("state", position))] = leaf_name
         for position, leaf_name in enumerate(self.input_names):
             body.known[Symbol(Leaf("input", position))] = leaf_name
-        for position in range(len(self.lowered.switches)):
+        for position in range(self.lowered.events.size):
             body.known[Symbol(Leaf("mode", position))] = f"mode[{position}]"
         body.known[Symbol(Leaf("time", 0))] = "time"
         results = body.write(roots, {})
@@ -452,6 +488,23 @@ def jacobian(time, state, inputs, constants, mode):
     matrix = np.zeros((*entries.shape[:-1], {n}, {n}))
     matrix[(..., *PATTERN)] = entries
     return matrix
+'''
+
+
+def _mode_at(events: LoweredEvents) -> str:
+    """The mode from the conditions on time and on states."""
+    located = [item.note.position for item in events.located]
+    strict = [item.note.strict for item in events.located]
+    return f'''
+def mode_at(time, state, inputs, constants):
+    """The mode at a state, with what only events change as it starts."""
+    mode = np.zeros((*_leading(time, state, inputs, constants), {events.size}))
+    mode[..., {list(range(len(events.starts)))}] = mode_start(constants)
+    mode[..., {events.timed}] = switches(time, constants)
+    for _ in range({len(located)}):  # one may be asked under another
+        left_less_right = roots(time, state, inputs, constants, mode)
+        mode[..., {located}] = (left_less_right < 0) | ((left_less_right == 0) & ~np.array({strict}))
+    return mode
 '''
 
 

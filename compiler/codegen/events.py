@@ -1,0 +1,109 @@
+"""What changes at instants: conditions that are located, what only events change, what events set, which junctions are on.
+
+The `mode` of a program holds, one after the other, what only events change and the truth of conditions. All of it stands still
+between two instants. A condition on time alone is computed from time; one on states is located where its root, left side less
+right side, changes sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ..algebra.expression import Expression, Symbol
+from ..equations.system import EventRow
+from ..reduction import LinearLoop, StateSpace
+from ..reduction.order import needed
+from ..source import Span
+from .program import ConditionNote, EventNote, SettingNote
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """A condition on states: an item of the mode that flips where its root changes sign."""
+
+    symbol: Symbol
+    root: Expression
+    note: ConditionNote
+
+
+@dataclass(eq=False)
+class LoweredEvents:
+    """The expressions of all that happens at instants, over `Leaf` symbols."""
+
+    starts: tuple[Expression, ...] = ()  # of what only events change
+    timed: list[int] = field(default_factory=list)  # places in the mode of the conditions on time
+    located: list[Located] = field(default_factory=list)
+    triggers: tuple[Expression, ...] = ()
+    values: tuple[Expression, ...] = ()  # what all settings set, in a row
+    targets: tuple[Expression, ...] = ()  # what is computed from states and set
+    actives: tuple[Expression, ...] = ()
+    periods: tuple[Expression, ...] = ()  # of sampled events, of parameters
+    conjugates: tuple[
+        Expression, ...
+    ] = ()  # efforts and flows of states, then of dependent storages, where junctions switch
+    events: tuple[EventNote, ...] = ()
+    junctions: tuple[tuple[str, Span], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """The length of the mode."""
+        return len(self.starts) + len(self.timed) + len(self.located)
+
+    @property
+    def present(self) -> bool:
+        """Whether anything happens but what time alone brings."""
+        return bool(self.starts or self.located or self.events or self.junctions)
+
+    def roots(self) -> tuple[Expression, ...]:
+        """All expressions that are computed."""
+        located = (item.root for item in self.located)
+        return (*located, *self.triggers, *self.values, *self.targets, *self.actives, *self.conjugates)
+
+
+def behind_the_run(space: StateSpace) -> set[int]:
+    """The variables that rates, residuals and conditions of events read: where they jump, a step must end."""
+    inputs: list[list[int]] = [[] for _ in space.variables]
+    for step in space.steps:
+        if isinstance(step, LinearLoop):
+            read = [e for row in (*step.matrix, step.right) for e in row if isinstance(e, int)]
+            for target in step.targets:
+                inputs[target] = read
+        else:
+            inputs[step.target] = [a for a in step.arguments if isinstance(a, int)]
+    wanted = [s.rate for s in space.states] + [u.residual for u in space.unknowns]
+    wanted += [d.value for d in space.delays]
+    wanted += [e.condition for e in space.events] + [s.condition for s in space.switches]
+    return needed(wanted, inputs)
+
+
+def event_variables(space: StateSpace) -> list[int]:
+    """The variables that events and switched junctions are computed from."""
+    found = [s.condition for s in space.switches]
+    for event in space.events:
+        found += [event.condition, *(v for s in event.settings for v in (s.target, s.value))]
+    return found
+
+
+def event_notes(space: StateSpace, moving: Mapping[int, int]) -> tuple[tuple[EventNote, ...], list[int]]:
+    """The events as a program tells them, and the variables among their targets that are computed from states.
+
+    `moving`: states and unknowns, and their places.
+    """
+    modes = {d.variable: i for i, d in enumerate(space.discretes)}
+    states = {s.variable for s in space.states}
+    computed: list[int] = []
+
+    def note(event: EventRow) -> EventNote:
+        settings = []
+        for setting in event.settings:
+            if setting.target in modes:
+                settings.append(SettingNote("mode", modes[setting.target], setting.words, setting.span))
+            elif setting.target in states:
+                settings.append(SettingNote("state", moving[setting.target], setting.words, setting.span))
+            else:
+                settings.append(SettingNote("computed", len(computed), setting.words, setting.span))
+                computed.append(setting.target)
+        return EventNote(event.owner, event.words, event.span, tuple(settings), event.period is not None)
+
+    return tuple(note(event) for event in space.events), computed

@@ -1,0 +1,68 @@
+"""Events as equations: a condition that is 1 or 0, and for each thing that is set a variable with its new value.
+
+What is set for a storage by another variable than the stored one (`mass.v = …`) is taken through its law where that can be
+solved; else, and for what is computed from states, the variable itself is the target, and the states follow at the instant.
+"""
+
+from __future__ import annotations
+
+from ..algebra.expression import Expression, Number, Symbol, substitute
+from ..algebra.formula import bind
+from ..graph.network import Action, BondGraph, Element, Event, Own, Quantity
+from .builder import EquationBuilder
+from .laws import solved
+from .system import EventRow, Setting, Switch
+
+
+def event_equations(graph: BondGraph, to: EquationBuilder) -> None:
+    """Write the conditions and values of all events, and when junctions are on."""
+    elements = {n.name: n for n in graph.nodes if isinstance(n, Element)}
+    for event in graph.events:
+        to.events.append(_event(event, elements, to))
+    for switch in graph.switches:
+        condition = to.variable(f"{switch.junction} is active", "computed", "1")
+        to.apply(condition, switch.active, switch.span, switch.junction)
+        to.switches.append(Switch(switch.junction, condition, switch.span))
+
+
+def _event(event: Event, elements: dict[str, Element], to: EquationBuilder) -> EventRow:
+    condition = to.variable(f"when {event.words}", "computed", "1")
+    to.apply(condition, event.condition, event.span, event.name or "when")
+    settings = tuple(_setting(action, elements, to) for action in event.actions)
+    period = None if event.period is None else to.static(to.folded(event.period), f"every {event.words}", event.span)
+    return EventRow(condition, settings, event.name, event.words, event.span, period)
+
+
+def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) -> Setting:
+    target = action.target
+    value = to.held(to.folded(action.value), f"new {action.words}", "", action.span)
+    if isinstance(target, Quantity):
+        number = to.quantity(target.name)
+        assert isinstance(number, int)
+        return Setting(number, value, action.words, action.span)
+    element = elements.get(target.node)
+    if element is not None and len(element.ports) == 1 and target.variable != element.stored[0]:
+        found = _through_law(element, target.variable, value, to)
+        if found is not None:
+            stored = to.reading(target._replace(variable=element.stored[0]))
+            number = to.held(found, f"new {element.name}.{element.stored[0]}", "", action.span)
+            return Setting(stored, number, action.words, action.span)
+    return Setting(to.reading(target), value, action.words, action.span)
+
+
+def _through_law(element: Element, given: str, value: int, to: EquationBuilder) -> Expression | None:
+    """What a one-port stores where its other variable has a value; None if its law cannot be solved for it."""
+    found = solved(element.law, (Own(0, element.stored[0]),))
+    if found is None:
+        return None
+    bound = bind(found[0])
+
+    def put(symbol: Symbol) -> Expression:
+        key = bound.arguments[symbol.key]
+        if isinstance(key, Own):
+            assert key.variable == given
+            return Symbol(value)
+        argument = to.reference(element.arguments[key])
+        return Number(argument) if isinstance(argument, float) else Symbol(argument)
+
+    return substitute(bound.formula.expression, put)

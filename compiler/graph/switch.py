@@ -1,0 +1,83 @@
+"""Junctions that are off: a 1-junction without flow, a 0-junction without effort.
+
+Each of its bonds ends at a source of nothing instead, so that all that follows (what gives nothing, causality, equations) is as for any
+graph: an open switch between two nodes vanishes, a shorted capacitor is in derivative form, what hangs alone keeps what it stores.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from ..algebra.expression import ZERO, Symbol, evaluate
+from .network import TIME, Bond, BondGraph, Element, End, Junction, Kind, Law, Node, Own, Port, Quantity
+
+
+def switch_off(graph: BondGraph, names: Iterable[str]) -> BondGraph:
+    """The graph with these junctions off."""
+    off = frozenset(names)
+    if not off:
+        return graph
+    nodes: list[Node] = list(graph.nodes)
+    ends: dict[tuple[int, int], int] = {}  # node and bond -> the node where the bond ends instead
+    for number, node in enumerate(graph.nodes):
+        if not isinstance(node, Junction) or node.name not in off:
+            continue
+        for count, bond in enumerate(graph.incident[number]):
+            ends[number, bond] = number if not count else len(nodes)
+            source = _nothing(node, node.name if not count else f"{node.name} ({count + 1})")
+            if count:
+                nodes.append(source)
+            else:
+                nodes[number] = source
+
+    def moved(end: End, bond: int) -> End:
+        return End(ends.get((end.node, bond), end.node), end.port)
+
+    bonds = tuple(Bond(moved(b.tail, n), moved(b.head, n), b.domain, b.span) for n, b in enumerate(graph.bonds))
+    return replace(graph, nodes=tuple(nodes), bonds=bonds)
+
+
+def off_at_the_start(graph: BondGraph, time: float) -> tuple[str, ...]:
+    """The junctions whose condition fails with the modes as they start; those that read what moves count as on."""
+
+    def value(name: str) -> float:
+        if name == TIME.name and name not in graph.quantities:
+            return time
+        named = graph.quantities[name]
+        if named.value is not None:
+            return named.value
+        if (
+            named.role not in ("mode", "signal", "output", "input")
+            or named.definition is None
+            or name in graph.integrals
+        ):
+            raise ValueError(name)
+        bound = named.definition
+        return evaluate(bound.formula.expression, lambda slot: reference(bound.arguments[slot]))
+
+    def reference(argument: object) -> float:
+        if isinstance(argument, float):
+            return argument
+        if isinstance(argument, Quantity):
+            return value(argument.name)
+        raise ValueError(argument)
+
+    off = []
+    for switch in graph.switches:
+        condition = switch.active
+        try:
+            on = evaluate(condition.formula.expression, lambda slot, b=condition: reference(b.arguments[slot]))  # type: ignore[misc]
+        except (ArithmeticError, ValueError, KeyError):
+            continue
+        if on != 1.0:
+            off.append(switch.junction)
+    return tuple(off)
+
+
+def _nothing(node: Junction, name: str) -> Element:
+    """A source of no flow, or of no effort."""
+    kind, variable = (Kind.FLOW_SOURCE, "f") if node.kind is Kind.ONE else (Kind.EFFORT_SOURCE, "e")
+    law = Law(((Symbol(Own(0, variable)), ZERO),), None, 0)
+    ports = (Port("", node.domain),)
+    return Element(name, kind, False, ports, law, (), (), {}, {}, None, None, node.definition, node.span)
