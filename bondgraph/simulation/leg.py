@@ -77,8 +77,7 @@ class Leg:
             return loops.solve(first.start, full, first.mode), ()
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
-            full = equilibrium(program, constraints.constants, self.inputs, full, first)
-            full = constraints.project(first.start, full, first.mode)
+            full = equilibrium(program, constraints, self.inputs, full, first)
         return full, moved
 
     def _tolerances(self) -> Tolerances:
