@@ -33,7 +33,7 @@ def assemble(constraints: Constraints, claims: Missed, time: float, mode: Any, s
     if constraints.missed(time, found, mode) > FULL:
         loose = _solved(constraints, claims, time, mode, state, np.ones(constraints.count, dtype=bool))
         given, count = ~movable, constraints.count
-        size = np.maximum(np.abs(state[:count]), _sizes(constraints, time, state, mode))
+        size = np.maximum(np.abs(state[:count]), sizes(constraints, time, state, mode))
         off = np.abs(loose - state)[:count][given] > CLOSE * size[given]
         if off.any() or constraints.missed(time, loose, mode) > FULL:
             raise RunFailed(_contradiction(constraints, time, mode, found, given))
@@ -55,7 +55,7 @@ def _contradiction(constraints: Constraints, time: float, mode: Any, state: Any,
     )
 
 
-def _sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
+def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
     """What a change of each state is measured by: a length by that of the mechanism, an angle by a radian."""
     units = constraints.program.states.units
     slopes, _ = constraints.slopes(time, state, mode)
@@ -67,7 +67,7 @@ def _sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
 
 def _solved(constraints: Constraints, claims: Missed, time: float, mode: Any, state: Any, movable: Any) -> Any:
     program = constraints.program
-    size = _sizes(constraints, time, state, mode)
+    size = sizes(constraints, time, state, mode)
     fixed = (constraints.inputs, constraints.constants, mode)
 
     def missed(x: Any) -> Any:

@@ -137,6 +137,18 @@ class Constraints:
         direction = direction / length
         return slopes - np.outer(slopes @ direction, direction)
 
+    def tangents(self, time: float, state: Any, mode: Any) -> Any:
+        """Orthonormal directions (columns, in units of the magnitudes) in which states may differ on the constraints: of positions,
+        of speeds, and of all other states."""
+        gaps, rates = self.slopes(time, state, mode)
+        free = np.setdiff1d(np.arange(self.count), np.concatenate([self.positions, self.speeds]))
+        columns = [np.eye(self.count)[:, free]]
+        for slopes, places in ((gaps[self.taking], self.positions), (rates[self.taking_rates], self.speeds)):
+            full = np.zeros((self.count, len(places)))
+            full[places, np.arange(len(places))] = 1.0
+            columns.append(full @ null_space(slopes))
+        return np.concatenate(columns, axis=1)
+
     def project_all(self, times: Any, states: Any, mode: Any) -> Any:
         """The same for several instants; shape (times, n)."""
         if not self.gaps:
@@ -191,3 +203,11 @@ class Least:
             return self.factor(gap)
         step, *_ = np.linalg.lstsq(self.slopes, gap, rcond=RANK)
         return step
+
+
+def null_space(slopes: Any) -> Any:
+    """Orthonormal columns that the slopes map to nothing; for rows that are independent."""
+    if not len(slopes):
+        return np.eye(slopes.shape[1])
+    q, _ = np.linalg.qr(slopes.T, mode="complete")
+    return q[:, len(slopes) :]

@@ -69,7 +69,8 @@ class OnConstraints:
 
 def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Crossed | None:
     """A step of a given size; None if its stages are not found. Raises nothing."""
-    basis = tangents(function, time, scaled)
+    state = np.concatenate([scaled * function.reach, function.unknowns])
+    basis = function.constraints.tangents(time, state, function.mode)
     slopes = np.stack([_slope(function, time, scaled, d) for d in basis.T], axis=1) if basis.shape[1] else basis
     results = []
     for stages in (STAGES, FEWER):
@@ -80,32 +81,6 @@ def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Cro
     crossed, other = (Crossed(time, size, scaled, f, 0.0) for f in results)
     places = time + size * np.array(COMPARED)
     return replace(crossed, error=float(np.abs(crossed.at(places) - other.at(places)).max()))
-
-
-def tangents(function: OnConstraints, time: float, scaled: Any) -> Any:
-    """Orthonormal directions in which states may differ on the constraints: of positions, of speeds, and of all other states."""
-    constraints = function.constraints
-    state = np.concatenate([scaled * function.reach, function.unknowns])
-    gaps, rates = constraints.slopes(time, state, function.mode)
-    free = np.setdiff1d(np.arange(constraints.count), np.concatenate([constraints.positions, constraints.speeds]))
-    columns = [np.eye(constraints.count)[:, free]]
-    for slopes, places in (
-        (gaps[constraints.taking], constraints.positions),
-        (rates[constraints.taking_rates], constraints.speeds),
-    ):
-        full = np.zeros((constraints.count, len(places)))
-        full[places, np.arange(len(places))] = 1.0
-        columns.append(full @ null_space(slopes))
-    return np.concatenate(columns, axis=1)
-
-
-def null_space(slopes: Any) -> Any:
-    """Orthonormal columns that the slopes map to nothing; for rows that are independent."""
-    count = slopes.shape[1]
-    if not len(slopes):
-        return np.eye(count)
-    q, _ = np.linalg.qr(slopes.T, mode="complete")
-    return q[:, len(slopes) :]
 
 
 def _slope(function: Function, time: float, scaled: Any, direction: Any) -> Any:

@@ -671,6 +671,8 @@ class _Stepper:
         def over(a: float, b: float, depth: int) -> Any:
             times = a + PLACES * (b - a)
             states = sample(times)
+            if self.loops.affine:  # multipliers are not among what steps carry along
+                states = self.loops.solve_all(times, states, stretch.mode)
             values = powers(times, states, stretch.mode)
             work = (b - a) * (KRONROD @ values)
             doubt = np.abs((b - a) * (GAUSS @ values) - work) / max(self.traffic + float(np.abs(work).sum()), 1e-300)

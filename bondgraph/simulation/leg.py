@@ -108,8 +108,7 @@ class Leg:
             first = with_mode(compilation, constraints, state, first, horizon)
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
-            full = equilibrium(program, constraints.constants, self.inputs, full, first)
-            full = constraints.project(first.start, full, first.mode)
+            full = equilibrium(program, constraints, self.inputs, full, first)
         if program.hybrid is not None:
             self.begins_without = off_in(constraints, full, first)
             self.events, moment = begun(constraints, full, first, horizon)

@@ -94,6 +94,10 @@ class LoopSolver:
         """The same for several instants; shape (times, n)."""
         if not len(self.magnitude):
             return states
+        if self.affine:
+            assert self.program.solved is not None
+            found = np.asarray(self.program.solved(times, states, self.inputs, self.constants, mode))
+            return np.concatenate([states[:, : self.count], found[:, states.shape[1] :][:, self._order]], axis=1)
         return np.stack([self.solve(t, x, mode) for t, x in zip(times, states, strict=True)])
 
     def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:

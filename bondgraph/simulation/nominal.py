@@ -130,6 +130,8 @@ class _Coarse:
         if self.differential.all():
             fixed = (self.inputs, self.constants, first.mode)
             reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
+        elif self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
+            reach = self._free_on_constraints(first, self.constraints)
         whole = stretches[-1].stop - first.start
         taken = 0
         for stretch in stretches:
@@ -158,6 +160,27 @@ class _Coarse:
                 self.stopped = time
                 break
         return self.largest
+
+    def _free_on_constraints(self, first: Segment, constraints: Constraints) -> Callable[[Any], Any] | None:
+        """The same for the motions that closing joints leave, with their multipliers eliminated."""
+        count, size = constraints.count, len(self.state)
+        whole = np.zeros((size, size))
+        fixed = (self.inputs, self.constants, first.mode)
+        whole[self.rows, self.columns] = self.eliminated.entries(first.start, self.state, *fixed)
+        basis = constraints.tangents(first.start, self.state, first.mode)
+        try:
+            follow = np.linalg.solve(whole[count:, count:], whole[count:, :count])
+        except np.linalg.LinAlgError:
+            return None
+        inner = basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
+        reach = _free_motion(inner, basis.T @ self.state[:count])
+        if reach is None:
+            return None
+
+        def on_constraints(x: Any) -> Any:
+            return np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
+
+        return on_constraints
 
     def _sure_step(self, time: float, size: float, mode: Any) -> Any:
         """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
+from .constraints import Constraints
 from .loops import LoopSolver
 from .segments import Segment
 
@@ -23,12 +24,12 @@ SINGULAR = 1e-12  # of the largest singular value
 CLOSE = 1e-9  # of the magnitude of a state: the last correction
 
 
-def equilibrium(program: Program, constants: Any, inputs: Any, state: Any, first: Segment) -> Any:
+def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
     """The state at rest that is reached from a state, unknowns of loops included. Raises `RunFailed` if there is none."""
     count = len(program.states.names)
     if not count:
         return state
-    search = _Search(program, constants, inputs, first)
+    search = _Search(program, constraints, inputs, first)
     x, slope, jacobian = search.at(np.array(state))
     size = 1.0 / max(float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0)), 1e-300)
     for _ in range(STEPS):
@@ -54,16 +55,21 @@ def equilibrium(program: Program, constants: Any, inputs: Any, state: Any, first
 class _Search:
     """Rates and their derivatives by the states, with the unknowns of loops solved for."""
 
-    def __init__(self, program: Program, constants: Any, inputs: Any, first: Segment) -> None:
+    def __init__(self, program: Program, constraints: Constraints, inputs: Any, first: Segment) -> None:
+        self.constraints, constants = constraints, constraints.constants
         self.program, self.count = program, len(program.states.names)
         self.time, self.fixed = first.start, (inputs, constants, first.mode)
         magnitude = np.ones(self.count + len(program.unknowns.names))
         self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude), first.mode
         self.largest = np.zeros(self.count)
+        self.basis: Any = None  # of the directions that closing joints leave, where the search is
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
         """State, rates, and their derivatives by the states alone."""
+        full = self.constraints.project(self.time, full, self.mode)
         full = self.loops.solve(self.time, full, self.mode)
+        if self.constraints:
+            self.basis = self.constraints.tangents(self.time, full, self.mode)
         n = self.count
         slope = np.asarray(self.program.derivative(self.time, full, *self.fixed))[:n]
         whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
@@ -82,7 +88,11 @@ class _Search:
     def step(self, full: Any, slope: Any, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """One implicit Euler step; None if it leads to no numbers."""
         try:
-            change = np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
+            if self.basis is None:
+                change = np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
+            else:
+                inner = self.basis.T @ jacobian @ self.basis
+                change = self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
             trial = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
         except (np.linalg.LinAlgError, RunFailed):
             return None
@@ -90,9 +100,16 @@ class _Search:
 
     def correction(self, slope: Any, jacobian: Any) -> Any:
         """Newton's step of least length; where nothing brings back, it does not move. Infinite if nothing balances the rates."""
+        if self.basis is not None:  # what closing joints leave
+            change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis)
+            return self.basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
+        return self._least(slope, jacobian)
+
+    @staticmethod
+    def _least(slope: Any, jacobian: Any) -> Any:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
-            return np.full(self.count, np.inf)
+            return np.full(len(slope), np.inf)
         rows = np.where(rows > 0, rows, 1.0)
         matrix = jacobian / rows[:, None]
         columns = np.abs(matrix).max(axis=0)
@@ -100,10 +117,10 @@ class _Search:
         left, sizes, right = np.linalg.svd(matrix / columns)
         rank = int((sizes > SINGULAR * sizes[0]).sum())
         needed = -slope / rows
-        if rank < self.count:  # what no change of the states can cancel
+        if rank < len(slope):  # what no change of the states can cancel
             lost = left[:, rank:].T
             if (np.abs(lost @ needed) > CLOSE * (np.abs(lost) @ np.abs(needed))).any():
-                return np.full(self.count, np.inf)
+                return np.full(len(slope), np.inf)
         change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
         return change / columns
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RunFailed
-from .assembly import assemble, choose_rows
+from .assembly import assemble, choose_rows, sizes
 from .branches import other_solutions
 from .claims import fulfil, slopes_of
 from .constraints import Constraints
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..prepared import Prepared
 
 CLOSE = 1e-9  # of the size of what is claimed
+ROUNDING = 1e-3  # of the size of a mechanism: a start within 1e-9 of that is met
 DISTINCT = 1e-6  # relative difference of an unknown in two solutions
 SHOWN = 4  # solutions, and unknowns of each, that a message tells
 
@@ -79,7 +80,9 @@ def _assembled(
     constraints.assembled = choose_rows(constraints, time, x, mode)
     x = constraints.project(time, x, mode)
     value = claims(x)
-    reach = _reach(claims, x) if value.any() else np.abs(value)
+    size = np.abs(x)  # what is to be zero has the size of the mechanism, by which rounding is measured
+    size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
+    reach = np.abs(slopes_of(claims, x, np.ones(len(x), dtype=bool))) @ size if value.any() else np.abs(value)
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
     loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)))
     full = loops.solve(time, x, mode)

@@ -334,3 +334,76 @@ model Train {
     assert found.final("w") == pytest.approx(5 / inertia * 2, rel=1e-9)
     assert found.final("v") == pytest.approx(-0.4 * 5 / inertia * 2, rel=1e-9)
     assert found.final("f") == pytest.approx(3 * -0.4 * 5 / inertia, rel=1e-9)
+
+
+DRIVEN = """
+model Driven {
+  parameter r = 40 mm, l = 130 mm
+  multibody m : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body crank  { mass = 1 kg, inertia = 5e-3 [kg*m^2], at = (0, 0) }
+    body rod    { mass = 0.2 kg, inertia = 0.2 kg*l^2/12, at = (r + l/2, 0) }
+    body piston { mass = 0.8 kg, at = (r + l, 0) }
+    hinge main  : ground to crank  { at = (0, 0) }
+    hinge pin   : crank to rod     { at = (r, 0) }
+    hinge wrist : rod to piston    { at = (r + l, 0) }
+    slide bore  : ground to piston { along = 0 }
+  }
+  Sf motor : omega = 20 [rad/s]
+  motor -> m.main
+  C spring : F = 200 [N/m]*x
+  m.bore -> spring
+  output phi = m.crank.phi, x = m.piston.x, M = motor.M
+  experiment go { simulate 0 .. 0.3 s { rtol = 1e-8 } }
+}
+"""
+HANGING = """
+model Hang {
+  multibody m : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body a { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.5 m, 0) }
+    body b { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (1.5 m, -0.5 m) }
+    body c { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (2 m, -0.5 m) }
+    hinge one : ground to a { at = (0, 0) }
+    hinge two : a to b { at = (1 m, 0) }
+    hinge three : b to c { at = (2 m, -1 m) }
+    hinge four : c to ground { at = (2 m, 0) }
+  }
+  R damper : M = 1 [N*m*s]*omega
+  m.one -> damper
+  output x = m.b.x, y = m.b.y, phi = m.a.phi
+  experiment rest { equilibrium; simulate 0 .. 1 s }
+}
+"""
+
+
+def test_a_driven_crank_takes_what_the_rest_asks_for(tmp_path: Path) -> None:
+    """The motor's work is what spring and mechanism gain."""
+    found = loaded(tmp_path, DRIVEN).simulate(energy=True, points=11)
+    assert found.energy is not None
+    assert abs(found.energy.residual) < 1e-9
+    assert found.final("phi") == pytest.approx(6.0, rel=1e-9)
+
+
+def test_a_loop_at_rest_hangs_where_its_weight_is_lowest(tmp_path: Path) -> None:
+    """Three bars between two points, 2 m apart: as is found from nothing, by turning the first and looking for less."""
+    from scipy.optimize import minimize_scalar
+
+    found = loaded(tmp_path, HANGING).simulate(points=3)
+    assert np.abs(found["y"] - found["y"][0]).max() < 1e-9, "it stays there"
+    second, third = np.sqrt(2.0), 1.0
+
+    def knee(angle: float) -> tuple[float, float, float, float]:
+        x, y = np.cos(angle), np.sin(angle)
+        dx, dy = 2 - x, -y
+        far = np.hypot(dx, dy)
+        along = (second**2 - third**2 + far**2) / (2 * far)
+        down = np.sqrt(max(second**2 - along**2, 0.0))
+        return x, y, x + along * dx / far + down * dy / far, y + along * dy / far - down * dx / far
+
+    def weight(angle: float) -> float:
+        _, y, _, z = knee(angle)
+        return y / 2 + (y + z) / 2 + z / 2
+
+    best = minimize_scalar(weight, bounds=(-1.6, -0.8), method="bounded", options={"xatol": 1e-10})
+    assert found.final("phi") == pytest.approx(best.x, abs=1e-6)
