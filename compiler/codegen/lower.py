@@ -127,8 +127,8 @@ class Lowered:
     _bits: dict[Expression, int] = field(default_factory=dict)
 
 
-def lower(space: StateSpace) -> Lowered:
-    """Put the steps together, find what jumps with time, form the Jacobian."""
+def lower(space: StateSpace, located: bool = True) -> Lowered:
+    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian."""
     result = Lowered(space)
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
     used = _used(space)
@@ -148,7 +148,7 @@ def lower(space: StateSpace) -> Lowered:
         result.values[number] = Symbol(Leaf("state", position))
         slopes[number] = {position: ONE}
     switching = _Switching(result, len(space.discretes))
-    behind = behind_the_run(space)
+    behind = behind_the_run(space) if located else set[int]()
     formulas: set[Formula] = set()
     uses = Counter(a for step in space.steps if isinstance(step, Assignment) for a in step.arguments)
     for step in space.steps:
