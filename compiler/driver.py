@@ -177,7 +177,6 @@ class Compilation:
         """The program as one file of C."""
         from .codegen.c.write import write_c
         from .codegen.errors import NumpyAlone
-        from .codegen.lower import lower
 
         space = self.state_space
         told = [e.span for e in space.events] + [s.span for s in space.switches] + [d.span for d in space.delays]
