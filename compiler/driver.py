@@ -176,9 +176,14 @@ class Compilation:
     def c_source(self) -> str:
         """The program as one file of C."""
         from .codegen.c.write import write_c
+        from .codegen.errors import NumpyAlone
 
+        space = self.state_space
+        told = [e.span for e in space.events] + [s.span for s in space.switches] + [d.span for d in space.delays]
+        if told or space.discretes:
+            raise CompilationFailed([NumpyAlone(told[0] if told else self.graph.span, "C")])
         with uncollected():
-            return write_c(self.lowered)
+            return write_c(lower(space, located=False))
 
     def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
         """The program as data and machine code; `compile_` makes object code of LLVM's text, at a level of optimisation."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 from ..algebra.expression import Apply, Expression
 from ..source import Span
-from .lower import INPUT, MODE, STATE, TIME, Lowered
+from .dependence import INPUT, MODE, STATE, TIME
+from .lower import Lowered
 
 
 @dataclass(frozen=True, slots=True)

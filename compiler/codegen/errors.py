@@ -45,3 +45,13 @@ class EvenPower(Diagnostic):
     advice = "Write the law the other way round; of a positive base `b`, `exp(n*log(b))` is the same power and can be turned round."
     owner: str
     exponent: str
+
+
+@dataclass(frozen=True, slots=True)
+class NumpyAlone(Diagnostic):
+    """BG605."""
+
+    code = "BG605"
+    title = "Events, switched junctions and delays cannot be written in {target} yet"
+    advice = "Compile for numpy, which has functions for all of them."
+    target: str

@@ -13,7 +13,6 @@ from functools import lru_cache
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
-    CONDITIONS,
     ONE,
     ZERO,
     Apply,
@@ -21,39 +20,22 @@ from ..algebra.expression import (
     Number,
     Symbol,
     add,
-    call,
     closed,
     divide,
     multiply,
     negate,
-    rebuild,
-    select,
     substitute,
     symbols,
 )
 from ..algebra.formula import Formula
-from ..algebra.table import domain, is_table
 from ..equations.system import Assignment
-from ..errors import CompilationFailed
 from ..reduction import LinearLoop, StateSpace
 from ..source import Span
-from .errors import JumpsWithoutEnd, NoiseOutOfStep
-from .events import Located, LoweredEvents, behind_the_run, event_notes, event_variables
+from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME, dependence_of
+from .events import LoweredEvents, behind_the_run, event_notes, event_variables
 from .limits import Leaf, Limit, ranges, requirement
 from .multipliers import Solved, solve_multipliers
-from .program import ConditionNote
-
-PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (
-    1,
-    2,
-    4,
-    8,
-    16,
-    32,
-)  # what a node depends on, as bits; EVENT: on states once
-
-
-BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
+from .switching import Switching
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +97,7 @@ class Lowered:
 
     def dependence(self, x: Expression) -> int:
         """What an expression depends on, as bits."""
-        return _dependence(x, self._bits)
+        return dependence_of(x, self._bits)
 
     def parameter_values(self, leaf: Leaf) -> float:
         """The value that a parameter has if nobody changes it. Raises `ValueError` for what is no parameter."""
@@ -127,8 +109,8 @@ class Lowered:
     _bits: dict[Expression, int] = field(default_factory=dict)
 
 
-def lower(space: StateSpace) -> Lowered:
-    """Put the steps together, find what jumps with time, form the Jacobian."""
+def lower(space: StateSpace, located: bool = True) -> Lowered:
+    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian."""
     result = Lowered(space)
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
     used = _used(space)
@@ -147,8 +129,8 @@ def lower(space: StateSpace) -> Lowered:
     for position, number in enumerate(moving(space)):
         result.values[number] = Symbol(Leaf("state", position))
         slopes[number] = {position: ONE}
-    switching = _Switching(result, len(space.discretes))
-    behind = behind_the_run(space)
+    switching = Switching(result, len(space.discretes))
+    behind = behind_the_run(space) if located else set[int]()
     formulas: set[Formula] = set()
     uses = Counter(a for step in space.steps if isinstance(step, Assignment) for a in step.arguments)
     for step in space.steps:
@@ -293,7 +275,7 @@ def _lower_assignment(
     result: Lowered,
     step: Assignment,
     slopes: dict[int, dict[int, Expression]],
-    switching: _Switching,
+    switching: Switching,
     formulas: set[Formula],
 ) -> None:
     arguments = [_entry(result, a) for a in step.arguments]
@@ -358,149 +340,6 @@ def _solution(matrix: Sequence[Sequence[Expression]], right: Sequence[Expression
         return [divide(right[0], matrix[0][0])]
     node = Apply("solve", (*(x for row in matrix for x in row), *right))
     return [Apply("item", (node, Number(float(i)))) for i in range(len(right))]
-
-
-def _dependence(x: Expression, known: dict[Expression, int]) -> int:
-    stack = [x]
-    while stack:
-        node = stack[-1]
-        if node in known:
-            stack.pop()
-            continue
-        if isinstance(node, Symbol):
-            assert isinstance(node.key, Leaf)
-            known[node] = BITS[node.key.role]
-        elif isinstance(node, Number):
-            known[node] = 0
-        else:
-            assert isinstance(node, Apply)
-            missing = [o for o in node.operands if o not in known]
-            if missing:
-                stack += missing
-                continue
-            bits = 0
-            for operand in node.operands:
-                bits |= known[operand]
-            known[node] = bits
-        stack.pop()
-    return known[x]
-
-
-class _Switching:
-    """Finds what jumps or bends with time alone.
-
-    A condition on time becomes an item of the mode, which holds still between two instants: a solver that evaluates at the
-    end of a step sees the side that it came from. Bends (min, max, abs) only give instants. So does a condition on states
-    behind the rates, but its instants are located in the run; elsewhere, as in an output, it is looked at where it is asked.
-    """
-
-    def __init__(self, result: Lowered, first: int) -> None:
-        self.result, self.next = result, first  # the next place in the mode
-        self.modes: dict[Expression, Expression] = {}
-        self.opened: dict[int, Expression] = {}  # items of the mode as the conditions on time that they stand for
-        self.bends: set[Expression] = set()
-        self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
-        self.located = False  # whether conditions on states become items of the mode
-        self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
-
-    def at(self, step: Assignment, behind: bool, derived: bool) -> None:
-        """What is looked at next: whether the run reads it, so that its conditions on states are located, and whether it is
-        a slope or the derivative of something else, whose conditions are the author's only if they are known already."""
-        self.span, self.owner, self.located, self.derived = step.span, step.owner, behind and not derived, derived
-        self._done = self._memories.setdefault((self.located, derived), {})
-
-    def replaced(self, x: Expression) -> Expression:
-        """The expression with its conditions on time, and if they are located on states, replaced by items of the mode."""
-        done = self._done
-        found = done.get(x)
-        if found is None:
-            bits = self.result.dependence(x)
-            found = x if not bits & (TIME | STATE) or not isinstance(x, Apply) else self._apply(x)
-            done[x] = found
-            done[found] = found
-        return found
-
-    def _apply(self, x: Apply) -> Expression:
-        span = self.span
-        alone = not self.result.dependence(x) & (INPUT | STATE | EVENT)
-        if x.operator in CONDITIONS:
-            return self._mode(x, alone)
-        if x.operator == "sign" and (alone or self.located):
-            g = x.operands[0]
-            return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
-        if alone and x.operator in ("floor", "ceil"):
-            raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
-        operands = tuple(map(self.replaced, x.operands))
-        if alone and is_table(x):
-            for knot in domain(x):  # where the curve or one of its derivatives bends
-                self._instant(self.replaced(x.operands[1] - knot))
-        if x.operator == "noise":
-            self._period(x.operands[1], alone, span)
-        if alone and x.operator in ("min", "max", "abs"):
-            g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
-            self._instant(self.replaced(g))
-        return x if operands == x.operands else _rebuilt(x.operator, operands)
-
-    def _mode(self, condition: Apply, alone: bool) -> Expression:
-        operands = tuple(map(self.replaced, condition.operands))
-        if condition in self.modes:
-            return self.modes[condition]
-        if self.derived and not alone:
-            self.guards.add(condition)
-        locatable = self.located and condition.operator in ("less", "less_equal") and condition not in self.guards
-        if condition.operator in ("and", "or", "not") or not (alone or locatable):
-            return _rebuilt(condition.operator, operands)
-        events, a, b = self.result.events, *condition.operands
-        if alone:
-            self._instant(self.replaced(a - b))
-            self.modes[condition] = Symbol(Leaf("mode", self.next))
-            self.opened[self.next] = substitute(condition, self._opened)
-            self.result.switches.append(self.opened[self.next])
-            events.timed.append(self.next)
-        else:
-            symbol = self.result.event_symbol(self.next)
-            note = ConditionNote(self.next, condition.operator == "less", True, self.owner, self.span)
-            self.modes[condition] = symbol
-            events.located.append(Located(symbol, operands[0] - operands[1], note))
-        self.next += 1
-        return self.modes[condition]
-
-    def _opened(self, symbol: Symbol) -> Expression:
-        """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
-        leaf: Leaf = symbol.key
-        return self.opened[leaf.position] if leaf.role == "mode" else symbol
-
-    def _period(self, place: Expression, alone: bool, span: Span) -> None:
-        """No step may pass over more than one whole number of the places that random numbers belong to.
-
-        Where a place also moves with states, only its own pace in time is known before the run.
-        """
-        slope = derivative(place, Symbol(Leaf("time", 0)))
-        if self.result.dependence(slope) & ~PARAMETER:
-            if alone:
-                raise CompilationFailed([NoiseOutOfStep(span)])
-            return
-        period = divide(ONE, call("abs", slope))
-        if slope != ZERO and period not in self.result.periods:
-            self.result.periods.append(period)
-
-    def _instant(self, g: Expression) -> None:
-        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""
-        if g in self.bends or not self.result.dependence(g) & TIME:
-            return
-        self.bends.add(g)
-        time = Symbol(Leaf("time", 0))
-        slope = derivative(g, time)
-        if not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE):
-            if slope != ZERO:
-                at_zero = substitute(g, lambda s: ZERO if s == time else s)
-                self.result.instants.append(negate(divide(at_zero, slope)))
-            return
-        self.result.crossings.append(g)
-
-
-def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:
-    return Apply(operator, operands) if operator in ("solve", "item") else rebuild(operator, operands)
 
 
 def count_operations(roots: Iterable[Expression], free: Mapping[Expression, object] | None = None) -> int:

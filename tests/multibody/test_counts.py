@@ -10,7 +10,7 @@ import math
 import pytest
 
 from compiler.algebra.expression import MINUS_ONE, Apply
-from compiler.codegen.lower import PARAMETER
+from compiler.codegen.dependence import PARAMETER
 from compiler.driver import Compilation
 from tests.compiling import MODELS, Running, compiled
 from tests.multibody.drawing import Drawing

@@ -62,7 +62,7 @@ class Module:
         counts = {"state": len(space.states) + len(space.unknowns), "input": len(self.lowered.inputs)}
         known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
         known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
-        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(len(self.lowered.switches))}
+        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(self.lowered.events.size)}
         parts = [] if self.hot else [self._constants(constants)]
         for name, arguments, _, roots in self.writer.functions():
             if (name in HOT) == self.hot:

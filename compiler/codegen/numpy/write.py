@@ -13,9 +13,10 @@ from pathlib import PurePath
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
 from ...algebra.table import lists
 from ...errors import printable
+from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
 from ..limits import Leaf
-from ..lower import INPUT, MODE, STATE, TIME, Lowered, moving
+from ..lower import Lowered, moving
 from .beginning import beginning
 from .names import Identifiers
 

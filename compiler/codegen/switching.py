@@ -1,0 +1,151 @@
+"""What jumps or bends: conditions on time and on states become items of the mode; the instants of time are found in closed form."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..algebra.derivative import derivative
+from ..algebra.expression import (
+    CONDITIONS,
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    call,
+    divide,
+    negate,
+    rebuild,
+    select,
+    substitute,
+)
+from ..algebra.table import domain, is_table
+from ..equations.system import Assignment
+from ..errors import CompilationFailed
+from ..source import Span
+from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
+from .errors import JumpsWithoutEnd, NoiseOutOfStep
+from .events import Located
+from .limits import Leaf
+from .program import ConditionNote
+
+if TYPE_CHECKING:
+    from .lower import Lowered
+
+
+class Switching:
+    """Finds what jumps or bends with time alone.
+
+    A condition on time becomes an item of the mode, which holds still between two instants: a solver that evaluates at the
+    end of a step sees the side that it came from. Bends (min, max, abs) only give instants. So does a condition on states
+    behind the rates, but its instants are located in the run; elsewhere, as in an output, it is looked at where it is asked.
+    """
+
+    def __init__(self, result: Lowered, first: int) -> None:
+        self.result, self.next = result, first  # the next place in the mode
+        self.modes: dict[Expression, Expression] = {}
+        self.opened: dict[int, Expression] = {}  # items of the mode as the conditions on time that they stand for
+        self.bends: set[Expression] = set()
+        self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
+        self.located = False  # whether conditions on states become items of the mode
+        self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
+
+    def at(self, step: Assignment, behind: bool, derived: bool) -> None:
+        """What is looked at next: whether the run reads it, so that its conditions on states are located, and whether it is
+        a slope or the derivative of something else, whose conditions are the author's only if they are known already."""
+        self.span, self.owner, self.located, self.derived = step.span, step.owner, behind and not derived, derived
+        self._done = self._memories.setdefault((self.located, derived), {})
+
+    def replaced(self, x: Expression) -> Expression:
+        """The expression with its conditions on time, and if they are located on states, replaced by items of the mode."""
+        done = self._done
+        found = done.get(x)
+        if found is None:
+            bits = self.result.dependence(x)
+            found = x if not bits & (TIME | STATE) or not isinstance(x, Apply) else self._apply(x)
+            done[x] = found
+            done[found] = found
+        return found
+
+    def _apply(self, x: Apply) -> Expression:
+        span = self.span
+        alone = not self.result.dependence(x) & (INPUT | STATE | EVENT)
+        if x.operator in CONDITIONS:
+            return self._mode(x, alone)
+        if x.operator == "sign" and (alone or self.located):
+            g = x.operands[0]
+            return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
+        if alone and x.operator in ("floor", "ceil"):
+            raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
+        operands = tuple(map(self.replaced, x.operands))
+        if alone and is_table(x):
+            for knot in domain(x):  # where the curve or one of its derivatives bends
+                self._instant(self.replaced(x.operands[1] - knot))
+        if x.operator == "noise":
+            self._period(x.operands[1], alone, span)
+        if alone and x.operator in ("min", "max", "abs"):
+            g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
+            self._instant(self.replaced(g))
+        return x if operands == x.operands else _rebuilt(x.operator, operands)
+
+    def _mode(self, condition: Apply, alone: bool) -> Expression:
+        operands = tuple(map(self.replaced, condition.operands))
+        if condition in self.modes:
+            return self.modes[condition]
+        if self.derived and not alone:
+            self.guards.add(condition)
+        locatable = self.located and condition.operator in ("less", "less_equal") and condition not in self.guards
+        if condition.operator in ("and", "or", "not") or not (alone or locatable):
+            return _rebuilt(condition.operator, operands)
+        events, a, b = self.result.events, *condition.operands
+        if alone:
+            self._instant(self.replaced(a - b))
+            self.modes[condition] = Symbol(Leaf("mode", self.next))
+            self.opened[self.next] = substitute(condition, self._opened)
+            self.result.switches.append(self.opened[self.next])
+            events.timed.append(self.next)
+        else:
+            symbol = self.result.event_symbol(self.next)
+            note = ConditionNote(self.next, condition.operator == "less", True, self.owner, self.span)
+            self.modes[condition] = symbol
+            events.located.append(Located(symbol, operands[0] - operands[1], note))
+        self.next += 1
+        return self.modes[condition]
+
+    def _opened(self, symbol: Symbol) -> Expression:
+        """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
+        leaf: Leaf = symbol.key
+        return self.opened[leaf.position] if leaf.role == "mode" else symbol
+
+    def _period(self, place: Expression, alone: bool, span: Span) -> None:
+        """No step may pass over more than one whole number of the places that random numbers belong to.
+
+        Where a place also moves with states, only its own pace in time is known before the run.
+        """
+        slope = derivative(place, Symbol(Leaf("time", 0)))
+        if self.result.dependence(slope) & ~PARAMETER:
+            if alone:
+                raise CompilationFailed([NoiseOutOfStep(span)])
+            return
+        period = divide(ONE, call("abs", slope))
+        if slope != ZERO and period not in self.result.periods:
+            self.result.periods.append(period)
+
+    def _instant(self, g: Expression) -> None:
+        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""
+        if g in self.bends or not self.result.dependence(g) & TIME:
+            return
+        self.bends.add(g)
+        time = Symbol(Leaf("time", 0))
+        slope = derivative(g, time)
+        if not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE):
+            if slope != ZERO:
+                at_zero = substitute(g, lambda s: ZERO if s == time else s)
+                self.result.instants.append(negate(divide(at_zero, slope)))
+            return
+        self.result.crossings.append(g)
+
+
+def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:
+    return Apply(operator, operands) if operator in ("solve", "item") else rebuild(operator, operands)
