@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
     from compiler.native.arrays import Floats, Ints, Record
-    from compiler.native.kinds import INTS, Handed, record_of
+    from compiler.native.kinds import INTS, Fields, Handed, record_of
     from compiler.native.machine import MachineCode, object_code, processor
     from compiler.native.machine import available as native_available
     from compiler.native.translate import translate
@@ -67,20 +67,20 @@ _HOMES = {
     "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
-    "INTS": "native.kinds", "Handed": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
+    "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip
 
 __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
-    "EventNote", "Expression", "Facts", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind", "LimitNote",
-    "LinearLoop", "Literal",
-    "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene",
-    "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "affine_parts", "bind", "blocks", "bond_lines",
-    "braces", "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",
-    "native_available", "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit",
-    "record_of", "render", "scale_of", "symbols", "to_sympy", "translate", "uncollected", "write_text",
+    "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
+    "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",
+    "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
+    "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
+    "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
+    "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",
+    "uncollected", "write_text",
 ]  # fmt: skip
 
 

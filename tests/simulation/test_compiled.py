@@ -20,6 +20,7 @@ from bondgraph.results import Result
 from bondgraph.simulation import exponential, integrate, leg
 from bondgraph.simulation.compiled import run as compiled
 from bondgraph.simulation.compiled.advance import advance, begin
+from bondgraph.simulation.compiled.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.compiled.stepper import Stepper
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
@@ -212,19 +213,84 @@ def test_other_states_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(native.values, numpy.values, rtol=1e-4, atol=1e-6 * np.abs(numpy.values).max())
 
 
-def test_more_states_than_the_dense_algebra_has_use_numpy_and_say_so() -> None:
-    cells = "\n".join(f"C c{i} : q = 1 F*u\nR r{i} : u = 1 ohm*i" for i in range(101))
-    chain = " ".join(
-        f"0 n{i} : electric\nn{i} -> c{i}\n"
-        + (f"1 s{i} : electric\nn{i} -> s{i} -> n{i + 1}\ns{i} -> r{i}\n" if i < 100 else f"n{i} -> r{i}\n")
-        for i in range(101)
-    )
-    result = bondgraph.load(
-        f"model Long {{\nSe u : u = 1 V\n{cells}\n{chain}\nSf feed : i = 1 A\nfeed -> n0\noutput y = c5.u\n}}".replace(
-            "Se u : u = 1 V\n", ""
-        )
-    ).simulate(to=1, points=3, target="native")
-    assert result.solver == "Radau IIA 5, numpy (more than 100 states)"
+CELLS = """
+model Cell {{
+  port left: translation, right: translation
+  C spring : F = 2 [N/m]*x + 3 [N/m^3]*x^3
+  R damper : F = 0.1 [N*s/m]*v
+  I mass   : p = 1 kg*v
+  left -> 0(1(spring, damper)) -> 1(mass) -> right
+}}
+model Chain {{
+  Sf drive : v = 1 [m/s]*sin(time*1 [1/s])
+  for i in 1..{n} {{ Cell cell[i] }}
+  drive -> cell[1].left
+  for i in 1..{n} - 1 {{ cell[i].right -> cell[i+1].left }}
+  Se end : F = 1 N
+  cell[{n}].right -> end
+  output x = cell[{n}].spring.x, first = cell[1].spring.x
+}}
+"""
+
+
+def test_a_large_model_by_sparse_factors() -> None:
+    model = bondgraph.load(CELLS.format(n=60), "Chain")
+    native, numpy = (model.simulate(to=3, points=11, target=t) for t in ("native", "numpy"))
+    assert len(model.states) == 120 and native.solver == "Radau IIA 5, native"
+    assert native.steps == numpy.steps
+    np.testing.assert_allclose(native.values, numpy.values, rtol=1e-9, atol=1e-12)
+
+
+def test_sparse_factors_where_the_order_must_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small models by sparse factors; orders are chosen anew as pivots become small, and the steps stay those of the reference."""
+    monkeypatch.setattr(compiled, "is_sparse", lambda program: True)
+    monkeypatch.setattr(compiled, "SMALL", 0.3)
+    chosen: list[float] = []
+    original = compiled.Ordered.choose
+    monkeypatch.setattr(compiled.Ordered, "choose", lambda order, *a: chosen.append(a[0]) or original(order, *a))
+    for name in ("manipulator.bg", "rectifier.bg", "van_der_pol.bg"):
+        native, numpy = both(MODELS / name)
+        assert native.steps == pytest.approx(numpy.steps, rel=0.05 if name in PARTING else 0.0)
+        scale = np.abs(numpy.values).max(axis=0)
+        assert (np.abs(native.values - numpy.values) / scale).max() < (1e-3 if name in PARTING else 1e-6)
+    assert len(chosen) > 5
+
+
+def test_the_pattern_has_room_for_all_that_comes() -> None:
+    """A matrix of other numbers on the same places, zeros among them, is factorised as by LAPACK."""
+    generator = np.random.default_rng(5)
+    n = 30
+    rows, columns = np.unravel_index(np.flatnonzero(generator.random(n * n) < 0.1), (n, n))
+    program = bondgraph.load(MODELS / "duffing.bg")
+    made = program.prepared(program.scene(), False, "native").program
+    order = compiled.Ordered(made, 1e-3)
+    for name, length in (("diagonal", n), ("scale", n), ("x", n), ("y", n), ("xi", n), ("yi", n)):
+        order.values[name] = np.zeros(length)
+    order.pattern = (rows, columns, n, n)
+    order.record, order.kept = compiled.structure(Pattern, order.values | {"n": n, "pattern": None}, made)
+    entries = generator.normal(size=len(rows)) * (generator.random(len(rows)) < 0.5)
+    assert order.choose(5.0, entries)
+    values = order.values | {
+        "n": n,
+        "ready": 1,
+        "tolerant": 1,
+        "small": 1e-3,
+        "scale": np.zeros(n),
+        "diagonal": np.zeros(n),
+        "x": np.zeros(n),
+        "y": np.zeros(n),
+    }
+    pattern = Pattern(**values)
+    for _ in range(5):
+        entries = generator.normal(size=len(rows))
+        matrix = 5.0 * np.eye(n)
+        matrix[rows, columns] -= entries
+        assert real_factors(pattern, 5.0, entries) == FINE
+        right = generator.normal(size=n)
+        found = right.copy()
+        real_back(pattern, found)
+        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-8, atol=1e-10)
+        assert not pattern.x.any()  # type: ignore[attr-defined]
 
 
 def test_targets(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
 from .. import radau
+from .sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -17,9 +18,14 @@ if TYPE_CHECKING:
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 
 
-def factorise(s: Stepper, size: float) -> bool:
-    """mu/h M - J for the real mu and a complex one, rows scaled, with partial pivoting."""
+def factorise(s: Stepper, size: float) -> int:
+    """mu/h M - J for the real mu and a complex one, rows scaled: `FINE`, `SINGULAR`, or `ANEW`: in another order."""
     n = s.n
+    if s.sparse != 0:
+        done = real_factors(s.pattern, MU_REAL / size, s.jacobian)
+        if done != FINE:
+            return done
+        return complex_factors(s.pattern, MU_RE / size, MU_IM / size, s.jacobian)
     for i in range(n * n):
         s.real[i] = 0.0
         s.complex_re[i] = 0.0
@@ -32,7 +38,9 @@ def factorise(s: Stepper, size: float) -> bool:
         place = s.rows[k] * n + s.columns[k]
         s.real[place] -= s.jacobian[k]
         s.complex_re[place] -= s.jacobian[k]
-    return eliminate(n, s.real, s.real_scale, s.real_pivots) and factorise_complex(s)
+    if eliminate(n, s.real, s.real_scale, s.real_pivots) and factorise_complex(s):
+        return FINE
+    return SINGULAR
 
 
 def eliminate(n: int, a: Floats, scale: Floats, pivots: Ints) -> bool:
@@ -121,7 +129,10 @@ def swap(a: Floats, b: Floats, n: int) -> None:
 
 def solve_real(s: Stepper, x: Floats) -> None:
     """The solution in the place of the right side."""
-    back(s.n, s.real, s.real_scale, s.real_pivots, x)
+    if s.sparse != 0:
+        real_back(s.pattern, x)
+    else:
+        back(s.n, s.real, s.real_scale, s.real_pivots, x)
 
 
 def back(n: int, a: Floats, scale: Floats, pivots: Ints, x: Floats) -> None:
@@ -148,6 +159,9 @@ def back(n: int, a: Floats, scale: Floats, pivots: Ints, x: Floats) -> None:
 
 def solve_complex(s: Stepper, xr: Floats, xi: Floats) -> None:
     """The solution in the place of the right side."""
+    if s.sparse != 0:
+        complex_back(s.pattern, xr, xi)
+        return
     n = s.n
     re = s.complex_re
     im = s.complex_im

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ...door import Record
 from .. import nominal
 from .dense import back, eliminate
+from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
 
 if TYPE_CHECKING:
@@ -37,6 +38,9 @@ class Euler(Record):
     time: float  # of its end
     size: float
     jacobian: Floats  # entry_count
+    scaled: Floats  # entry_count
+    sparse: int
+    pattern: Pattern
     # room
     slope: Floats  # n
     scale: Floats  # n
@@ -46,8 +50,8 @@ class Euler(Record):
     pivots: Ints  # n
 
 
-def euler(e: Euler) -> bool:
-    """The state at the end of the step, from a guess in its place; whether it was found."""
+def euler(e: Euler) -> int:
+    """The state at the end of the step, from a guess in its place: `FINE`; not found: `SINGULAR`; `ANEW`: in another order."""
     n = e.n
     before = INFINITE
     for _ in range(NEWTON_ITERATIONS):
@@ -55,34 +59,51 @@ def euler(e: Euler) -> bool:
         e.entries(e.time, e.x, e.inputs, e.constants, e.mode, e.jacobian)
         for i in range(n):
             if not isfinite(e.slope[i]):
-                return False
+                return SINGULAR
         for k in range(e.entry_count):
             if not isfinite(e.jacobian[k]):
-                return False
+                return SINGULAR
         magnitudes(e)
-        for i in range(n * n):
-            e.matrix[i] = 0.0
         for i in range(e.differential):
-            e.matrix[i * n + i] = 1.0 / e.size
             e.slope[i] = (e.slope[i] - (e.x[i] - e.start[i]) / e.size) / e.scale[i]
-        for k in range(e.entry_count):
-            row = e.rows[k]
-            unit = e.scale[row] if row < e.differential else 1.0
-            e.matrix[row * n + e.columns[k]] -= e.jacobian[k] * e.scale[e.columns[k]] / unit
-        if not eliminate(n, e.matrix, e.rows_scale, e.pivots):
-            return False
-        back(n, e.matrix, e.rows_scale, e.pivots, e.slope)
+        done = solve_step(e)
+        if done != FINE:
+            return done
         for i in range(n):
             e.slope[i] *= e.scale[i]
         norm = moved_share(e)
         if not isfinite(norm) or norm > 2.0 * before:
-            return False
+            return SINGULAR
         for i in range(n):
             e.x[i] += e.slope[i]
         if norm <= CLOSE:
-            return True
+            return FINE
         before = norm
-    return False
+    return SINGULAR
+
+
+def solve_step(e: Euler) -> int:
+    """The scaled change of the state in the place of what is missed."""
+    n = e.n
+    for k in range(e.entry_count):
+        row = e.rows[k]
+        unit = e.scale[row] if row < e.differential else 1.0
+        e.scaled[k] = e.jacobian[k] * e.scale[e.columns[k]] / unit
+    if e.sparse != 0:
+        done = real_factors(e.pattern, 1.0 / e.size, e.scaled)
+        if done == FINE:
+            real_back(e.pattern, e.slope)
+        return done
+    for i in range(n * n):
+        e.matrix[i] = 0.0
+    for i in range(e.differential):
+        e.matrix[i * n + i] = 1.0 / e.size
+    for k in range(e.entry_count):
+        e.matrix[e.rows[k] * n + e.columns[k]] -= e.scaled[k]
+    if not eliminate(n, e.matrix, e.rows_scale, e.pivots):
+        return SINGULAR
+    back(n, e.matrix, e.rows_scale, e.pivots, e.slope)
+    return FINE
 
 
 def magnitudes(e: Euler) -> None:

@@ -14,15 +14,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import INTS, Handed, MachineCode, Program, record_of
+from ...door import INTS, Fields, Handed, MachineCode, Program, record_of
 from ...native import kernel
+from .. import radau
 from ..choice import WORST, Choice
-from ..factorise import DENSE
+from ..factorise import is_large
 from ..radau import STUBBORN, Radau, StepFailed
 from ..segments import LOOKS, Segment, inside, overlooked
 from .advance import HANDOVER, LOOK, MORE, advance, begin
 from .euler import Euler, euler
-from .step import ERROR, NEWTON, ROUND_OFF
+from .ordering import ordered
+from .sparse import ANEW, FINE, Pattern
+from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -31,6 +34,9 @@ if TYPE_CHECKING:
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
+# Pivots beside what they divide: of the steps; and of the coarse run, whose scales change from one iteration to the next and say little.
+SMALL, SMALL_AND_COARSE = 1e-3, 0.0
+LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with the help of its order
 
 
 def obstacle(program: Program) -> str:
@@ -39,9 +45,13 @@ def obstacle(program: Program) -> str:
         return "no machine code"
     if program.invariants.names:
         return "closed loops are held on their constraints"
-    if len(program.states.names) + len(program.unknowns.names) > DENSE:
-        return f"more than {DENSE} states"
     return ""
+
+
+def is_sparse(program: Program) -> bool:
+    """Whether the linear algebra is sparse."""
+    count = len(program.states.names) + len(program.unknowns.names)
+    return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
 
 
 @lru_cache
@@ -68,6 +78,10 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
             given.append(values[name])
             continue
         fields.append((name, ctypes.c_void_p))
+        if isinstance(kind, Fields):
+            given.append(ctypes.addressof(values[name]))
+            kept.append(values[name])
+            continue
         if isinstance(kind, Handed):
             given.append(program.native.addresses["jacobian_entries" if name == "entries" else name])
             continue
@@ -75,6 +89,32 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
         kept.append(array)
         given.append(array.ctypes.data)
     return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})(*given), kept
+
+
+class Ordered:
+    """The pattern of sparse factors, and the choice of another order where the numbers ask for it."""
+
+    def __init__(self, program: Program, small: float) -> None:
+        n = len(program.states.names) + len(program.unknowns.names)
+        self.pattern, self.program = (*program.pattern, len(program.states.names), n), program
+        room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
+        self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
+        self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
+        self.record, _ = structure(Pattern, self.values, program)
+
+    def choose(self, shift: float, entries: Any) -> bool:
+        """Choose an order for these numbers; false if there is none."""
+        found = ordered(*self.pattern, shift, entries)
+        if found is None:
+            return False
+        kinds = record_of(Pattern).fields
+        for name, array in found.items():
+            self.values[name] = np.ascontiguousarray(array, dtype=np.int64 if kinds[name] == INTS else float)
+            setattr(self.record, name, self.values[name].ctypes.data)
+        for name in ("x", "xi"):
+            self.values[name][:] = 0.0
+        self.record.ready = 1
+        return True
 
 
 class CompiledEuler:
@@ -87,19 +127,29 @@ class CompiledEuler:
         self.values: dict[str, Any] = {
             "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
             "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
-            "jacobian": np.zeros(len(rows)), "matrix": np.zeros(n * n), "pivots": np.zeros(n),
+            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)),
+            "matrix": np.zeros(0 if is_sparse(program) else n * n), "pivots": np.zeros(n),
         } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "rows_scale")}  # fmt: skip
+        self.order = Ordered(program, SMALL_AND_COARSE)
+        self.values["pattern"] = self.order.record
         self._record, self._kept = structure(Euler, self.values, program)
         self._here = ctypes.addressof(self._record)
         self.code = machine_code()
-        self._step = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p)(self.code.address("euler"))
+        self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
 
     def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
         """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
-        values, record = self.values, self._record
-        values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
+        values, record, order = self.values, self._record, self.order
         record.time, record.size = at
-        return values["x"].copy() if self._step(self._here) else None
+        order.record.tolerant = 0
+        while True:
+            values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
+            answer = self._step(self._here)
+            if answer != ANEW:
+                return values["x"].copy() if answer == FINE else None
+            if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
+                return None
+            order.record.tolerant = 1
 
 
 class CompiledRadau:
@@ -111,6 +161,8 @@ class CompiledRadau:
         self.program = program
         self.values = _values(program, inputs, constants, tolerances, stretch, state, longest)
         self.code = machine_code()
+        self.order = Ordered(program, SMALL)
+        self.values["pattern"] = self.order.record
         self._kept: list[Any] = []
         self._record: Any = None
 
@@ -143,6 +195,15 @@ class CompiledRadau:
     def advance(self, most: int) -> int:
         """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self._advance(self._here, most)
+        self.order.record.tolerant = 0
+        while answer == ORDER:
+            # With an order that was made for just these numbers, small pivots are what there is.
+            if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
+                self.order.record.tolerant = 1
+                answer = self._advance(self._here, 1)
+            else:
+                answer = NEWTON
+            self.order.record.tolerant = 0
         if answer in FAILURES:
             raise StepFailed(FAILURES[answer])
         return answer
@@ -218,6 +279,7 @@ def _values(
     unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
     scaled = state / magnitude
     relative = tolerances.relative
+    room_of_matrix = 0 if is_sparse(program) else n * n
     allowed = overlooked(program, inputs, constants, stretch)
     earliest, latest = inside(stretch)
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
@@ -234,8 +296,9 @@ def _values(
         "signal_count": len(allowed), "allowed": allowed, "seen": room(len(LOOKS) * len(allowed)), "earliest": earliest, "latest": latest,
         "longest": longest, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
-        "factorised_size": 0.0, "jacobian": room(len(rows)), "real": room(n * n), "real_scale": room(n), "real_pivots": whole(n),
-        "complex_re": room(n * n), "complex_im": room(n * n), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
+        "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
+        "real": room(room_of_matrix), "real_scale": room(n), "real_pivots": whole(n),
+        "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
         "change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n), "norms": room(STUBBORN),

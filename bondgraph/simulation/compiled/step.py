@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from .. import radau, segments
 from .dense import factorise, solve_complex, solve_real
+from .sparse import ANEW, SINGULAR
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ NEWTON_ITERATIONS, STUBBORN = radau.NEWTON_ITERATIONS, radau.STUBBORN
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
-NEWTON, ERROR, ROUND_OFF = 4, 5, 6  # why there is no step
+NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # why there is no step; the last: the matrix must be ordered anew
 
 
 def step(s: Stepper) -> int:
@@ -44,6 +45,8 @@ def step(s: Stepper) -> int:
         size = end - s.time
         guess(s, size)
         iterations = newton(s, size)
+        if iterations < 0:
+            return ORDER
         if iterations == 0:
             reason = NEWTON
             if s.current == 0:
@@ -164,13 +167,16 @@ def guess(s: Stepper, size: float) -> None:
 
 
 def newton(s: Stepper, size: float) -> int:
-    """The simplified Newton iteration for the stages: how many iterations it took, 0 if it does not converge."""
+    """The simplified Newton iteration for the stages: how many iterations it took, 0 if it does not converge, -1 if the matrix must be ordered anew."""
     n = s.n
     if s.factorised == 0 or abs(size - s.factorised_size) > 1e-9 * size:
         s.factorisations += 2
         s.factorised_size = size
-        s.factorised = 1 if factorise(s, size) else 0
-        if s.factorised == 0:
+        s.factorised = factorise(s, size)
+        if s.factorised == ANEW:
+            s.factorised = SINGULAR
+            return -1
+        if s.factorised == SINGULAR:
             return 0
     for i in range(3):
         for k in range(n):

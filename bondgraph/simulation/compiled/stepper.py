@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...door import Record
+from .sparse import Pattern
 
 if TYPE_CHECKING:
     from ...door import Floats, Ints
@@ -64,7 +65,9 @@ class Stepper(Record):
     factorised: int
     factorised_size: float
     jacobian: Floats  # entry_count
-    # factorised matrices
+    # factorised matrices: sparse on a pattern, or dense
+    sparse: int
+    pattern: Pattern
     real: Floats  # n n
     real_scale: Floats  # n
     real_pivots: Ints  # n

@@ -1,0 +1,71 @@
+"""The order of rows and columns for sparse factors: SuperLU's pivots and fill-reducing order for the numbers at hand, then kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+METHODS = ("COLAMD", "MMD_AT_PLUS_A")  # that with less fill is taken
+DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
+PRESENT = 1e-9  # of the largest number of its row: what stands for a zero that may not stay one
+
+
+def ordered(
+    rows: Any, columns: Any, differential: int, count: int, shift: float, entries: Any
+) -> dict[str, Any] | None:
+    """The fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0); None if the matrix is singular."""
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    diagonal = np.arange(differential)
+    every_row, every_column = np.concatenate([rows, diagonal]), np.concatenate([columns, diagonal])
+    values = np.concatenate([-np.asarray(entries), np.full(differential, shift)])
+    matrix = csc_array((values, (every_row, every_column)), shape=(count, count))
+    matrix.sum_duplicates()
+    largest = np.zeros(count)
+    np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
+    scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
+    matrix.data = matrix.data * scale[matrix.indices]
+    if not np.isfinite(matrix.data).all():
+        return None
+    matrix.data = np.where(matrix.data == 0, PRESENT, matrix.data)
+    try:
+        factors = min((splu(matrix, permc_spec=m, diag_pivot_thresh=DIAGONAL) for m in METHODS), key=lambda f: f.nnz)
+    except RuntimeError:
+        return None
+    return _fields(factors, rows, columns, differential, count)
+
+
+def _fields(factors: Any, rows: Any, columns: Any, differential: int, count: int) -> dict[str, Any]:
+    row_place, column_place = np.asarray(factors.perm_r), np.asarray(factors.perm_c)
+    # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
+    slots = np.full(count, -1)
+    entry_rows, entry_columns = row_place[rows], column_place[columns]
+    of_diagonal = np.flatnonzero((rows == columns) & (rows < differential))
+    slots[rows[of_diagonal]] = of_diagonal
+    alone = np.flatnonzero(slots[:differential] < 0)
+    shifted = np.zeros(len(rows) + len(alone), dtype=np.int64)
+    shifted[of_diagonal] = 1
+    shifted[len(rows) :] = 1
+    entry = np.concatenate([np.arange(len(rows)), np.full(len(alone), -1)])
+    row = np.concatenate([entry_rows, row_place[alone]])
+    column = np.concatenate([entry_columns, column_place[alone]])
+    order = np.argsort(column, kind="stable")
+    lower, upper = _without_diagonal(factors.L, count), _without_diagonal(factors.U, count)
+    found = {
+        "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
+        "l_start": lower[0], "l_row": lower[1], "u_start": upper[0], "u_row": upper[1], "row_place": row_place, "column_place": column_place,
+    }  # fmt: skip
+    below, above = len(lower[1]), len(upper[1])
+    sizes = {"lower": below, "lower_re": below, "lower_im": below, "upper": above, "upper_re": above, "upper_im": above}
+    return found | {name: np.zeros(size) for name, size in sizes.items()}
+
+
+def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
+    """Starts of columns, and rows in rising order."""
+    factor = factor.tocsc()
+    factor.sort_indices()
+    columns = np.repeat(np.arange(count), np.diff(factor.indptr))
+    kept = factor.indices != columns
+    return np.searchsorted(columns[kept], np.arange(count + 1)), factor.indices[kept]
