@@ -122,12 +122,16 @@ class Graph(Elements):
 
     def when(self, condition: Value, sets: Mapping[Any, Value]) -> None:
         """What happens at the instant a condition becomes true: `when("height < 0 m", {"mass.v": "-0.8*mass.v"})`."""
-        told = value_of(condition, "a condition")
-        lines = [
-            f"{path_of(n)} = {value_of(v, f'what `when {told}` sets')}"
-            for n, v in mapping_of(sets, "what is set").items()
-        ]
-        self._events.append(f"when {told} {{ {'; '.join(lines)} }}")
+        self._event(f"when {value_of(condition, 'a condition')}", sets)
+
+    def every(self, period: Value, sets: Mapping[Any, Value]) -> None:
+        """What happens at each multiple of a time (a number is in s): `every("1 ms", {"command": "2*(1 - angle)"})`."""
+        self._event(f"every {value_of(period, 'a period', '' if self.plain else 's')}", sets)
+
+    def _event(self, told: str, sets: Mapping[Any, Value]) -> None:
+        given = mapping_of(sets, "what is set").items()
+        inner = "; ".join(f"{path_of(n)} = {value_of(v, f'what `{told}` sets')}" for n, v in given)
+        self._events.append(f"{told} {{ {inner} }}")
 
     # ------------------------------------------------------------ models within models
     def instance(self, name: str, model: Model | Graph | Quantity | str, /, **values: Value) -> Part:

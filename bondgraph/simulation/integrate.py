@@ -6,34 +6,31 @@ States are divided by their magnitudes before the solver sees them, which keeps 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..door import Program
-from ..errors import RateNotFinite, RunFailed
-from .choice import Choice, Handover
+from ..errors import RunFailed
+from .choice import Choice
 from .constraints import Constraints
-from .events import Events, Moment
+from .events import Events
 from .factorise import dense, is_large, sparse
 from .history import History
-from .locate import Flip, StateAt, first_flip
+from .locate import Flip, StateAt
 from .loops import Eliminated, LoopSolver
 from .radau import C, Problem, Radau, StepFailed
-from .segments import Segment, follower, mode_after, with_time_of
-from .singular import NEAR, SingularPose, Watcher
+from .segments import Segment, follower, with_time_of
+from .singular import NEAR, Watcher
+from .stuck import MOST_COMPILED, MOST_STEPS, not_finite, stuck
+from .trajectory import Tolerances, Trajectory
 from .validity import Watch
 
 if TYPE_CHECKING:
     from . import exponential
     from .compiled.run import CompiledRadau
 
-PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
-MOST_EVENTS = 1_000_000  # of one run
-MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
-MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
 _PLACES = np.array([0.4342437493468026, 0.7745966692414834, 0.9604912687080202])
 _KRONROD = np.array([0.4013974147759622, 0.2684880898683334, 0.1046562260264672])
@@ -41,41 +38,6 @@ PLACES = 0.5 + 0.5 * np.concatenate([-_PLACES[::-1], [0.0], _PLACES])
 KRONROD = 0.5 * np.concatenate([_KRONROD[::-1], [0.4509165386584741], _KRONROD])
 GAUSS = 0.5 * np.array([0, 5 / 9, 0, 8 / 9, 0, 5 / 9, 0])
 DEEPEST = 4  # halvings of a step for its work
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerances:
-    """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,).
-
-    `held` marks the absolute tolerances that the author gave; others grow with a state that exceeds its magnitude.
-    """
-
-    relative: float
-    absolute: Any
-    magnitude: Any
-    held: Any
-
-    @property
-    def scaled(self) -> Any:
-        """Absolute tolerances of the states divided by their magnitudes, as the solver is to see them."""
-        return self.absolute / self.magnitude
-
-
-@dataclass(slots=True)
-class Trajectory:
-    """States at the requested instants, and what the solver did."""
-
-    states: Any  # (points, n)
-    steps: int = 0
-    evaluations: dict[str, int] = field(default_factory=dict)
-    work: Any = None  # integral of the powers, if asked
-    final: Any = None
-    poses: list[SingularPose] = field(default_factory=list)  # that were passed
-    handover: Handover | None = None  # the run stops there: other states should go on
-    solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
-    pieces: list[Segment] = field(default_factory=list)  # of the stretches, with their modes, as they were run through
-    peak: Any = None  # the largest magnitudes on the way
-    jumps: list[tuple[Any, Any]] = field(default_factory=list)  # powers and what is stored, before and after each event
 
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -104,51 +66,25 @@ def integrate(
 
     `powers` are integrated along the solution, outside the error control.
     """
-    stepper = _Stepper(program, constants, inputs, instants, tolerances, powers, watch, constraints)
-    stepper.choice, stepper.events, stepper.off = choice, events, off
-    stepper.linear = linear and not constraints and history is None and (events is None or not len(events.places))
+    fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints)
+    if events is not None:
+        from .instants import EventStepper
+
+        return EventStepper.through(events, off, fixed, state, stretches, choice, linear, history)
+    stepper = Stepper(*fixed)
+    stepper.choice, stepper.linear = choice, linear and not constraints and history is None
     stepper.remember(history)
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
         if number:
             stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
-        x = stepper.run_to_end(stretch, x) if events is None else stepper.run_with_events(stretch, x, not number)
+        x = stepper.run_to_end(stretch, x)
         if stepper.result.handover is not None:
-            stepper.result.states = stepper.result.states[: stepper.position]
             break
-    if events is not None and stepper.result.handover is None:
-        x = stepper.finish(stretches[-1], x)
-    stepper.result.states[stepper.position :] = x
-    stepper.result.final = x
-    return stepper.result
+    return stepper.done(x)
 
 
-def pilot(
-    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], magnitude: Any, events: Events,
-    off: tuple[str, ...], constraints: Constraints, history: History | None,
-) -> Any:  # fmt: skip
-    """The largest magnitudes of states and unknowns in a coarse run through the events, as far as this program goes."""
-    tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
-    watch = Watch(program, constants, inputs, PILOT)
-    stepper = _Stepper(
-        program, constants, inputs, np.array([stretches[-1].stop]), lambda: tolerances, None, watch, constraints
-    )
-    stepper.events, stepper.off = events, off
-    stepper.remember(history)
-    stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
-    x = np.array(state, dtype=float)
-    try:
-        for number, stretch in enumerate(stretches):
-            x = stepper.run_with_events(stretch, x, not number)
-            if stepper.switched:
-                break
-    except RunFailed:
-        pass  # the run itself will tell
-    largest = stepper.result.peak
-    return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)
-
-
-class _Stepper:
+class Stepper:
     """Steps through one smooth stretch after another and keeps what was asked for."""
 
     def __init__(
@@ -165,11 +101,7 @@ class _Stepper:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
         self.linear = False
-        self.events: Events | None = None
-        self.off: tuple[str, ...] = ()  # the junctions that are off here
-        self.switched = False  # whether others are now
-        self.most_steps = MOST_STEPS
-        self.steps, self.most_events = 0, MOST_EVENTS  # of all stretches
+        self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
         self.reached = -np.inf  # where the last run ended
@@ -197,6 +129,14 @@ class _Stepper:
     def singular(self) -> Watcher:
         return Watcher(self.constraints, self.loops, self.result.poses)
 
+    def done(self, x: Any) -> Trajectory:
+        """What has been kept, with the state at the end."""
+        if self.result.handover is not None:
+            self.result.states = self.result.states[: self.position]
+        self.result.states[self.position :] = x
+        self.result.final = x
+        return self.result
+
     def remember(self, history: History | None) -> None:
         """Keep what delayed signals will be; no step is longer than the shortest delay."""
         self.history = history
@@ -212,77 +152,6 @@ class _Stepper:
             start = self.reached
             if start >= stretch.stop or self.result.handover is not None:
                 return x
-
-    def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
-        """One stretch, from event to event; returns the state at its end. `first`: its mode is that of the start."""
-        events, result = self.events, self.result
-        assert events is not None
-        now = Moment(stretch.start, x, stretch.mode)
-        if not first:
-            now = self._happen(Moment(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
-        while True:
-            self.mode = now.mode
-            if self._switched(now) or now.time >= stretch.stop:
-                return now.state
-            stop = stretch.stop if self.history is None else self.history.next_cut(now.time, stretch.stop)
-            self.piece = Segment(now.time, stop, now.mode)
-            x = self.run(self.piece, now.state)
-            flip, self.flip, self.mode = self.flip, None, self.piece.mode
-            stop = self.reached if flip is None else flip.time
-            if result.handover is not None:
-                result.handover = self._carrying(result.handover)
-                stop = result.handover.time
-            result.pieces.append(Segment(self.piece.start, stop, self.mode))
-            if result.handover is not None or (flip is None and stop >= stretch.stop):
-                return x
-            if flip is None:
-                now = Moment(stop, x, self.mode)
-                continue
-            if len(events.log) >= self.most_events:
-                raise RunFailed(f"more than {self.most_events} events act before t = {stop:.9g} s")
-            now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
-
-    def finish(self, last: Segment, x: Any) -> Any:
-        """What happens at the very end: values hold from a jump on."""
-        events, stop = self.events, last.stop
-        assert events is not None
-        mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
-        if (mode == self.mode).all() and not events.due(stop):
-            return x
-        now = self._happen(Moment(stop, x, mode), None)
-        self.result.pieces.append(Segment(stop, stop, now.mode))
-        return now.state
-
-    def _happen(self, at: Moment, flipped: Any) -> Moment:
-        events, powers = self.events, self.powers
-        assert events is not None
-        now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
-        if powers is not None and events.log[-1].events:
-            both = (powers(m.time, m.state, m.mode) for m in (at, now))
-            self.result.jumps.append((next(both), next(both)))
-        return now
-
-    def _switched(self, now: Moment) -> bool:
-        """Whether other junctions are off than this program knows: another has to go on."""
-        events, choice = self.events, self.choice
-        assert events is not None
-        if not events.hybrid.junctions or events.actives(now) == self.off:
-            return False
-        self.switched = True
-        if choice is None:
-            return True
-        stored, peaks = choice.stored(now.time, now.state, now.mode)
-        self.result.handover = self._carrying(Handover(now.time, stored, peaks, off=events.actives(now)))
-        return True
-
-    def _carrying(self, handover: Handover) -> Handover:
-        """With what only events change, and what their conditions were."""
-        events = self.events
-        assert events is not None
-        if handover.off is None:
-            handover = replace(handover, off=self.off)
-        modes = dict(zip(events.hybrid.modes.names, map(float, self.mode), strict=False))
-        return replace(handover, modes=modes, on=dict(events.on))
 
     def run(self, stretch: Segment, x: Any) -> Any:
         """One stretch from state x, or up to the first event in it; returns the state at its end."""
@@ -383,8 +252,7 @@ class _Stepper:
             self._step(solver, steps, stretch.mode)
             steps += 1
             before = self.position
-            if self.events is not None:
-                stretch = self._follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
+            stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
             self._sample(solver, stretch)
             self._look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
@@ -396,13 +264,12 @@ class _Stepper:
                 stop = stop if self.flip is None else self.flip.time
                 self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
             if self.flip is not None:
-                self._grow(self.flip.state)
+                self.grow(self.flip.state)
                 break
             if self.history is not None and self.history.next_cut(solver.time, stretch.stop) < stretch.stop:
                 self.reached = solver.time  # a signal will jump that did not when this stretch began
                 break
-            if self.events is not None:
-                self._grow(solver.state * magnitude)
+            self.grow(solver.state * magnitude)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
             solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
@@ -459,27 +326,11 @@ class _Stepper:
         watcher.begin(end, after, stretch.mode)
         return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
 
-    def _grow(self, x: Any) -> None:
-        """Keep the largest magnitudes."""
-        peak = self.result.peak
-        self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
+    def grow(self, x: Any) -> None:
+        """What an event stepper keeps of a state."""
 
-    def _follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
-        """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way."""
-        events = self.events
-        assert events is not None
-        while start < stop:
-            flip = first_flip(events, start, stop, stretch.mode, state_at)
-            if flip is None:
-                break
-            mode = np.array(stretch.mode)
-            mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
-            if events.steers[flip.conditions].any() or events.rising(Moment(flip.time, flip.state, mode)):
-                self.flip = flip
-                break
-            self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
-            self.piece = stretch = Segment(flip.time, stretch.stop, mode)
-            start = flip.time
+    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
+        """Where an event stepper looks for events in a step."""
         return stretch
 
     def _dense(self, solver: Radau, stretch: Segment, times: Any, exactly: bool = True) -> Any:
@@ -499,8 +350,7 @@ class _Stepper:
             now = self.instants[self.position] if inside else stretch.stop
             if now - before > self.longest:
                 now, inside = before + self.longest, False
-            if self.events is not None:
-                stretch = self._follow(before, now, stretch, partial(self._loops_exactly, x, stretch))
+            stretch = self.follow(before, now, stretch, partial(self._loops_exactly, x, stretch))
             if self.powers is not None:
                 stop = now if self.flip is None else self.flip.time
                 self._add_work(before, stop, partial(self._loops_at, x, stretch), stretch)
@@ -573,7 +423,7 @@ class _Stepper:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            raise _not_finite(self.program, start, slope, x)
+            raise not_finite(self.program, start, slope, x)
 
     def _in_machine_code(self, stretch: Segment, x: Any) -> Any:
         """As `run` from where it begins to step, by `compiled/advance.py`."""
@@ -630,8 +480,8 @@ class _Stepper:
         if what != "steps":
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            return _not_finite(self.program, solver.time, slope, state)
-        return RunFailed(_stuck(self.program, solver, what, state, slope, self.tolerances))
+            return not_finite(self.program, solver.time, slope, state)
+        return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
@@ -688,47 +538,3 @@ class _Stepper:
     def _add(self, work: Any, traffic: float) -> None:
         self.traffic += traffic
         self.result.work = work if self.result.work is None else self.result.work + work
-
-
-def _names(program: Program) -> tuple[str, ...]:
-    return (*program.states.names, *program.unknowns.names)
-
-
-def _not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNotFinite:
-    names = _names(program)
-    bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
-    values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
-    rates = " and ".join(f"`{b}`" for b in bad)
-    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state)
-
-
-def _stuck(
-    program: Program, solver: Radau | CompiledRadau, what: str, state: Any, slope: Any, tolerances: Tolerances
-) -> str:
-    names, units = _names(program), (*program.states.units, *program.unknowns.units)
-    share = np.abs(solver.error)
-    worst = (
-        int(np.argmax(np.where(np.isfinite(share), share, np.inf))) if share.any() else int(np.argmax(np.abs(slope)))
-    )
-    value = f"`{names[worst]}` (now {state[worst]:.6g} {units[worst]})"
-    begin = f"the solver cannot hold rtol = {tolerances.relative:g} at t = {solver.time:.9g} s"
-    if what == "steps":
-        most = MOST_STEPS if isinstance(solver, Radau) else MOST_COMPILED
-        return (
-            f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
-            "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"
-        )
-    if what == "round-off":
-        return (
-            f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
-            "are subtracted from each other. Loosen the tolerance, or give its `nominal`"
-        )
-    if what == "newton":
-        return (
-            f"{begin}: its equations could not be solved, however short the step; {value} is involved. Likely causes: a law that "
-            "jumps, an algebraic loop that loses its solution there, or a singular model"
-        )
-    return (
-        f"{begin}: its step fell below round-off; {value} changes fastest. Likely causes: a jump in a law, a solution that "
-        "grows without bound, or a tolerance below what doubles can hold"
-    )

@@ -19,13 +19,14 @@ from .energy import added, energy_balance, held_in, impulse_loss
 from .events import Events
 from .history import History, history_of
 from .impulse import Jump
-from .integrate import Tolerances, Trajectory, integrate, pilot
+from .integrate import integrate
 from .loops import LoopSolver
 from .nominal import Looks, Magnitudes, nominal_magnitudes
 from .rest import equilibrium
 from .segments import Segment, mode_after, segments
 from .singular import told_of
 from .start import consistent_start
+from .trajectory import Tolerances, Trajectory
 from .validity import Watch
 
 if TYPE_CHECKING:
@@ -173,6 +174,8 @@ class Leg:
         known = self.known
         if not all(n in known for n in names):
             first = found_with(UntilEvent(events, self._choice()))
+            from .instants import pilot
+
             events.measure(first.values)
             saved = None if self.history is None else self.history.saved()
             largest = pilot(

@@ -80,6 +80,12 @@ def _graph(compilation: Compilation) -> Iterator[str]:
     for required in graph.requirements:
         owner = f" of {required.name}" if required.name else ""
         yield f"  required{owner}: {required.words}  # {_place(required.span)} {required.text}".rstrip()
+    for event in graph.events:
+        word, owner = "when" if event.period is None else "every", f" of {event.name}" if event.name else ""
+        sets = ", ".join(action.words for action in event.actions)
+        yield f"  {word} {event.words}{owner}: sets {sets}  # {_place(event.span)}"
+    for switch in graph.switches:
+        yield f"  switched {switch.junction}  # {_place(switch.span)}"
 
 
 def _parts(mechanism: Mechanism) -> Iterator[str]:

@@ -202,15 +202,15 @@ def by_scipy(model: bondgraph.Model, magnitude: Any) -> Any:
 def magnitudes(model: bondgraph.Model) -> Any:
     """What the run measures its tolerances by."""
     found: list[Any] = []
-    original = integrate._Stepper._in_machine_code
+    original = integrate.Stepper._in_machine_code
 
     def look(stepper: Any, stretch: Any, x: Any) -> Any:
         found.append(stepper.tolerances.magnitude)
         return original(stepper, stretch, x)
 
-    integrate._Stepper._in_machine_code = look  # type: ignore[method-assign]
+    integrate.Stepper._in_machine_code = look  # type: ignore[method-assign]
     model.simulate(target="native")
-    integrate._Stepper._in_machine_code = original  # type: ignore[method-assign]
+    integrate.Stepper._in_machine_code = original  # type: ignore[method-assign]
     return found[0]
 
 

@@ -444,6 +444,12 @@ def test_events_of_a_builder() -> None:
     result = ball().model().simulate(to="5 s")
     assert len(result.events) == 39
     assert abs(result.final("height")) < 1e-6
+    g = Graph("Counter")
+    count = g.mode("count", 0)
+    g.every(0.25, {count: f"{count} + 1"})
+    g.output("c", count)
+    g.signal("x", "integral(1 [1/s], 0)")
+    assert g.model().simulate(to="1 s", points=5)["c"].tolist() == [1, 2, 3, 4, 5]
     with pytest.raises(CompilationFailed):
         ball().when("height < 0 m }", {"resting": "true"})
 

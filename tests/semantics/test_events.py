@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+import bondgraph
 from compiler.graph.network import Quantity, Reading
 from tests.compiling import compiled, mistake, mistakes
 
@@ -122,3 +123,13 @@ def test_an_experiment_starts_a_mode() -> None:
     assert program.hybrid.start(program.constants(list(program.defaults))).tolist() == [4.0]
     wrong = MODEL.format("experiment e { start gear = spring.x/(1 m); simulate 0 .. 1 s }")
     assert [d.code for d in mistakes(wrong)] == ["BG106"]
+
+
+def test_the_stage_of_the_graph_tells_events() -> None:
+    text = MODEL.format(
+        "when spring.x > 1 mm { gear = 2; on = true }\n  every 1 ms { level = 2 mm }\n  0 gap : translation { active = on }\n  body -> gap"
+    )
+    shown = bondgraph.load(text).show("graph")
+    assert "  when spring.x > 1 mm: sets gear, on  # text:8" in shown
+    assert "  every 1 ms: sets level  # text:9" in shown
+    assert "  switched gap  # text:10" in shown

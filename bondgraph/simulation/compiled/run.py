@@ -29,7 +29,7 @@ from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ..integrate import Tolerances
+    from ..trajectory import Tolerances
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
