@@ -32,6 +32,8 @@ FUNCTIONS = {
 
 def agree(compilation: Compilation, rtol: float = 1e-13) -> None:
     """Every function, single and in batches, at random states."""
+    if compilation.lowered.events.present or compilation.lowered.lags:
+        pytest.skip("what happens at instants is told by Python")
     native, reference = generate_program(compilation.lowered), compilation.program
     with np.errstate(all="ignore"):
         for shape in ((), (3,), (2, 2)):
