@@ -15,6 +15,7 @@ from ...algebra.table import lists
 from ...native.translate import translate
 from ...native.values import float_text
 from ..limits import Leaf
+from ..lower import Lowered
 from ..numpy.write import Writer, operations_in_order
 from . import support
 
@@ -43,6 +44,11 @@ HOT = frozenset(
 )  # what the steps of a run call again and again
 
 
+def mode_size(lowered: Lowered) -> int:
+    """How many items the mode has: conditions on time, and what events change."""
+    return max(len(lowered.switches), lowered.events.size if lowered.events.present else 0)
+
+
 class Module:
     """Writes a module with some functions of a program. `functions` says of each: name, its arguments in Python, how many values."""
 
@@ -62,7 +68,7 @@ class Module:
         counts = {"state": len(space.states) + len(space.unknowns), "input": len(self.lowered.inputs)}
         known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
         known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
-        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(self.lowered.events.size)}
+        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(mode_size(self.lowered))}
         parts = [] if self.hot else [self._constants(constants)]
         for name, arguments, _, roots in self.writer.functions():
             if (name in HOT) == self.hot:
