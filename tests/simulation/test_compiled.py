@@ -55,6 +55,10 @@ def test_events_are_the_affair_of_the_reference() -> None:
 @pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models_take_the_same_steps(path: Path, name: str) -> None:
     native, numpy = both(path, name, energy=True)
+    program = bondgraph.load(path, name).compilation(bondgraph.load(path, name).scene()).program
+    if program.hybrid is not None or program.invariants.names:
+        assert "numpy" in native.solver
+        pytest.skip("steps of the reference")
     assert native.solver in ("Radau IIA 5, native", "Newton", "none")
     assert native.warnings == numpy.warnings
     scale = np.abs(numpy.values).max(axis=0) + 1e-300
@@ -137,7 +141,7 @@ def _into(function: Any, of_time: bool) -> Any:
     return call
 
 
-@pytest.mark.parametrize("name", ["manipulator.bg", "rectifier.bg", "crane.bg"])
+@pytest.mark.parametrize("name", ["manipulator.bg", "rectifier.bg", "crane.bg", "pendulum.bg"])
 def test_magnitudes_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarse run takes its steps in machine code too."""
     found = []

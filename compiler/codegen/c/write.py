@@ -60,7 +60,7 @@ class _File:
         space = self.lowered.space
         known |= {Symbol(Leaf("state", i)): f"state[{i}]" for i in range(len(space.states) + len(space.unknowns))}
         known |= {Symbol(Leaf("input", i)): f"inputs[{i}]" for i in range(len(self.lowered.inputs))}
-        known |= {Symbol(Leaf("mode", i)): f"mode[{i}]" for i in range(len(self.lowered.switches))}
+        known |= {Symbol(Leaf("mode", i)): f"mode[{i}]" for i in range(self.lowered.events.size)}
         known[Symbol(Leaf("time", 0))] = "time"
         note = "All that depends on parameters alone; `constants` are the parameters."
         functions = [self._function("constants", note, constants, leaves)]
