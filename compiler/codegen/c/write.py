@@ -17,7 +17,6 @@ from ...errors import printable
 from ...native.c_source import BEGINNING, c_number, c_source
 from ..limits import Leaf
 from ..llvm import support
-from ..llvm.write import mode_size
 from ..lower import Lowered
 from ..numpy.generate import name_tables
 from ..numpy.write import Writer, operations_in_order
@@ -61,7 +60,7 @@ class _File:
         space = self.lowered.space
         known |= {Symbol(Leaf("state", i)): f"state[{i}]" for i in range(len(space.states) + len(space.unknowns))}
         known |= {Symbol(Leaf("input", i)): f"inputs[{i}]" for i in range(len(self.lowered.inputs))}
-        known |= {Symbol(Leaf("mode", i)): f"mode[{i}]" for i in range(mode_size(self.lowered))}
+        known |= {Symbol(Leaf("mode", i)): f"mode[{i}]" for i in range(self.lowered.events.size)}
         known[Symbol(Leaf("time", 0))] = "time"
         note = "All that depends on parameters alone; `constants` are the parameters."
         functions = [self._function("constants", note, constants, leaves)]
