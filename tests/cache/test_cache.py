@@ -14,9 +14,11 @@ import pytest
 import bondgraph
 from bondgraph import cache, native
 from bondgraph.errors import RunFailed
+from bondgraph.prepared import HIDDEN
 from tests.compiling import MODELS, ROOT
 
 pytest.importorskip("llvmlite")
+pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
 HEAVY = ("sympy", "scipy", "lark", "networkx")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import time as clock
@@ -25,6 +26,7 @@ from bondgraph.simulation.compiled.stepper import Stepper
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 
+pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
 # Conditions on states are located, and closed loops are held on their constraints, by the reference stepper.
 EVENTS = {"quarter_car.bg", "crank_linkage.bg"}
