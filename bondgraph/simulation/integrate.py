@@ -200,7 +200,7 @@ class Stepper:
     def _obstacle(self) -> str | None:
         """Why machine code does not make the steps, in brackets or empty; None if it does."""
         if self.program.native is None:
-            return ""
+            return " (events)" if self.program.hybrid is not None else ""
         from .compiled.run import obstacle
 
         found = obstacle(self.program)
