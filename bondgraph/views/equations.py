@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import PurePath
 from typing import Any
 
-from ..door import LinearLoop, StateSpace, Unknown, to_sympy
+from ..door import Apply, Expression, LinearLoop, StateSpace, Symbol, Unknown, to_sympy
+from ..errors import UsageError
 from .tables import visible
+
+LARGEST = 1e6  # symbols and operations of one state equation in sympy
 
 
 def state_equations(space: StateSpace) -> dict[str, Any]:
@@ -26,8 +29,10 @@ def algebraic_equations(space: StateSpace) -> dict[str, Any]:
 
 
 def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:
-    """What a variable or number is in sympy, with all assignments put in."""
+    """What a variable or number is in sympy, with all assignments put in. Raises `UsageError` if that would be too much to hold."""
     import sympy
+
+    _check_size(space)
 
     values: dict[int, Any] = {}
 
@@ -47,6 +52,43 @@ def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:
         elif step.target not in named:
             values[step.target] = to_sympy(step.expression, value)
     return value
+
+
+def _check_size(space: StateSpace) -> None:
+    """Put into one another, the equations of a long chain of bodies grow without bound: that is told, not tried."""
+    sizes: dict[int, float] = {}
+    for step in space.steps:
+        if isinstance(step, LinearLoop):
+            entries = [e for row in (*step.matrix, step.right) for e in row]
+            whole = sum(sizes.get(e, 1.0) for e in entries if isinstance(e, int)) * len(step.targets)
+            sizes |= dict.fromkeys(step.targets, whole)
+        else:
+            sizes[step.target] = _size(step.expression, sizes)
+    rates = [s.rate for s in space.states] + [u.residual for u in space.unknowns]
+    largest = max((sizes.get(v, 1.0) for v in rates), default=0.0)
+    if largest > LARGEST:
+        raise UsageError(
+            f"with everything put in, one state equation of {space.name} would have some {largest:.0e} terms; "
+            "`equations` has them step by step, as they are computed"
+        )
+
+
+def _size(expression: Expression, sizes: Mapping[int, float]) -> float:
+    """Symbols and operations of an expression, written out, with what its variables stand for."""
+    known: dict[Expression, float] = {}
+    stack = [expression]
+    while stack:
+        node = stack[-1]
+        inner = [o for o in node.operands if o not in known] if isinstance(node, Apply) else []
+        if inner:
+            stack += inner
+            continue
+        stack.pop()
+        if isinstance(node, Apply):
+            known[node] = 1.0 + sum(known[o] for o in node.operands)
+        else:
+            known[node] = sizes.get(node.key, 1.0) if isinstance(node, Symbol) else 1.0
+    return known[expression]
 
 
 def _named_parameters(space: StateSpace) -> set[int]:
