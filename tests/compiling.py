@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bondgraph.simulation.constraints import Constraints
+from bondgraph.simulation.nominal import nominal_magnitudes
+from bondgraph.simulation.segments import Segment
 from compiler.driver import Compilation, check
 from compiler.errors import CompilationFailed, Diagnostic
 from compiler.graph.network import Bond, BondGraph, Node
@@ -159,3 +162,13 @@ def _end(graph: BondGraph, bond: Bond, which: str) -> str:
     node = graph.nodes[end.node]
     port = getattr(node, "ports", None)
     return f"{node.name}.{port[end.port].name}" if port and port[end.port].name else node.name
+
+
+def magnitudes(running: Running, stretches: Sequence[Segment]) -> Any:
+    """How large a run finds the states and unknowns of a program to be, from its start on; shape (n,)."""
+    program, constants, inputs = running.program, running.constants, running.inputs
+    closed = None
+    if program.invariants.names:
+        closed = Constraints(program, running.parameters, inputs, np.ones(len(program.states.names)))
+    with np.errstate(all="ignore"):
+        return nominal_magnitudes(program, (), constants, running.start, inputs, stretches, None, closed).values

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.simulation.nominal import nominal_magnitudes
 from bondgraph.simulation.segments import segments
 from compiler.driver import Compilation
 from compiler.scene import Scene
 from compiler.source import Source
 from compiler.syntax import tree
 from tests.codegen.test_module import MODELS_OF_FILES
-from tests.compiling import Running, compiled
+from tests.compiling import Running, compiled, magnitudes
 
 
 def experiments(path: Path, name: str) -> list[str | None]:
@@ -45,10 +44,7 @@ def test_jacobian(path: Path, name: str, experiment: str | None) -> None:
         pytest.skip("no states")
     stop = compilation.plan.stop or 1.0
     stretches = segments(running.program, running.constants, 0.0, stop)
-    with np.errstate(all="ignore"):
-        magnitude = nominal_magnitudes(
-            running.program, (), running.constants, running.start, running.inputs, stretches
-        ).values
+    magnitude = magnitudes(running, stretches)
     angles = np.array([u == "1" for u in (*running.program.states.units, *running.program.unknowns.units)])
     magnitude = np.where(
         angles, np.minimum(magnitude, 1.0), magnitude

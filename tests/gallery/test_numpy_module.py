@@ -13,11 +13,10 @@ import sympy
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.simulation.nominal import nominal_magnitudes
 from bondgraph.simulation.segments import segments
 from bondgraph.views.equations import state_equations
 from tests.codegen.test_module import MODELS_OF_FILES
-from tests.compiling import compiled
+from tests.compiling import Running, compiled, magnitudes
 
 SAMPLES = 8
 
@@ -53,15 +52,13 @@ def sizes(path: Path, name: str) -> dict[str, tuple[float, float]]:
     stop = compilation.plan.stop
     if stop is None:
         compilation = compiled(path, model=name, free=("*",), everything=True)
-    program = compilation.program
-    constants = program.constants(np.array(program.defaults))
-    start, inputs = np.array(program.start(constants), dtype=float), np.array(program.input_defaults, dtype=float)
-    inputs = inputs if stop is not None else np.full(len(inputs), 1e-9)
-    stretches = segments(program, constants, 0.0, stop or 1.0)
-    with np.errstate(all="ignore"):
-        magnitude = nominal_magnitudes(program, (), constants, start, inputs, stretches).values
+    running = Running(compilation)
+    program = running.program
+    if stop is None:
+        running.inputs = np.full(len(running.inputs), 1e-9)
+    magnitude = magnitudes(running, segments(program, running.constants, 0.0, stop or 1.0))
     names = (*program.states.names, *program.unknowns.names)
-    return dict(zip(names, zip(start.tolist(), magnitude.tolist(), strict=True), strict=True))
+    return dict(zip(names, zip(running.start.tolist(), magnitude.tolist(), strict=True), strict=True))
 
 
 @pytest.mark.parametrize(("path", "name"), MODELS_OF_FILES, ids=[name for _, name in MODELS_OF_FILES])
