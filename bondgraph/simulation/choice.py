@@ -10,12 +10,14 @@ are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sci. Comput. 1
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..door import Program
-from .history import History
+
+if TYPE_CHECKING:
+    from .history import History
 
 WORST = 1e3  # change of a dependent storage, as a share of its peak, for that of a state as a share of its own
 

@@ -15,14 +15,9 @@ from ..door import Program
 from ..errors import RunFailed
 from .choice import Choice
 from .constraints import Constraints
-from .events import Events
-from .factorise import dense, is_large, sparse
-from .history import History
-from .locate import Flip, StateAt
 from .loops import Eliminated, LoopSolver
 from .radau import C, Problem, Radau, StepFailed
 from .segments import Segment, follower, with_time_of
-from .singular import NEAR, Watcher
 from .stuck import MOST_COMPILED, MOST_STEPS, not_finite, stuck
 from .trajectory import Tolerances, Trajectory
 from .validity import Watch
@@ -30,6 +25,10 @@ from .validity import Watch
 if TYPE_CHECKING:
     from . import exponential
     from .compiled.run import CompiledRadau
+    from .events import Events
+    from .history import History
+    from .locate import Flip, StateAt
+    from .singular import Watcher
 
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
 _PLACES = np.array([0.4342437493468026, 0.7745966692414834, 0.9604912687080202])
@@ -127,6 +126,8 @@ class Stepper:
 
     @cached_property
     def singular(self) -> Watcher:
+        from .singular import Watcher
+
         return Watcher(self.constraints, self.loops, self.result.poses)
 
     def done(self, x: Any) -> Trajectory:
@@ -295,6 +296,8 @@ class Stepper:
 
     def _past_singular_pose(self, solver: Radau, stretch: Segment) -> Radau:
         """The solver, or a new one beyond a singular pose that is near; steps beside one are short."""
+        from .singular import NEAR
+
         magnitude, watcher = self.tolerances.magnitude, self.singular
         state = solver.state * magnitude
         watcher.look(solver.time, state, stretch.mode)
@@ -403,6 +406,8 @@ class Stepper:
 
         self._check_rates(start, x, stretch.mode)
         relative = self.tolerances.relative
+        from .factorise import dense, is_large, sparse
+
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
         problem = Problem(

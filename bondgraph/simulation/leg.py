@@ -11,20 +11,12 @@ import numpy as np
 
 from ..errors import RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance, Occurrence
-from .assembly import choose_rows
-from .begin import UntilEvent, begun, continued, off_in, with_mode
 from .choice import Choice, Handover
 from .constraints import Constraints
-from .energy import added, energy_balance, held_in, impulse_loss
-from .events import Events
-from .history import History, history_of
-from .impulse import Jump
 from .integrate import integrate
 from .loops import LoopSolver
 from .nominal import Looks, Magnitudes, nominal_magnitudes
-from .rest import equilibrium
 from .segments import Segment, mode_after, segments
-from .singular import told_of
 from .start import consistent_start
 from .trajectory import Tolerances, Trajectory
 from .validity import Watch
@@ -32,6 +24,9 @@ from .validity import Watch
 if TYPE_CHECKING:
     from ..door import Plan, Program
     from ..prepared import Prepared
+    from .events import Events
+    from .history import History
+    from .impulse import Jump
 
 
 class Leg:
@@ -53,8 +48,7 @@ class Leg:
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
         self.begins_without = self.off  # before anything acts
-        before = None if begin is None else begin.history
-        self.history = history_of(compilation.program, before)
+        self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
         self.instants, self.rtol, self.atol, self.energy = instants, rtol, atol, energy
         self.inputs = np.array(program.input_defaults, dtype=float)
@@ -78,6 +72,11 @@ class Leg:
         self.values: Any = None  # of the outputs, shape (points, outputs)
         self.balance: EnergyBalance | None = None
 
+    def _history(self, program: Program) -> History | None:
+        from .history import history_of
+
+        return history_of(program, None if self.begin is None else self.begin.history)
+
     def _constraints(self, program: Program) -> Constraints:
         return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
 
@@ -94,6 +93,8 @@ class Leg:
             raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
         first, horizon = stretches[0], stretches[-1].stop - self.plan.start
         if self.begin is not None and program.hybrid is not None:
+            from .begin import continued
+
             self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon)
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
@@ -101,16 +102,24 @@ class Leg:
             held = [self.begin.stored[n] for n in names]
             full = np.array([*held, *state[len(names) :]])
             if constraints:
+                from .assembly import choose_rows
+
                 constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
                 full = constraints.project(first.start, full, first.mode)
             loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
             return loops.solve(first.start, full, first.mode), ()
         if program.hybrid is not None:
+            from .begin import with_mode
+
             first = with_mode(compilation, constraints, state, first, horizon)
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
+            from .rest import equilibrium
+
             full = equilibrium(program, constraints, self.inputs, full, first)
         if program.hybrid is not None:
+            from .begin import begun, off_in
+
             self.begins_without = off_in(constraints, full, first)
             self.events, moment = begun(constraints, full, first, horizon)
             full, stretches[0] = moment.state, replace(first, mode=moment.mode)
@@ -168,6 +177,8 @@ class Leg:
 
     def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
         """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
+        from .begin import UntilEvent
+
         names = (*self.program.states.names, *self.program.unknowns.names)
         events = self.events
         assert events is not None
@@ -212,7 +223,10 @@ class Leg:
             raise RunFailed(f"{failed}: {cause}") from None
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
-        self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
+        if self.constraints:
+            from .singular import told_of
+
+            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
         if not np.isfinite(self.values).all():
@@ -254,6 +268,8 @@ class Leg:
         return self.program.powers(times, states, self.inputs, self.constants, mode)
 
     def _balance(self) -> EnergyBalance:
+        from .energy import added, energy_balance, held_in, impulse_loss
+
         stretches = self.trajectory.pieces or self.stretches
         space, first, handover = self.compilation.state_space, stretches[0], self.trajectory.handover
         stop = stretches[-1].stop if handover is None else handover.time

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .events import Events
+if TYPE_CHECKING:
+    from .events import Events
 
 PLACES = 12  # of a step
 FINER = 256  # places by which an interval is cut again and again

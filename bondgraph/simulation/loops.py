@@ -6,15 +6,12 @@ Newton's method fails from the last solution, `homotopy.py` leads the residual t
 
 from __future__ import annotations
 
-from graphlib import TopologicalSorter
 from typing import Any
 
 import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
-from .homotopy import follow
-from .scatter import Loop, arrivals, far_guesses, guesses
 
 ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
 HALVINGS = 30
@@ -72,6 +69,8 @@ class LoopSolver:
         """The nearest of the solutions to which many guesses lead; None if none does."""
         if len(places) > LARGEST:
             return None
+        from .scatter import Loop, arrivals, far_guesses, guesses
+
         loop = Loop(self, (time, state, mode), last, places)
         ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
         ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
@@ -115,6 +114,8 @@ class LoopSolver:
 
     def separate(self) -> list[Any]:
         """The unknowns of each loop by itself, those that depend on each other; a loop after those that it reads."""
+        from graphlib import TopologicalSorter
+
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -171,6 +172,8 @@ class LoopSolver:
 
     def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
         """From the guess, whose residual is led to zero; None if that fails."""
+        from .homotopy import follow
+
         near = follow(
             lambda y: self.residual(time, state, mode, _put(guess, places, y))[places],
             lambda y: self.matrix(time, state, mode, _put(guess, places, y))[places][:, places],

@@ -13,16 +13,15 @@ import numpy as np
 
 from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target
-from ..results import Column, LimitLeft, Result
+from ..results import Column, EnergyBalance, LimitLeft, Result
 from .choice import WORST, Handover
-from .energy import added
-from .impulse import Jump
 from .leg import Leg
 
 if TYPE_CHECKING:
     from ..door import Plan, Program, Scene
     from ..model import Model
     from ..prepared import Prepared
+    from .impulse import Jump
 
 DEFAULT_RTOL = 1e-6
 DEFAULT_POINTS = 501
@@ -85,10 +84,16 @@ def simulate(
     return Result(
         program.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program, legs),
         sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
-        added([leg.balance for leg in legs if leg.balance is not None]), _warnings(legs), legs[0].compilation.certificate,
+        _balance(legs) if energy else None, _warnings(legs), legs[0].compilation.certificate,
         tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *_impulses(legs)])),
         tuple(o for leg in legs for o in leg.occurrences),
     )  # fmt: skip
+
+
+def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
+    from .energy import added
+
+    return added([leg.balance for leg in legs if leg.balance is not None])
 
 
 def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handover:

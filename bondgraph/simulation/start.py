@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RunFailed
-from .assembly import assemble, choose_rows, sizes
-from .branches import other_solutions
 from .claims import fulfil, slopes_of
 from .constraints import Constraints
 from .loops import LoopSolver
@@ -66,8 +64,9 @@ def _assembled(
     program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, first: Segment
 ) -> tuple[Any, tuple[str, ...]]:
     """The same with closing joints: their gaps, and the rates of these, must vanish as well."""
-    time, mode = first.start, first.mode
+    from .assembly import assemble, choose_rows, sizes
 
+    time, mode = first.start, first.mode
     loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)))
     loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
 
@@ -93,6 +92,10 @@ def _assembled(
 
 def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None:
     """Raises `RunFailed` if the loops have another solution: nothing in the model says which of them holds."""
+    if not len(loops.program.unknowns.names):
+        return
+    from .branches import other_solutions
+
     others = other_solutions(loops, at[0], full, at[1])
     if not others:
         return

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .choice import Handover
-from .segments import Segment
-from .singular import SingularPose
+if TYPE_CHECKING:
+    from .choice import Handover
+    from .segments import Segment
+    from .singular import SingularPose
 
 
 @dataclass(frozen=True, slots=True)
