@@ -338,19 +338,8 @@ def test_six_axes_ring_as_masses_on_springs() -> None:
     """Fifteen freedoms without losses: w^2 M = K."""
     mass, stiffness = six_axes()
     exact = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real))
-    model = bondgraph.load(GALLERY / "six_axes.bg")
-    program = model.compilation().program
-    names, values = program.parameters.names, np.array(program.defaults, dtype=float)
-    for name in ("r", "r_t"):
-        values[names.index(name)] = 0.0
-    constants = program.constants(values)
-    slopes = program.jacobian(
-        0.0,
-        np.array(program.start(constants)),
-        np.array(program.input_defaults),
-        constants,
-        program.switches(0.0, constants),
-    )
+    running = Running(compiled(GALLERY / "six_axes.bg", {"r": "0 [N*s/m]", "r_t": "0 [N*s/m]"}))
+    slopes = running.program.jacobian(*running.arguments(0.0, None, None))
     found = np.sort(np.abs(np.linalg.eigvals(slopes).imag))[-30::2]
     np.testing.assert_allclose(found, exact, rtol=1e-6)
 

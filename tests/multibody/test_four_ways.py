@@ -16,7 +16,7 @@ import bondgraph
 from tests.compiling import MODELS
 
 OUTPUTS = ("x", "y", "phi", "c1", "c2", "c3")
-TIGHT = 1e-9
+TIGHT = 1e-10
 CHORDS = (MODELS / "manipulator.bg").read_text(encoding="utf-8")
 HUNG = "    stage.flex[i]   => flexure[i].ends\n"
 FIELD = re.search(r"    Flexure   flexure\[i\] \{.*?\}\n", CHORDS, re.DOTALL)
@@ -121,20 +121,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @cache
-def pushed(path: Path, rtol: float) -> bondgraph.Result:
-    return bondgraph.load(path).simulate("push_x", rtol=rtol, points=201, outputs=OUTPUTS)
+def pushed(path: Path) -> bondgraph.Result:
+    return bondgraph.load(path).simulate("push_x", rtol=TIGHT, points=201, outputs=OUTPUTS)
 
 
 @pytest.mark.parametrize("way", [w for w in WAYS if w != "chords"])
 def test_the_same_motion(way: str, folder: Path) -> None:
-    """At 201 instants; measured: 6e-10 of the largest angle for the joints, 1e-11 for the others.
-
-    A projection that is right to round-off shakes modes of MHz that nothing damps: the joints run at a tolerance that does not follow these.
-    """
-    one, other = (
-        pushed(folder / "chords.bg", TIGHT),
-        pushed(folder / f"{way}.bg", 10 * TIGHT if way == "joints" else TIGHT),
-    )
+    """At 201 instants; measured: 5e-10 of the largest angle for the joints, 1e-11 for the others."""
+    one, other = pushed(folder / "chords.bg"), pushed(folder / f"{way}.bg")
     for kind in (("x", "y", "c1", "c2", "c3"), ("phi",)):
         largest = max(np.abs(one[n]).max() for n in kind)
         worst = max(np.abs(one[n] - other[n]).max() for n in kind)
