@@ -47,11 +47,16 @@ class Case:
         return Source(self.path.name, self.path.read_text(encoding="utf-8"), self.path)
 
 
+HELD = frozenset({"car", "crank_linkage", "four_bar", "six_axes", "spatial_slider_crank"})
+"""What a march of the states alone does not hold: loops closed, quaternions at length 1, starts of parts that are no coordinates."""
+
+
 @cache
 def cases() -> tuple[Case, ...]:
     """Every model that can be run, once for each experiment, the first of them first."""
     found: list[Case] = []
-    for path in (*sorted(Path("models").glob("*.bg")), *sorted(CIRCUITS.glob("*.bg"))):
+    models = (p for p in sorted(Path("models").glob("*.bg")) if p.stem not in HELD)
+    for path in (*models, *sorted(CIRCUITS.glob("*.bg"))):
         source = Source(str(path), path.read_text(encoding="utf-8"), path)
         try:
             compilation = Compilation(source, Scene(None, None), LIBRARY)
