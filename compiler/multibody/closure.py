@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, call, divide, multiply, negate, select
 from ..graph.mechanism import COUPLINGS, POSE, Joint, reactions_of
 from .axes import snapped
-from .errors import ClosedLoop, RodWithoutLength
+from .errors import ClosedLoop, NoCoordinate, RodWithoutLength
 from .motion import Motion
 from .placed import Placed
 from .tree import loop_of
@@ -92,7 +92,12 @@ class Closure:
         self.rows.append((row, multiplier, Symbol(part), joint))
 
     def _ports(self, joint: Joint, sides: Sides) -> None:
-        for letter, coordinate in sides.coordinates().items():
+        coordinates, mechanics = sides.coordinates(), self.mechanics
+        for letter in joint.freedoms:
+            name = f"{joint.name}.{letter}"
+            if letter not in coordinates and (name in mechanics.wanted or name in mechanics.efforts or joint.starts):
+                mechanics.result.diagnostics.append(NoCoordinate(joint.span, name, joint.kind))
+        for letter, coordinate in coordinates.items():
             name = f"{joint.name}.{letter}"
             rest = self.script.constant(joint.rest[letter], f"{joint.name} rest") if letter in joint.rest else ZERO
             held = self.script.held(name, add(rest, coordinate.value), "1" if letter.startswith("phi") else "m")

@@ -39,3 +39,14 @@ class RodWithoutLength(Diagnostic):
     title = "The rod `{joint}` has no length: its two ends are drawn at one place"
     advice = "What holds two points together is a hinge, in space a ball."
     joint: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoCoordinate(Diagnostic):
+    """BG204."""
+
+    code = "BG204"
+    title = "`{coordinate}` is asked for, but the {kind} closes a loop, where only hinges, slides and cylinders have coordinates"
+    advice = "A loop is closed by the joint that is farthest from the ground, in the order of declaration: declare those that lead to this one first; or read the poses of the bodies."
+    coordinate: str
+    kind: str
