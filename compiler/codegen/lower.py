@@ -137,7 +137,7 @@ def lower(space: StateSpace, located: bool = True) -> Lowered:
         if isinstance(step, LinearLoop):
             _lower_loop(result, step, slopes)
         else:
-            switching.at(step, step.target in behind, step.target in space.derived)
+            switching.at(step, step.target in behind, step.target in space.pieced)
             _lower_assignment(result, step, slopes, switching, formulas)
             if uses[step.target] > 1:
                 result.values[step.target] = closed(result.values[step.target])

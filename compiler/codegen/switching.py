@@ -51,11 +51,11 @@ class Switching:
         self.located = False  # whether conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
 
-    def at(self, step: Assignment, behind: bool, derived: bool) -> None:
+    def at(self, step: Assignment, behind: bool, pieced: bool) -> None:
         """What is looked at next: whether the run reads it, so that its conditions on states are located, and whether it is
-        a slope or the derivative of something else, whose conditions are the author's only if they are known already."""
-        self.span, self.owner, self.located, self.derived = step.span, step.owner, behind and not derived, derived
-        self._done = self._memories.setdefault((self.located, derived), {})
+        a slope, the derivative of something else, or pieced together smoothly, whose conditions are the author's only if they are known already."""
+        self.span, self.owner, self.located, self.pieced = step.span, step.owner, behind and not pieced, pieced
+        self._done = self._memories.setdefault((self.located, pieced), {})
 
     def replaced(self, x: Expression) -> Expression:
         """The expression with its conditions on time, and if they are located on states, replaced by items of the mode."""
@@ -93,7 +93,7 @@ class Switching:
         operands = tuple(map(self.replaced, condition.operands))
         if condition in self.modes:
             return self.modes[condition]
-        if self.derived and not alone:
+        if self.pieced and not alone:
             self.guards.add(condition)
         locatable = self.located and condition.operator in ("less", "less_equal") and condition not in self.guards
         if condition.operator in ("and", "or", "not") or not (alone or locatable):

@@ -59,6 +59,7 @@ class EquationBuilder:
         self.states: list[State] = []
         self.claims: list[Claim] = []
         self.invariants: list[Invariant] = []
+        self.pieced: set[int] = set()
         self.ports: list[PowerPort] = []
         self.storages: list[Storage] = []
         self.stored: dict[str, int] = {}
@@ -97,6 +98,7 @@ class EquationBuilder:
             tuple(replace(d, start=self._through(d.start)) for d in self.discretes), tuple(self._event(e) for e in self.events),
             tuple(replace(s, condition=self.root(s.condition)) for s in self.switches),
             tuple(replace(d, value=self.root(d.value), lag=self._through(d.lag)) for d in self.delays),
+            frozenset(self.pieced),
         )  # fmt: skip
 
     def _limit(self, required: Requirement) -> Validity:
@@ -175,6 +177,10 @@ class EquationBuilder:
             return assignment.expression
         found = self.variables[variable]
         return found.value if found.role == "parameter" else None
+
+    def smoothly(self, target: int) -> None:
+        """What computes the target does so in pieces that join smoothly: none of their conditions is an event."""
+        self.pieced.add(target)
 
     def vanishing(self, target: int, expression: Expression, span: Span, owner: str) -> None:
         """The target is what makes the expression vanish."""

@@ -211,3 +211,4 @@ class EquationSystem:
     events: tuple[EventRow, ...] = ()
     switches: tuple[Switch, ...] = ()
     delays: tuple[Delayed, ...] = ()
+    pieced: frozenset[int] = frozenset()  # computed in pieces that join smoothly: conditions in them are no events

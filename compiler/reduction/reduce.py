@@ -32,7 +32,7 @@ class _Reduction:
         self.variables: list[Variable] = differentiator.variables
         self.assigned: dict[int, Assignment] = differentiator.assigned
         self.differentiator = differentiator
-        self.derived = {*differentiator.order, *(d.target for d in system.derivatives)}
+        self.pieced = {*differentiator.order, *(d.target for d in system.derivatives), *system.pieced}
         self.unknowns: list[Unknown] = []
         self.multipliers = frozenset(i.multiplier for i in system.invariants if i.multiplier is not None)
         self.diagnostics: list[Diagnostic] = []
@@ -90,7 +90,7 @@ class _Reduction:
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
             system.stored if self.everything else {}, dependents,
-            claims, tuple(forced), self._index(used, steps), system.limits, invariants, frozenset(self.derived), discretes, events, system.switches, delays,
+            claims, tuple(forced), self._index(used, steps), system.limits, invariants, frozenset(self.pieced), discretes, events, system.switches, delays,
         )  # fmt: skip
 
     def _events(
@@ -192,7 +192,7 @@ class _Reduction:
             bound = bind(residual)
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
-            self.derived |= {number} if variable in self.derived else set()
+            self.pieced |= {number} if variable in self.pieced else set()
             inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
             bound_by = variable in self.multipliers
             self.unknowns.append(Unknown(variable, number, assignment.span, members, loop, bound_by))
@@ -284,7 +284,7 @@ class _Reduction:
             return expression.key
         variable = len(self.variables)
         self.variables.append(Variable(name, "computed"))
-        self.derived |= {variable} if assignment.target in self.derived else set()
+        self.pieced |= {variable} if assignment.target in self.pieced else set()
         bound = bind(expression)
         steps.append(Assignment(variable, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
         return variable

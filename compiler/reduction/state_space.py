@@ -91,7 +91,9 @@ class StateSpace:
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
-    derived: frozenset[int] = frozenset()  # variables that are derivatives of others
+    pieced: frozenset[int] = (
+        frozenset()
+    )  # derivatives of others, and what is computed in pieces: conditions there are nobody's
     discretes: tuple[Discrete, ...] = ()
     events: tuple[EventRow, ...] = ()
     switches: tuple[Switch, ...] = ()

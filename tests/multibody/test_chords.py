@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.compiling import Running
+from tests.compiling import MODELS, Running, compiled
 from tests.multibody.newton_euler import of_quaternion
 from tests.multibody.random_trees import RandomTree, rotation
 
@@ -113,3 +113,8 @@ def test_rotation_vectors_from_zero_to_two_pi(angle: float) -> None:
     whole = rotation(r).T @ np.array([rotation(r + 1e-30j * rates).imag / 1e-30])[0]  # skew of the spin in own axes
     np.testing.assert_allclose([whole[2, 1], whole[0, 2], whole[1, 0]], spin, atol=1e-11)
     np.testing.assert_allclose(of_quaternion(tree.attitudes[0]), rotation(r), atol=1e-13)
+
+
+def test_series_at_zero_turn_are_no_events() -> None:
+    """Rotation vectors are pieced together smoothly: a run steps over the seams, in machine code."""
+    assert compiled(MODELS / "six_axes.bg").program.hybrid is None
