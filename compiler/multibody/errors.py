@@ -47,6 +47,6 @@ class NoCoordinate(Diagnostic):
 
     code = "BG204"
     title = "`{coordinate}` is asked for, but the {kind} closes a loop, where only hinges, slides and cylinders have coordinates"
-    advice = "The joint farthest from the ground closes a loop, in the order of declaration: declare those that lead to this one first, or read poses of bodies."
+    advice = "The joint farthest from the ground closes a loop, in order of declaration: declare those that lead to this one first, or read bodies' poses."
     coordinate: str
     kind: str
