@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.simulation.constraints import Constraints
-from bondgraph.simulation.nominal import nominal_magnitudes
+from bondgraph.simulation.closed.constraints import Constraints
 from bondgraph.simulation.segments import Segment
+from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.driver import Compilation, check
 from compiler.errors import CompilationFailed, Diagnostic
 from compiler.graph.network import Bond, BondGraph, Node

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..door import Compilation, LinearLoop, StateSpace, evaluate
 from ..errors import RunFailed, UsageError
-from ..simulation.loops import LoopSolver
+from ..simulation.loops.loops import LoopSolver
 
 
 def values_at(compilation: Compilation, state: Mapping[str, float], time: float) -> dict[int, float]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..door import Compilation, InternalError, Kind, Symbol, derivative, evaluate
 from ..errors import UsageError
-from ..simulation.energy import stored_change
+from ..simulation.watch.energy import stored_change
 from .point import values_at
 from .structure import Network, StoragePort, network
 

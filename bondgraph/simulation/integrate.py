@@ -13,22 +13,22 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
-from .choice import Choice
-from .constraints import Constraints
-from .loops import Eliminated, LoopSolver
-from .radau import C, Problem, Radau, StepFailed
+from .closed.constraints import Constraints
+from .loops.loops import Eliminated, LoopSolver
 from .segments import Segment, follower, with_time_of
+from .steps.radau import C, Problem, Radau, StepFailed
 from .stuck import MOST_COMPILED, MOST_STEPS, not_finite, stuck
 from .trajectory import Tolerances, Trajectory
-from .validity import Watch
+from .watch.choice import Choice
+from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from . import exponential
-    from .compiled.run import CompiledRadau
-    from .events import Events
-    from .history import History
-    from .locate import Flip, StateAt
-    from .singular import Watcher
+    from .closed.singular import Watcher
+    from .events.events import Events
+    from .events.history import History
+    from .events.locate import Flip, StateAt
+    from .steps import exponential
+    from .steps.compiled.run import CompiledRadau
 
 # The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
 _PLACES = np.array([0.4342437493468026, 0.7745966692414834, 0.9604912687080202])
@@ -67,7 +67,7 @@ def integrate(
     """
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints)
     if events is not None:
-        from .instants import EventStepper
+        from .events.instants import EventStepper
 
         return EventStepper.through(events, off, fixed, state, stretches, choice, linear, history)
     stepper = Stepper(*fixed)
@@ -126,7 +126,7 @@ class Stepper:
 
     @cached_property
     def singular(self) -> Watcher:
-        from .singular import Watcher
+        from .closed.singular import Watcher
 
         return Watcher(self.constraints, self.loops, self.result.poses)
 
@@ -171,7 +171,7 @@ class Stepper:
 
     def _exactly(self, stretch: Segment, x: Any) -> Any | None:
         """One stretch of a linear model by the matrix exponential; None if that cannot be done."""
-        from . import exponential
+        from .steps import exponential
 
         form = exponential.linear_form(self.program, self.inputs, self.constants, stretch)
         if form is None:
@@ -202,7 +202,7 @@ class Stepper:
         """Why machine code does not make the steps, in brackets or empty; None if it does."""
         if self.program.native is None:
             return " (events)" if self.program.hybrid is not None else ""
-        from .compiled.run import obstacle
+        from .steps.compiled.run import obstacle
 
         found = obstacle(self.program)
         return f" ({found})" if found else None
@@ -216,7 +216,7 @@ class Stepper:
     ) -> tuple[tuple[Any, float], bool]:
         """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
         assert self.powers is not None
-        from . import exponential
+        from .steps import exponential
 
         times, inside = exponential.between(form, cut, states, PLACES)
         values = self.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
@@ -229,7 +229,7 @@ class Stepper:
 
     def _look_within(self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment) -> None:
         """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
-        from . import exponential
+        from .steps import exponential
 
         if self.program.limits:
             inner, _ = exponential.between(form, cut, states, PLACES)
@@ -296,7 +296,7 @@ class Stepper:
 
     def _past_singular_pose(self, solver: Radau, stretch: Segment) -> Radau:
         """The solver, or a new one beyond a singular pose that is near; steps beside one are short."""
-        from .singular import NEAR
+        from .closed.singular import NEAR
 
         magnitude, watcher = self.tolerances.magnitude, self.singular
         state = solver.state * magnitude
@@ -406,7 +406,7 @@ class Stepper:
 
         self._check_rates(start, x, stretch.mode)
         relative = self.tolerances.relative
-        from .factorise import dense, is_large, sparse
+        from .steps.factorise import dense, is_large, sparse
 
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
@@ -432,7 +432,7 @@ class Stepper:
 
     def _in_machine_code(self, stretch: Segment, x: Any) -> Any:
         """As `run` from where it begins to step, by `compiled/advance.py`."""
-        from .compiled.run import CompiledRadau, steps
+        from .steps.compiled.run import CompiledRadau, steps
 
         self._check_rates(stretch.start, x, stretch.mode)
         solver = CompiledRadau(self.program, self.inputs, self.constants, self.tolerances, stretch, x, self.longest)

@@ -11,22 +11,22 @@ import numpy as np
 
 from ..errors import RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance, Occurrence
-from .choice import Choice, Handover
-from .constraints import Constraints
+from .closed.constraints import Constraints
 from .integrate import integrate
-from .loops import LoopSolver
-from .nominal import Looks, Magnitudes, nominal_magnitudes
+from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
-from .start import consistent_start
+from .start.nominal import Looks, Magnitudes, nominal_magnitudes
+from .start.start import consistent_start
 from .trajectory import Tolerances, Trajectory
-from .validity import Watch
+from .watch.choice import Choice, Handover
+from .watch.validity import Watch
 
 if TYPE_CHECKING:
     from ..door import Plan, Program
     from ..prepared import Prepared
-    from .events import Events
-    from .history import History
-    from .impulse import Jump
+    from .events.events import Events
+    from .events.history import History
+    from .events.impulse import Jump
 
 
 class Leg:
@@ -73,7 +73,7 @@ class Leg:
         self.balance: EnergyBalance | None = None
 
     def _history(self, program: Program) -> History | None:
-        from .history import history_of
+        from .events.history import history_of
 
         return history_of(program, None if self.begin is None else self.begin.history)
 
@@ -93,7 +93,7 @@ class Leg:
             raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
         first, horizon = stretches[0], stretches[-1].stop - self.plan.start
         if self.begin is not None and program.hybrid is not None:
-            from .begin import continued
+            from .events.begin import continued
 
             self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon)
             stretches[0] = replace(first, mode=moment.mode)
@@ -102,23 +102,23 @@ class Leg:
             held = [self.begin.stored[n] for n in names]
             full = np.array([*held, *state[len(names) :]])
             if constraints:
-                from .assembly import choose_rows
+                from .start.assembly import choose_rows
 
                 constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
                 full = constraints.project(first.start, full, first.mode)
             loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
             return loops.solve(first.start, full, first.mode), ()
         if program.hybrid is not None:
-            from .begin import with_mode
+            from .events.begin import with_mode
 
             first = with_mode(compilation, constraints, state, first, horizon)
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
-            from .rest import equilibrium
+            from .start.rest import equilibrium
 
             full = equilibrium(program, constraints, self.inputs, full, first)
         if program.hybrid is not None:
-            from .begin import begun, off_in
+            from .events.begin import begun, off_in
 
             self.begins_without = off_in(constraints, full, first)
             self.events, moment = begun(constraints, full, first, horizon)
@@ -177,7 +177,7 @@ class Leg:
 
     def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
         """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
-        from .begin import UntilEvent
+        from .events.begin import UntilEvent
 
         names = (*self.program.states.names, *self.program.unknowns.names)
         events = self.events
@@ -185,7 +185,7 @@ class Leg:
         known = self.known
         if not all(n in known for n in names):
             first = found_with(UntilEvent(events, self._choice()))
-            from .instants import pilot
+            from .events.instants import pilot
 
             events.measure(first.values)
             saved = None if self.history is None else self.history.saved()
@@ -217,20 +217,20 @@ class Leg:
                 self.constraints, self.events, self.off, self.history,
             )  # fmt: skip
         except RateNotFinite as failed:
-            from .finite import cause_of
+            from .watch.finite import cause_of
 
             cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
         if self.constraints:
-            from .singular import told_of
+            from .closed.singular import told_of
 
             self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
         if not np.isfinite(self.values).all():
-            from .finite import check_finite
+            from .watch.finite import check_finite
 
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
@@ -268,7 +268,7 @@ class Leg:
         return self.program.powers(times, states, self.inputs, self.constants, mode)
 
     def _balance(self) -> EnergyBalance:
-        from .energy import added, energy_balance, held_in, impulse_loss
+        from .watch.energy import added, energy_balance, held_in, impulse_loss
 
         stretches = self.trajectory.pieces or self.stretches
         space, first, handover = self.compilation.state_space, stretches[0], self.trajectory.handover

@@ -14,14 +14,14 @@ import numpy as np
 from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target
 from ..results import Column, EnergyBalance, LimitLeft, Result
-from .choice import WORST, Handover
 from .leg import Leg
+from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
     from ..door import Plan, Program, Scene
     from ..model import Model
     from ..prepared import Prepared
-    from .impulse import Jump
+    from .events.impulse import Jump
 
 DEFAULT_RTOL = 1e-6
 DEFAULT_POINTS = 501
@@ -91,7 +91,7 @@ def simulate(
 
 
 def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
-    from .energy import added
+    from .watch.energy import added
 
     return added([leg.balance for leg in legs if leg.balance is not None])
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RateNotFinite
-from .radau import Radau
+from .steps.radau import Radau
 from .trajectory import Tolerances
 
 if TYPE_CHECKING:
-    from .compiled.run import CompiledRadau
+    from .steps.compiled.run import CompiledRadau
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long

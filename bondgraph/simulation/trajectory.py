@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .choice import Handover
+    from .closed.singular import SingularPose
     from .segments import Segment
-    from .singular import SingularPose
+    from .watch.choice import Handover
 
 
 @dataclass(frozen=True, slots=True)

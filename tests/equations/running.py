@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.simulation.loops import LoopSolver
+from bondgraph.simulation.loops.loops import LoopSolver
 
 
 @dataclass

@@ -10,7 +10,7 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.homotopy import follow
+from bondgraph.simulation.loops.homotopy import follow
 
 DIODE = """model A {
   parameter supply = 5 kV

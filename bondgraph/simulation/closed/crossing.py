@@ -1,0 +1,139 @@
+"""Over a singular pose in one long step.
+
+Where closing joints lose rank, two branches of motion cross. The branch that goes on with a continuous tangent is smooth, but the
+equations for accelerations are not usable near it: beside the constraints they change like one over the distance, so a stage of a step that
+is off by less than its tolerance finds forces of any size. Two things mend that. The right side is taken at the
+projection of a state (f(P(x)) is constant across the constraints, smooth along them), and one collocation step of high order leads from
+well before to well after, its stages apart from the pose (Gauss, 8 stages, order 16; Hairer and Wanner, Solving ODEs II, section IV.5):
+steps of order 5 would be too short there to keep rounding, which grows like one over the distance squared, below a tight tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ..loops.loops import Eliminated, LoopSolver
+from .constraints import Constraints
+
+STAGES, FEWER = 8, 6  # of the step, and of the one that it is compared with
+ITERATIONS = 60
+DIFFERENCE = 1e-6  # of the magnitudes, for slopes
+COMPARED = (0.05, 0.3, 0.5, 0.7, 0.95, 1.0)  # parts of a step
+CLOSE = 1e-13  # change by the last iteration, in magnitudes
+Function = Callable[[float, Any], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Crossed:
+    """A step over a singular pose, in units of the magnitudes: states in between by `at`."""
+
+    start: float
+    size: float
+    before: Any
+    slopes: Any  # (stages, n)
+    error: float  # largest difference of two orders at some places
+
+    def at(self, times: Any) -> Any:
+        """States (not projected) at instants; shape (times, n)."""
+        shares = (np.asarray(times) - self.start) / self.size
+        integrals = np.stack([_integrals(s, len(self.slopes)) for s in np.atleast_1d(shares)])
+        return self.before + self.size * integrals @ self.slopes
+
+
+class OnConstraints:
+    """The rates of the states at their projection; states and rates in units of the magnitudes."""
+
+    def __init__(self, constraints: Constraints, loops: LoopSolver, mode: Any, unknowns: Any) -> None:
+        self.constraints, self.loops, self.mode, self.unknowns = constraints, loops, mode, unknowns
+        self.reach, self.rates = constraints.reach, Eliminated(constraints.program).rates
+
+    def projected(self, time: float, scaled: Any) -> Any:
+        """The full state, unknowns included."""
+        state = np.concatenate([scaled * self.reach, self.unknowns])
+        return self.loops.solve(time, self.constraints.project(time, state, self.mode), self.mode)
+
+    def __call__(self, time: float, scaled: Any) -> Any:
+        constraints = self.constraints
+        state = np.concatenate([scaled * self.reach, self.unknowns])
+        held = constraints.project(time, state, self.mode)
+        if not self.loops.affine:
+            held = self.loops.solve(time, held, self.mode)
+        rates = self.rates(time, held, constraints.inputs, constraints.constants, self.mode)
+        return np.asarray(rates)[: constraints.count] / self.reach
+
+
+def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Crossed | None:
+    """A step of a given size; None if its stages are not found. Raises nothing."""
+    state = np.concatenate([scaled * function.reach, function.unknowns])
+    basis = function.constraints.tangents(time, state, function.mode)
+    slopes = np.stack([_slope(function, time, scaled, d) for d in basis.T], axis=1) if basis.shape[1] else basis
+    results = []
+    for stages in (STAGES, FEWER):
+        found = _collocation(function, time, scaled, size, stages, slopes, basis)
+        if found is None:
+            return None
+        results.append(found)
+    crossed, other = (Crossed(time, size, scaled, f, 0.0) for f in results)
+    places = time + size * np.array(COMPARED)
+    return replace(crossed, error=float(np.abs(crossed.at(places) - other.at(places)).max()))
+
+
+def _slope(function: Function, time: float, scaled: Any, direction: Any) -> Any:
+    step = DIFFERENCE * direction
+    return (function(time, scaled + step) - function(time, scaled - step)) / (2 * DIFFERENCE)
+
+
+def _collocation(
+    function: Function, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any
+) -> Any:
+    """The rates at the stages of a Gauss step, by the simplified Newton iteration.
+
+    The Jacobian is `slopes @ basis.T`, so what is factorised has only as many columns as the motion has freedoms.
+    """
+    places, matrix = _method(stages)
+    inner = np.linalg.inv(np.eye(stages * basis.shape[1]) - size * np.kron(matrix, basis.T @ slopes))
+    rates = np.tile(function(time, scaled), (stages, 1))
+    moved, last = size * matrix @ rates, np.inf
+    for _ in range(ITERATIONS):
+        rates = np.stack([function(time + c * size, scaled + m) for c, m in zip(places, moved, strict=True)])
+        rest = size * matrix @ rates - moved
+        known = (inner @ (rest @ basis).ravel()).reshape(stages, -1)
+        change = rest + size * matrix @ (known @ slopes.T)
+        norm = float(np.abs(change).max())
+        if not np.isfinite(norm) or norm > 1e3:
+            return None
+        moved = moved + change
+        if norm < CLOSE or (norm < 1e-8 and norm > 0.5 * last):
+            return rates
+        last = norm
+    return None
+
+
+@lru_cache(maxsize=4)
+def _method(stages: int) -> tuple[Any, Any]:
+    """Places and matrix of the Gauss method."""
+    places = (np.polynomial.legendre.leggauss(stages)[0] + 1) / 2
+    return places, np.stack([_integrals(c, stages) for c in places])
+
+
+def _integrals(share: float, stages: int) -> Any:
+    """The integrals from 0 to a share of the step of the polynomials that are 1 at one stage and 0 at the others."""
+    x = 2 * share - 1
+    values = np.polynomial.legendre.legvander(np.array([x]), stages)[0]
+    integrals = np.empty(stages)  # of the Legendre polynomials from -1 to x
+    integrals[0] = x + 1
+    for n in range(1, stages):
+        integrals[n] = (values[n + 1] - values[n - 1]) / (2 * n + 1)
+    return 0.5 * _to_stages(stages) @ integrals
+
+
+@lru_cache(maxsize=4)
+def _to_stages(stages: int) -> Any:
+    """From values at the stages to coefficients of Legendre polynomials, transposed."""
+    nodes, _ = np.polynomial.legendre.leggauss(stages)
+    return np.linalg.inv(np.polynomial.legendre.legvander(nodes, stages - 1)).T

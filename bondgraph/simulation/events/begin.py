@@ -1,0 +1,97 @@
+"""The mode with which a run with events begins, or goes on in another program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..segments import Segment
+from ..start.assembly import choose_rows
+from ..start.start import consistent_start
+from ..watch.choice import Choice, Handover
+from .events import Events, Moment
+from .impulse import Jump, after_impulse
+
+if TYPE_CHECKING:
+    from ...prepared import Prepared
+
+MOST_MODES = 30  # that are tried for a start
+
+
+@dataclass(frozen=True, slots=True)
+class UntilEvent:
+    """Looks for the first flip of a condition, and for what a choice of states looks for."""
+
+    events: Events
+    choice: Choice
+
+    def look(self, time: float, state: Any, mode: Any) -> object | None:
+        """Something if a condition is not what the mode says."""
+        said = np.asarray(mode)[self.events.places] == 1.0
+        if (self.events.truth(self.events.roots(time, state, mode)) != said).any():
+            return time
+        return self.choice.look(time, state, mode)
+
+
+def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segment, horizon: float) -> Segment:
+    """The first stretch with the mode that fits the consistent start. Raises `RunFailed` if there is none."""
+    events = Events(constraints, _size(state), horizon)
+    mode = events.guess(Moment(first.start, state, first.mode))
+    seen = set()
+    for _ in range(MOST_MODES):
+        first = replace(first, mode=mode)
+        full, _ = consistent_start(
+            constraints.program, space, constraints.constants, constraints.inputs, state, first, constraints
+        )
+        events.measure(_size(full))
+        found = events.settled(Moment(first.start, full, mode)).mode
+        if (found == mode).all():
+            return first
+        mode = found
+        if mode.tobytes() in seen:
+            break
+        seen.add(mode.tobytes())
+    raise RunFailed(f"at t = {first.start:.9g} s the starts and the conditions of the model contradict each other")
+
+
+def off_in(constraints: Constraints, full: Any, first: Segment) -> tuple[str, ...]:
+    """The junctions that are off before anything acts."""
+    return Events(constraints, _size(full), 1.0).actives(Moment(first.start, full, first.mode))
+
+
+def begun(constraints: Constraints, full: Any, first: Segment, horizon: float) -> tuple[Events, Moment]:
+    """The events of a run, and the moment after all that happens where it begins."""
+    events = Events(constraints, _size(full), horizon)
+    return events, events.happen(Moment(first.start, full, first.mode), due=events.due(first.start))
+
+
+def continued(
+    constraints: Constraints, state: Any, first: Segment, begin: Handover, horizon: float
+) -> tuple[Events, Moment, tuple[Jump, ...]]:
+    """The events of a run that goes on in this program, the moment at which it does, and what jumped there."""
+    program = constraints.program
+    names, hybrid = program.states.names, program.hybrid
+    assert hybrid is not None
+    full = np.array([*(begin.stored[n] for n in names), *state[len(names) :]])
+    if constraints:
+        constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
+        full = constraints.project(first.start, full, first.mode)
+    mode = np.array(first.mode, dtype=float)
+    for place, name in enumerate(hybrid.modes.names):
+        mode[place] = begin.modes.get(name, mode[place])
+    events = Events(constraints, _size(full), horizon, dict(begin.on))
+    known = np.array([begin.magnitudes.get(n, 0.0) for n in (*names, *program.unknowns.names)])
+    events.measure(np.where(known > 0, known, events.magnitude))
+    mode = events.guess(Moment(first.start, full, mode))
+    jumps: tuple[Jump, ...] = ()
+    if hybrid.junctions:
+        full, jumps = after_impulse(constraints, first.start, full, mode, begin.stored, begin.peaks | begin.magnitudes)
+    return events, events.happen(Moment(first.start, full, mode)), jumps
+
+
+def _size(state: Any) -> Any:
+    return np.where(state != 0, np.abs(state), 1.0)

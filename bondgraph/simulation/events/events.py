@@ -1,0 +1,339 @@
+"""What happens at an instant: conditions flip, events set what is stored, until nothing more changes.
+
+The truth of a condition *just after* an instant is what counts: where its root is zero but for rounding, the flow that follows
+tells on which side it goes on. If under each truth the flow leads back to the other, no motion on either side goes on from there:
+the model slides along the condition, which is told, not integrated (a stick needs a law of its own; Filippov, Differential
+Equations with Discontinuous Righthand Sides, 1988, has what one could read into it). Events that pile up are told as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from ...door import EventNote, Hybrid
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import LoopSolver
+from ..start.claims import fulfil
+
+NOISE = 1e-13  # of the magnitudes: what rounding leaves of a root that is zero
+REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the magnitudes: how far the flow is followed to see where a root goes
+SHORT = 1e-12  # of the time: instants that are closer than this
+MOST_AT_ONCE = 60  # events that are closer than that
+MOST_ROUNDS = 100  # of events that one another cause at one instant
+LEFT = 3  # times in a row that a condition fails right after its event: then it is expected to
+CLOSE = 1e-9  # of its size: how well what is set must hold
+
+
+@dataclass(slots=True)
+class Happening:
+    """An instant at which something happened: which conditions flipped and which events acted."""
+
+    time: float
+    conditions: tuple[int, ...]
+    events: tuple[int, ...]
+
+
+@dataclass(slots=True)
+class Moment:
+    """Where a run stands: time, state and mode."""
+
+    time: float
+    state: Any
+    mode: Any
+
+
+@dataclass(eq=False)
+class Events:
+    """The events of a program in a run. `magnitude`: of states and unknowns."""
+
+    constraints: Constraints  # of the program, which they know
+    magnitude: Any
+    horizon: float  # how long the run is
+    on: dict[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
+    log: list[Happening] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.program, self.inputs = self.constraints.program, self.constraints.inputs
+        self.constants = self.constraints.constants
+        hybrid = self.program.hybrid
+        assert hybrid is not None
+        self.hybrid: Hybrid = hybrid
+        self.count = len(self.program.states.names)
+        self.measure(self.magnitude)
+        self.places = np.array([c.position for c in hybrid.conditions], dtype=int)
+        self.strict = np.array([c.strict for c in hybrid.conditions], dtype=bool)
+        self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
+        self.keys = [(e.owner, e.span.start) for e in hybrid.events]
+        self.floor = np.zeros(len(self.places))  # of roots that were zero at the last instant: below it is rounding
+        self.left: dict[tuple[str, int], int] = {}  # how often in a row a condition failed right after its event
+        self.owners = np.repeat(np.arange(len(hybrid.events)), [len(e.settings) for e in hybrid.events])
+        self.sampled = np.array([i for i, e in enumerate(hybrid.events) if e.sampled], dtype=int)
+        self.periods = np.asarray(hybrid.sampling(self.constants), dtype=float)
+        self.settings = [s for e in hybrid.events for s in e.settings]
+
+    def measure(self, magnitude: Any) -> None:
+        """Other magnitudes of states and unknowns."""
+        self.magnitude = magnitude
+        self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude)
+
+    # ------------------------------------------------------------ truth
+    def roots(self, time: Any, state: Any, mode: Any) -> Any:
+        """Left less right side of each condition; leading axes as time and state have."""
+        return self.hybrid.roots(time, state, self.inputs, self.constants, mode)
+
+    def truth(self, roots: Any) -> Any:
+        """The truth of the conditions with these roots."""
+        return (roots < 0) | ((roots == 0) & ~self.strict)
+
+    def guess(self, at: Moment) -> Any:
+        """A mode with the conditions as they look at a moment; a root that is zero but for rounding counts as zero."""
+        mode = np.array(at.mode, dtype=float)
+        for _ in range(len(self.places) + 1):
+            roots = self.roots(at.time, at.state, mode)
+            noise = self._noise(Moment(at.time, at.state, mode), roots)
+            mode[self.places] = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
+        return mode
+
+    def triggers(self, at: Moment) -> Any:
+        """Which events' conditions hold."""
+        return self.hybrid.triggers(at.time, at.state, self.inputs, self.constants, at.mode) == 1.0
+
+    def actives(self, at: Moment) -> tuple[str, ...]:
+        """The switched junctions that are off."""
+        active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode)
+        return tuple(name for (name, _), on in zip(self.hybrid.junctions, active, strict=True) if on != 1.0)
+
+    # ------------------------------------------------------------ an instant
+    def due(self, time: float) -> list[int]:
+        """The sampled events that act at an instant."""
+        if not len(self.sampled):
+            return []
+        missed = np.abs(time - np.round(time / self.periods) * self.periods)
+        return [int(i) for i in self.sampled[missed <= 16 * np.spacing(np.maximum(abs(time), self.periods))]]
+
+    def happen(self, at: Moment, flipped: Any = None, due: Sequence[int] = ()) -> Moment:
+        """The moment after all that happens at an instant. `flipped`: the conditions that have been located there; `due`: the
+        events that are sampled there. What is true where a run begins becomes true there.
+
+        Raises `RunFailed` where it has no end.
+        """
+        mode = np.array(at.mode, dtype=float)
+        changed = np.flatnonzero(flipped) if flipped is not None else np.array([], dtype=int)
+        mode[self.places[changed]] = 1.0 - mode[self.places[changed]]
+        acted: list[int] = []
+        now = self.settled(Moment(at.time, at.state, mode))
+        for _ in range(MOST_ROUNDS):
+            holds = self.triggers(now)
+            rising = [*due, *(i for i, key in enumerate(self.keys) if holds[i] and not self.on.get(key, False))]
+            due = ()
+            self.on.update(zip(self.keys, map(bool, holds), strict=True))
+            if not rising:
+                break
+            acted += rising
+            now = self.settled(self.set(now, rising))
+        else:
+            names = self._listed([self.hybrid.events[i] for i in acted[-4:]])
+            raise RunFailed(
+                f"at t = {at.time:.9g} s {names} cause each other without end; let one of them ask for more"
+            )
+        self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
+        self._check_left(at.time, acted)
+        return now
+
+    def _check_left(self, time: float, acted: Sequence[int]) -> None:
+        """An event that so far undid its own condition and now does not: what it sets has become too small to be seen."""
+        for i in acted:
+            key = self.keys[i]
+            if not self.on[key]:
+                self.left[key] = self.left.get(key, 0) + 1
+            elif self.left.get(key, 0) >= LEFT and len(self.log) > LEFT:
+                raise RunFailed(self._piled(time, [h for h in self.log if i in h.events][-LEFT:]))
+            else:
+                self.left[key] = 0
+
+    def rising(self, at: Moment) -> bool:
+        """Whether an event would act under this mode; which conditions hold is kept."""
+        holds = self.triggers(at)
+        if any(holds[i] and not self.on.get(key, False) for i, key in enumerate(self.keys)):
+            return True
+        self.on.update(zip(self.keys, map(bool, holds), strict=True))
+        return False
+
+    # ------------------------------------------------------------ just after
+    def settled(self, at: Moment) -> Moment:
+        """The mode in which all conditions are as they will be just after, with the unknowns of loops that belong to it."""
+        seen: dict[bytes, int] = {}
+        trail: list[Any] = []
+        now = self._solved(at)
+        while True:
+            key = now.mode.tobytes()
+            if key in seen:
+                loop = np.array(trail[seen[key] :])[:, self.places]
+                raise RunFailed(self._sliding(at.time, np.flatnonzero(np.ptp(loop, axis=0) > 0)))
+            seen[key] = len(trail)
+            trail.append(now.mode)
+            truth = self._just_after(now)
+            if (truth == (now.mode[self.places] == 1.0)).all():
+                return now
+            mode = now.mode.copy()
+            mode[self.places] = truth
+            now = self._solved(Moment(at.time, now.state, mode))
+
+    def _solved(self, at: Moment) -> Moment:
+        held = self.constraints.project(at.time, at.state, at.mode)
+        return Moment(at.time, self.loops.solve(at.time, held, at.mode), at.mode)
+
+    def _just_after(self, at: Moment) -> Any:
+        """The truth of the conditions just after a moment; where rounding hides it, as the flow will have it."""
+        if not len(self.places):
+            return np.zeros(0, dtype=bool)
+        roots = self.roots(at.time, at.state, at.mode)
+        truth = self.truth(roots)
+        noise = self._noise(at, roots)
+        doubtful = np.abs(roots) <= noise
+        self.floor = np.zeros(len(roots))
+        if not doubtful.any():
+            return truth
+        truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, all stays as it is
+        moved = np.zeros(len(roots))
+        for reach in REACHES:
+            ahead = self._ahead(at, reach)
+            if ahead is None:
+                break
+            change = self.roots(ahead.time, ahead.state, at.mode) - roots
+            found = doubtful & (moved == 0) & (np.abs(change) > 4 * noise)
+            moved[found] = change[found]
+        truth[moved != 0] = moved[moved != 0] < 0
+        # What stands still at zero must not flip; what leaves zero must be seen when it is back, and be doubtful then.
+        still = np.maximum(0.25 * noise, 2 * np.abs(roots))
+        self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
+        return truth
+
+    def _noise(self, at: Moment, roots: Any) -> Any:
+        """How far from zero rounding may leave each root: by its slopes, in units of the magnitudes."""
+        share = 1e-7
+        shift = share * np.diag(np.maximum(self.magnitude, np.abs(at.state)))
+        times = np.full(len(shift) + 1, at.time)
+        times[-1] += share * max(abs(at.time), 1e-300)
+        states = np.vstack([at.state + shift, at.state])
+        change = np.abs(self.roots(times, states, at.mode) - roots)
+        return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0)
+
+    def _ahead(self, at: Moment, reach: float) -> Moment | None:
+        """Where the flow is a little later, by Heun's method: as much later as moves no state by more than a share."""
+        n, fixed = self.count, (self.inputs, self.constants, at.mode)
+        if not n:
+            return None
+        first = self.program.derivative(at.time, at.state, *fixed)[:n]
+        speed = float((np.abs(first) / self.magnitude[:n]).max())
+        if not np.isfinite(speed):
+            return None
+        span = reach * min(self.horizon, 1 / speed if speed > 0 else np.inf)
+        try:
+            state = np.concatenate([at.state[:n] + span * first, at.state[n:]])
+            state = self.loops.solve(at.time + span, state, at.mode)
+            second = self.program.derivative(at.time + span, state, *fixed)[:n]
+            state = np.concatenate([at.state[:n] + 0.5 * span * (first + second), state[n:]])
+            return Moment(at.time + span, self.loops.solve(at.time + span, state, at.mode), at.mode)
+        except RunFailed:
+            return None
+
+    # ------------------------------------------------------------ what events set
+    def set(self, at: Moment, acting: Sequence[int]) -> Moment:
+        """The moment after these events have acted, each with what it reads from before. Raises `RunFailed`."""
+        values = self.hybrid.values(at.time, at.state, self.inputs, self.constants, at.mode)
+        chosen = [i for i, owner in enumerate(self.owners) if owner in acting]
+        self._check(at.time, chosen, values)
+        state, mode = np.array(at.state), at.mode.copy()
+        free = np.ones(self.count, dtype=bool)
+        for i in chosen:
+            setting = self.settings[i]
+            if setting.kind == "mode":
+                mode[setting.position] = values[i]
+            elif setting.kind == "state":
+                state[setting.position], free[setting.position] = values[i], False
+        now = Moment(at.time, state, mode)
+        computed = [i for i in chosen if self.settings[i].kind == "computed"]
+        return self._followed(now, computed, values, free) if computed else now
+
+    def _followed(self, at: Moment, computed: Sequence[int], values: Any, free: Any) -> Moment:
+        """The states moved, by as little as it takes, so that what is computed from them has the values that events set."""
+        places = [self.settings[i].position for i in computed]
+        wanted = values[computed]
+
+        def missed(x: Any) -> Any:
+            full = self.loops.solve(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
+            return self.hybrid.targets(at.time, full, self.inputs, self.constants, at.mode)[places] - wanted
+
+        before = missed(at.state[: self.count])
+        x = fulfil(missed, at.state[: self.count], free)
+        rest = np.abs(missed(x))
+        size = np.maximum(np.abs(wanted), np.abs(before))
+        bad = [i for i, r, s in zip(computed, rest, size, strict=True) if not r <= CLOSE * max(s, 1e-300)]
+        if bad:
+            names = ", ".join(f"`{self.settings[i].words}` ({_place(self.settings[i].span)})" for i in bad)
+            raise RunFailed(
+                f"at t = {at.time:.9g} s events cannot set {names}: the model ties it to what stays as it is"
+            )
+        return Moment(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
+
+    def _check(self, time: float, chosen: Sequence[int], values: Any) -> None:
+        """What is set must be a number, and one thing is set once."""
+        owner: dict[tuple[str, int], int] = {}
+        for i in chosen:
+            setting = self.settings[i]
+            if not np.isfinite(values[i]):
+                raise RunFailed(
+                    f"at t = {time:.9g} s the new value of `{setting.words}` ({_place(setting.span)}) is not finite"
+                )
+            before = owner.setdefault((setting.kind, setting.position), i)
+            if before != i:
+                both = self._listed([self.hybrid.events[self.owners[j]] for j in (before, i)])
+                raise RunFailed(
+                    f"at t = {time:.9g} s {both} set `{setting.words}` at one instant; make one event of them, or let "
+                    "one of them ask that the other does not hold"
+                )
+
+    # ------------------------------------------------------------ what is told
+    def _record(self, happening: Happening) -> None:
+        self.log.append(happening)
+        if len(self.log) > MOST_AT_ONCE:
+            first = self.log[-MOST_AT_ONCE]
+            if happening.time - first.time <= SHORT * max(abs(happening.time), 1e-300):
+                raise RunFailed(self._piled(happening.time, self.log[-MOST_AT_ONCE:]))
+
+    def _piled(self, time: float, last: Sequence[Happening]) -> str:
+        events = dict.fromkeys(i for h in last for i in h.events)
+        conditions = dict.fromkeys(i for h in last for i in h.conditions)
+        what = self._listed([self.hybrid.events[i] for i in events]) if events else self._conditions(conditions)
+        return (
+            f"at t = {time:.9g} s {what} {'act' if events else 'change'} again and again in no time, {len(last)} times within "
+            f"{last[-1].time - last[0].time:.3g} s: end it by a `mode` that an event sets where little is left, "
+            "and a junction that is `active` without it"
+        )
+
+    def _sliding(self, time: float, conditions: Any) -> str:
+        return (
+            f"at t = {time:.9g} s {self._conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
+            "back to the other, and the model slides along between them. Give it a law for that: a `mode` that sticks "
+            "and the events that set it, a hysteresis, or a smooth law (tanh) in place of the jump"
+        )
+
+    def _conditions(self, numbers: Any) -> str:
+        notes = [self.hybrid.conditions[i] for i in numbers]
+        listed = dict.fromkeys(f"`{n.owner}` ({_place(n.span)})" for n in notes)
+        return f"the condition{'s' * (len(listed) > 1)} in {', '.join(listed)}"
+
+    @staticmethod
+    def _listed(events: Sequence[EventNote]) -> str:
+        return " and ".join(dict.fromkeys(f"`{e}` ({_place(e.span)})" for e in events))
+
+
+def _place(span: Any) -> str:
+    return f"{PurePath(span.source.name).name}:{span.line}"

@@ -1,0 +1,159 @@
+"""Delayed signals: what they will be is kept, step by step, as polynomials, and read again when its time has come.
+
+A program with delays is wrapped, so that whoever calls it sees its delayed inputs at the time of the call. No step is longer than
+the shortest delay (the method of steps: Bellen and Zennaro, Numerical Methods for Delay Differential Equations, 2003, section
+3.1). Where what is delayed jumps, so does the signal later: the run stops there, and on each side of the jump reads its own side.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+
+DEGREE = 5  # of the polynomials, as the solver's own between two steps
+NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
+TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
+ROUNDING = 64  # units in the last place of a time
+JUMP = 1e-9  # of its size: what counts as a jump
+ROUNDS = 50  # of signals that depend on one another's past at the start
+
+StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
+
+
+def history_of(program: Program, before: History | None) -> History | None:
+    """The history of a program; None if it has no delays."""
+    if program.delays is None:
+        return None
+    return History(program, program.constants(np.array(program.defaults, dtype=float)), before)
+
+
+class History:
+    """What the delayed signals of a program have been. `before`: what another program knew of them."""
+
+    def __init__(self, program: Program, constants: Any, before: History | None = None) -> None:
+        assert program.delays is not None
+        self.plain, self.constants, self.count = program, constants, program.delays.count
+        self.names = program.inputs.names[len(program.inputs.names) - self.count :]
+        self.lags = np.asarray(program.delays.lags(constants), dtype=float)
+        self.starts: list[float] = []  # of the steps that are known
+        self.stops: list[float] = []
+        self.pieces: list[Any] = []  # (degree + 1, signals)
+        self.first = np.zeros(self.count)  # what they were before the run
+        self.last = self.first  # what they will be, at the end of what is known
+        self.window = (-np.inf, np.inf)  # times are looked at from within
+        self.cuts: list[float] = []  # where a delayed signal jumps
+        if before is not None:
+            self._take(before)
+        self.program = self._wrapped(program)
+
+    def _take(self, before: History) -> None:
+        """What another program knew; what it did not know is as it was when that ended."""
+        known = [before.names.index(n) if n in before.names else -1 for n in self.names]
+        self.starts, self.stops, self.cuts = list(before.starts), list(before.stops), list(before.cuts)
+        self.first = np.array([before.first[k] if k >= 0 else 0.0 for k in known])
+        self.last = np.array([before.last[k] if k >= 0 else 0.0 for k in known])
+        for piece in before.pieces:
+            self.pieces.append(np.stack([piece[:, k] if k >= 0 else 0 * piece[:, 0] for k in known], axis=1))
+
+    # ------------------------------------------------------------ reading
+    def at(self, time: float) -> Any:
+        """The delayed signals at a time; shape (signals,)."""
+        low, high = self.window
+        margin = ROUNDING * np.spacing(max(abs(time), 1e-300))
+        seen = min(max(time, low + margin), high - margin) if high - low > 4 * margin else 0.5 * (low + high)
+        values = np.array(self.first)
+        for i, lag in enumerate(self.lags):
+            then = seen - lag
+            place = bisect_right(self.starts, then) - 1
+            if place >= 0:
+                start, stop = self.starts[place], self.stops[place]
+                share = min((then - start) / (stop - start), 1.0) if stop > start else 1.0
+                values[i] = np.polynomial.polynomial.polyval(share, self.pieces[place][:, i])
+        return values
+
+    def filled(self, time: Any, inputs: Any) -> Any:
+        """The inputs with the delayed signals as they are at a time, or at several."""
+        inputs = np.asarray(inputs, dtype=float)
+        if np.ndim(time) == 0:
+            if inputs.ndim > 1:
+                inputs = inputs.copy()
+                inputs[..., -self.count :] = self.at(float(time))
+                return inputs
+            return np.concatenate([inputs[: -self.count], self.at(float(time))])
+        times = np.asarray(time, dtype=float)
+        late = np.stack([self.at(float(t)) for t in times.reshape(-1)]).reshape(*times.shape, self.count)
+        full = np.broadcast_to(inputs, (*times.shape, inputs.shape[-1])).copy()
+        full[..., -self.count :] = late
+        return full
+
+    def _wrapped(self, program: Program) -> Program:
+        """The program, with what is delayed filled in at each call."""
+
+        def wrap(function: Callable[..., Any]) -> Callable[..., Any]:
+            def called(time: Any, state: Any, inputs: Any, constants: Any, *mode: Any) -> Any:
+                return function(time, state, self.filled(time, inputs), constants, *mode)
+
+            return called
+
+        def signals(time: Any, inputs: Any, constants: Any, mode: Any) -> Any:
+            return program.signals(time, inputs, constants, mode)
+
+        names = (
+            "derivative", "jacobian_entries", "jacobian", "output", "claims", "dependent", "sensitivities", "forced", "powers", "holds",
+            "limit_values", "invariant", "invariant_slopes", "solved",
+        )  # fmt: skip
+        present: dict[str, Any] = {n: wrap(getattr(program, n)) for n in names if getattr(program, n, None) is not None}
+        hybrid, delays = program.hybrid, program.delays
+        assert delays is not None
+        if hybrid is not None:
+            inner = ("roots", "triggers", "values", "targets", "actives", "conjugates", "mode_at")
+            within: dict[str, Any] = {n: wrap(getattr(hybrid, n)) for n in inner}
+            hybrid = replace(hybrid, **within)
+        delays = replace(delays, values=wrap(delays.values))
+        return replace(program, signals=signals, hybrid=hybrid, delays=delays, **present)
+
+    # ------------------------------------------------------------ writing
+    def saved(self) -> tuple[Any, ...]:
+        """What is known, to go back to."""
+        return list(self.starts), list(self.stops), list(self.pieces), list(self.cuts), self.last
+
+    def restore(self, saved: tuple[Any, ...]) -> None:
+        """Forget what has been kept since."""
+        self.starts, self.stops, self.pieces, self.cuts, self.last = saved
+        self.window = (-np.inf, np.inf)
+
+    def begin(self, time: float, state: Any, inputs: Any, mode: Any) -> None:
+        """Before the run all delayed signals were what they are at its start, whatever depends on them."""
+        delays = self.program.delays
+        assert delays is not None
+        self.starts, self.stops, self.pieces, self.cuts = [], [], [], [time + lag for lag in self.lags]
+        for _ in range(ROUNDS):
+            found = np.asarray(delays.values(time, state, inputs, self.constants, mode))
+            if (found == self.first).all():
+                break
+            self.first = found
+        self.last = self.first
+
+    def keep(self, start: float, stop: float, state_at: StateAt, inputs: Any, mode: Any) -> None:
+        """What they will be, from an accepted step."""
+        delays = self.program.delays
+        assert delays is not None
+        times: Any = start + (stop - start) * NODES
+        values = np.asarray(delays.values(times, state_at(times), inputs, self.constants, mode))
+        if np.abs(values[0] - self.last).max() > JUMP * max(float(np.abs(values).max()), 1e-300):
+            self.cuts += [start + lag for lag in self.lags]
+        self.last = values[-1]
+        self.starts.append(start)
+        self.stops.append(stop)
+        self.pieces.append(TO_COEFFICIENTS @ values)
+
+    def next_cut(self, start: float, stop: float) -> float:
+        """Where a run from `start` has to stop, at `stop` at the latest."""
+        margin = ROUNDING * np.spacing(max(abs(start), abs(stop)))
+        return min((c for c in self.cuts if start + margin < c < stop - margin), default=stop)

@@ -1,0 +1,165 @@
+"""From event to event: a stepper that finds the events of its steps, lets them act and goes on; and a coarse run like that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..integrate import Stepper
+from ..segments import Segment, mode_after, with_time_of
+from ..trajectory import Tolerances, Trajectory
+from ..watch.choice import Choice, Handover
+from ..watch.validity import Watch
+from .events import Events, Moment
+from .history import History
+from .locate import StateAt, first_flip
+
+PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
+MOST_EVENTS = 1_000_000  # of one run
+
+
+class EventStepper(Stepper):
+    """Steps through stretches that events end."""
+
+    events: Events
+    off: tuple[str, ...] = ()  # the junctions that are off here
+    switched = False  # whether others are now
+    most_events = MOST_EVENTS
+
+    @classmethod
+    def through(
+        cls, events: Events, off: tuple[str, ...], fixed: tuple[Any, ...], state: Any, stretches: Sequence[Segment],
+        choice: Choice | None, linear: bool, history: History | None,
+    ) -> Trajectory:  # fmt: skip
+        """As `integrate`, from event to event."""
+        stepper = cls(*fixed)
+        stepper.events, stepper.off, stepper.choice = events, off, choice
+        stepper.linear = linear and not stepper.constraints and history is None and not len(events.places)
+        stepper.remember(history)
+        x = np.array(state, dtype=float)
+        for number, stretch in enumerate(stretches):
+            if number:
+                stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+            x = stepper.run_with_events(stretch, x, not number)
+            if stepper.result.handover is not None:
+                return stepper.done(x)
+        return stepper.done(stepper.finish(stretches[-1], x))
+
+    def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
+        """One stretch, from event to event; returns the state at its end. `first`: its mode is that of the start."""
+        events, result = self.events, self.result
+        now = Moment(stretch.start, x, stretch.mode)
+        if not first:
+            now = self._happen(Moment(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
+        while True:
+            self.mode = now.mode
+            if self._switched(now) or now.time >= stretch.stop:
+                return now.state
+            stop = stretch.stop if self.history is None else self.history.next_cut(now.time, stretch.stop)
+            self.piece = Segment(now.time, stop, now.mode)
+            x = self.run(self.piece, now.state)
+            flip, self.flip, self.mode = self.flip, None, self.piece.mode
+            stop = self.reached if flip is None else flip.time
+            if result.handover is not None:
+                result.handover = self._carrying(result.handover)
+                stop = result.handover.time
+            result.pieces.append(Segment(self.piece.start, stop, self.mode))
+            if result.handover is not None or (flip is None and stop >= stretch.stop):
+                return x
+            if flip is None:
+                now = Moment(stop, x, self.mode)
+                continue
+            if len(events.log) >= self.most_events:
+                raise RunFailed(f"more than {self.most_events} events act before t = {stop:.9g} s")
+            now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
+
+    def finish(self, last: Segment, x: Any) -> Any:
+        """What happens at the very end: values hold from a jump on."""
+        events, stop = self.events, last.stop
+        mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
+        if (mode == self.mode).all() and not events.due(stop):
+            return x
+        now = self._happen(Moment(stop, x, mode), None)
+        self.result.pieces.append(Segment(stop, stop, now.mode))
+        return now.state
+
+    def _happen(self, at: Moment, flipped: Any) -> Moment:
+        events, powers = self.events, self.powers
+        now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
+        if powers is not None and events.log[-1].events:
+            both = (powers(m.time, m.state, m.mode) for m in (at, now))
+            self.result.jumps.append((next(both), next(both)))
+        return now
+
+    def _switched(self, now: Moment) -> bool:
+        """Whether other junctions are off than this program knows: another has to go on."""
+        events, choice = self.events, self.choice
+        if not events.hybrid.junctions or events.actives(now) == self.off:
+            return False
+        self.switched = True
+        if choice is None:
+            return True
+        stored, peaks = choice.stored(now.time, now.state, now.mode)
+        self.result.handover = self._carrying(Handover(now.time, stored, peaks, off=events.actives(now)))
+        return True
+
+    def _carrying(self, handover: Handover) -> Handover:
+        """With what only events change, and what their conditions were."""
+        events = self.events
+        if handover.off is None:
+            handover = replace(handover, off=self.off)
+        modes = dict(zip(events.hybrid.modes.names, map(float, self.mode), strict=False))
+        return replace(handover, modes=modes, on=dict(events.on))
+
+    def grow(self, x: Any) -> None:
+        """Keep the largest magnitudes."""
+        peak = self.result.peak
+        self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
+
+    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
+        """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way."""
+        events = self.events
+        while start < stop:
+            flip = first_flip(events, start, stop, stretch.mode, state_at)
+            if flip is None:
+                break
+            mode = np.array(stretch.mode)
+            mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
+            if events.steers[flip.conditions].any() or events.rising(Moment(flip.time, flip.state, mode)):
+                self.flip = flip
+                break
+            self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
+            self.piece = stretch = Segment(flip.time, stretch.stop, mode)
+            start = flip.time
+        return stretch
+
+
+def pilot(
+    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], magnitude: Any, events: Events,
+    off: tuple[str, ...], constraints: Constraints, history: History | None,
+) -> Any:  # fmt: skip
+    """The largest magnitudes of states and unknowns in a coarse run through the events, as far as this program goes."""
+    tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
+    watch = Watch(program, constants, inputs, PILOT)
+    stepper = EventStepper(
+        program, constants, inputs, np.array([stretches[-1].stop]), lambda: tolerances, None, watch, constraints
+    )
+    stepper.events, stepper.off = events, off
+    stepper.remember(history)
+    stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
+    x = np.array(state, dtype=float)
+    try:
+        for number, stretch in enumerate(stretches):
+            x = stepper.run_with_events(stretch, x, not number)
+            if stepper.switched:
+                break
+    except RunFailed:
+        pass  # the run itself will tell
+    largest = stepper.result.peak
+    return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)

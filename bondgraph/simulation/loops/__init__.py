@@ -1,0 +1,1 @@
+"""Algebraic loops by themselves: their solutions, and whether there are others."""

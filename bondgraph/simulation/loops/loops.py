@@ -1,0 +1,217 @@
+"""Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off; multipliers in one go.
+
+Steps of the solver take the unknowns along; here they are found at a start, after a jump, and at reported instants. Where
+Newton's method fails from the last solution, `homotopy.py` leads the residual there to zero bit by bit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+
+ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
+HALVINGS = 30
+STUCK = 12  # steps in a row that had to be shortened to less than SHORT: the residual has a valley there
+SHORT = 1e-3
+LARGEST = 100  # unknowns of a loop that is searched from many guesses
+NEAREST = 8
+GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
+
+
+class LoopSolver:
+    """Finds the unknowns of a program for given states. `magnitude`: of states and unknowns."""
+
+    def __init__(self, program: Program, constants: Any, inputs: Any, magnitude: Any) -> None:
+        self.program, self.constants, self.inputs = program, constants, inputs
+        self.count = len(program.states.names)
+        self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
+        rows, columns = program.pattern
+        self._chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
+        self.affine = len(self.magnitude) > 0 and {*range(len(self.magnitude))} <= {*program.multipliers}
+        self._order = np.argsort([m for m in program.multipliers if m >= 0])
+        self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
+
+    def solve(self, time: float, state: Any, mode: Any) -> Any:
+        """The state with the unknowns that belong to it. Raises `RunFailed`."""
+        if not len(self.magnitude):
+            return state
+        if self.affine:
+            return self._multipliers(time, state, mode)
+        last = state[self.count :]
+        found = self.newton(time, state, mode, last)
+        if found is None:
+            with np.errstate(all="ignore"):  # guesses may lie where a law has no value
+                found = self._one_by_one(time, state, mode)
+        if found is None:
+            names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
+            raise RunFailed(
+                f"at t = {time:.9g} s the algebraic loop of {names} has no solution that could be found; "
+                "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), or put a small storage into it"
+            )
+        return np.concatenate([state[: self.count], found])
+
+    def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
+        """All unknowns, loop after loop; None if one of them is not found."""
+        z = state[self.count :]
+        for places in self.separate():
+            ways = (self.newton, self._homotopy, self._scattered, self._homotopies)  # the nearest first, then any
+            found = next((y for way in ways if (y := way(time, state, mode, z, places)) is not None), None)
+            if found is None:
+                return None
+            z = found
+        return z
+
+    def _scattered(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+        """The nearest of the solutions to which many guesses lead; None if none does."""
+        if len(places) > LARGEST:
+            return None
+        from .scatter import Loop, arrivals, far_guesses, guesses
+
+        loop = Loop(self, (time, state, mode), last, places)
+        ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
+        ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
+        found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
+        return next((z for z in found if z is not None), None)
+
+    def _homotopies(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+        """From guesses of many decades: a law may have no value at others."""
+        starts = (_put(last, places, share * self.magnitude[places]) for share in GUESSES)
+        found = (self._homotopy(time, state, mode, start, places) for start in starts)
+        return next((z for z in found if z is not None), None)
+
+    def _multipliers(self, time: float, state: Any, mode: Any) -> Any:
+        """The multipliers of closing joints, which the program solves for itself."""
+        assert self.program.solved is not None
+        found = np.asarray(self.program.solved(time, state, self.inputs, self.constants, mode))
+        return np.concatenate([state[: self.count], found[len(state) :][self._order]])
+
+    def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
+        """The same for several instants; shape (times, n)."""
+        if not len(self.magnitude):
+            return states
+        if self.affine:
+            assert self.program.solved is not None
+            found = np.asarray(self.program.solved(times, states, self.inputs, self.constants, mode))
+            return np.concatenate([states[:, : self.count], found[:, states.shape[1] :][:, self._order]], axis=1)
+        return np.stack([self.solve(t, x, mode) for t, x in zip(times, states, strict=True)])
+
+    def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
+        """What the unknowns should make vanish; unknowns may have a leading axis."""
+        full = self._full(state, unknowns)
+        return self.program.derivative(time, full, self.inputs, self.constants, mode)[..., self.count :]
+
+    def matrix(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
+        """Its derivatives by the unknowns, the last axis; unknowns may have a leading axis."""
+        full = self._full(state, unknowns)
+        entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
+        result = np.zeros((*unknowns.shape, unknowns.shape[-1]))
+        result[(..., *self._place)] = entries[..., self._chosen]
+        return result
+
+    def separate(self) -> list[Any]:
+        """The unknowns of each loop by itself, those that depend on each other; a loop after those that it reads."""
+        from graphlib import TopologicalSorter
+
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        count = len(self.magnitude)
+        reads = coo_array((np.ones(len(self._chosen)), self._place), shape=(count, count))
+        number, labels = connected_components(reads, directed=True, connection="strong")
+        before = {(labels[row], labels[column]) for row, column in zip(*self._place, strict=True)}
+        waits = {i: {b for a, b in before if a == i and b != i} for i in range(number)}
+        return [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
+
+    def _full(self, state: Any, unknowns: Any) -> Any:
+        known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
+        return np.concatenate([known, unknowns], axis=-1)
+
+    def newton(self, time: float, state: Any, mode: Any, guess: Any, places: Any = slice(None)) -> Any:
+        """Newton's method for some of the unknowns, damped by halving, until the correction is round-off; None if it fails."""
+        z = np.array(guess, dtype=float)
+        magnitude = self.magnitude[places]
+        value = self.residual(time, state, mode, z)[places]
+        if not np.isfinite(value).all():
+            return None
+        before, stuck = np.inf, 0
+        for _ in range(ITERATIONS):
+            matrix = self.matrix(time, state, mode, z)[places][:, places] * magnitude
+            scale = np.abs(matrix).max(axis=1)
+            if not np.isfinite(scale).all() or not (scale > 0).all():
+                return None
+            try:
+                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * magnitude
+            except np.linalg.LinAlgError:
+                return None
+            size = float(np.abs(step / np.maximum(np.abs(z[places]), 1e-3 * magnitude)).max())
+            if not np.isfinite(size):
+                return None
+            factor, norm = 1.0, float(np.linalg.norm(value / scale))
+            for _ in range(HALVINGS):
+                trial = _put(z, places, z[places] + factor * step)
+                found = self.residual(time, state, mode, trial)[places]
+                if np.isfinite(found).all() and float(np.linalg.norm(found / scale)) <= (1 - 1e-4 * factor) * norm:
+                    break
+                if size < 1e-9 and np.isfinite(found).all():
+                    break  # at round-off the residual falls no further
+                factor *= 0.5
+            else:
+                return z if size < 1e-9 else None
+            z, value = trial, found
+            stuck = stuck + 1 if factor < SHORT else 0
+            if stuck == STUCK:
+                return None
+            if size <= 4e-16 or (size < 1e-9 and size >= 0.25 * before):
+                return z
+            before = size
+        return None
+
+    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
+        """From the guess, whose residual is led to zero; None if that fails."""
+        from .homotopy import follow
+
+        near = follow(
+            lambda y: self.residual(time, state, mode, _put(guess, places, y))[places],
+            lambda y: self.matrix(time, state, mode, _put(guess, places, y))[places][:, places],
+            guess[places],
+            self.magnitude[places],
+        )
+        return None if near is None else self.newton(time, state, mode, _put(guess, places, near), places)
+
+
+def _put(z: Any, places: Any, values: Any) -> Any:
+    result = np.array(z, dtype=float)
+    result[places] = values
+    return result
+
+
+class Eliminated:
+    """Rates and Jacobian as functions of states and other unknowns: multipliers in a state are not read.
+
+    The rates are as `derivative`, with zeros in the rows of the multipliers; the Jacobian is that of the larger system, at the
+    multipliers that belong to the state.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.size = len(program.states.names) + len(program.unknowns.names)
+        self.places = np.array([len(program.states.names) + m for m in program.multipliers if m >= 0], dtype=int)
+
+    def rates(self, *arguments: Any) -> Any:
+        """Time, state, inputs, constants, mode -> (…, n)."""
+        solved = self.program.solved
+        return (
+            self.program.derivative(*arguments) if solved is None else np.asarray(solved(*arguments))[..., : self.size]
+        )
+
+    def entries(self, time: Any, state: Any, *fixed: Any) -> Any:
+        """The same -> the entries of the Jacobian."""
+        solved = self.program.solved
+        if solved is not None:
+            state = np.array(state)
+            state[..., self.places] = np.asarray(solved(time, state, *fixed))[..., self.size :]
+        return self.program.jacobian_entries(time, state, *fixed)

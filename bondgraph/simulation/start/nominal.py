@@ -1,0 +1,301 @@
+"""How large each state is going to be, so that an absolute tolerance means the same for nanometres and megapascals.
+
+What the author says counts; else the start and a coarse run of implicit Euler over the whole time (L-stable, so what is
+fast only follows) tell the magnitude, with what a free motion from there would reach: the speed of something that is pushed
+slowly is measured by the speed at which it would swing back. States of one unit support each other a little: a coordinate that
+happens to stay at zero must not be held to round-off.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import Eliminated, LoopSolver
+from ..segments import Segment
+from ..steps.factorise import is_large, once, sparse
+
+if TYPE_CHECKING:
+    from ..steps.compiled.run import CompiledEuler
+
+STEPS = 60  # of the coarse run
+MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
+SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
+NEWTON_ITERATIONS = 8
+CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
+ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
+SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
+SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
+LARGEST = 200  # states up to which the modes are computed
+SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
+SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
+
+
+class Looks(Protocol):
+    """Looks at states on the way; where it sees something, what follows says nothing any more."""
+
+    def look(self, time: float, state: Any, mode: Any) -> object | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Magnitudes:
+    """`values`, shape (n,), in SI; the time at which the coarse run gave up, if it did; the states that it then knew nothing
+    of, which are measured by 1 SI."""
+
+    values: Any
+    stopped: float | None
+    unknown: tuple[str, ...]
+
+    @property
+    def note(self) -> str | None:
+        """What a user should know of them."""
+        if not self.unknown:
+            return None
+        names = ", ".join(f"`{n}`" for n in self.unknown[:6]) + ("…" if len(self.unknown) > 6 else "")
+        return (
+            f"how large {names} will be is not known: the first look ahead ended at t = {self.stopped:.6g} s; "
+            "the absolute tolerance there is rtol times 1 in SI units, unless the author gives `nominal`"
+        )
+
+
+def nominal_magnitudes(
+    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
+    choice: Looks | None = None, constraints: Constraints | None = None, largest: Any = 0.0,
+) -> Magnitudes:  # fmt: skip
+    """A positive magnitude for every state and unknown. `mechanisms`: their names; `choice` says where these states will be
+    no longer the right ones; `largest` is what is known of them from elsewhere."""
+    given = np.asarray(program.nominal(constants), dtype=float)
+    peak = np.maximum(np.abs(state), largest)
+    stopped = None
+    if len(program.states.names):
+        coarse = _Coarse(program, constants, inputs, state, constraints)
+        peak = np.maximum(peak, coarse.peak(stretches, choice))
+        stopped = coarse.stopped
+    result = np.where(given > 0, given, peak)
+    units = (*program.states.units, *program.unknowns.units)
+    kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
+    for groups, share in ((list(zip(units, kinds, strict=True)), SHARE), (list(units), SLIGHT)):
+        for group in set(groups):
+            same = np.array([g == group for g in groups])
+            result[same] = np.maximum(result[same], share * result[same].max(initial=0.0))
+    bare = np.array([u in ("1", "1/s") for u in units], dtype=bool)
+    result[bare] = np.maximum(result[bare], SMALLEST_ANGLE)
+    unknown = (result == 0) | ~np.isfinite(result)
+    result[unknown] = 1.0
+    names = (*program.states.names, *program.unknowns.names)
+    return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
+
+
+def _kind(name: str, mechanisms: Sequence[str]) -> str:
+    """What a state has in common with its like: the mechanism that it belongs to, or its name without the indices of arrays."""
+    return next((m for m in mechanisms if name.startswith(f"{m}.")), re.sub(r"\[[^\]]*\]", "", name))
+
+
+class _Coarse:
+    """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
+
+    def __init__(
+        self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None
+    ) -> None:  # fmt: skip
+        self.constraints = constraints
+        self.program, self.constants, self.inputs = program, constants, inputs
+        self.state, self.largest = np.array(state, dtype=float), np.abs(state)
+        self.stopped: float | None = None  # where it gave up
+        self.differential = np.arange(len(state)) < len(program.states.names)
+        self.eliminated = Eliminated(program)
+        self.rows, self.columns = program.pattern
+        kind = sparse if is_large(len(state), len(self.rows)) else once
+        self.shifted = kind(self.rows, self.columns, self.differential)
+        self.compiled = self._compiled()
+
+    def _compiled(self) -> CompiledEuler | None:
+        """The steps in machine code, if the program is that."""
+        if self.program.native is None:
+            return None
+        from ..steps.compiled.run import CompiledEuler, obstacle
+
+        return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
+
+    def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
+        """The largest magnitudes on the way, as far as it gets."""
+        reach = None
+        first = stretches[0]
+        if self.differential.all():
+            fixed = (self.inputs, self.constants, first.mode)
+            reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
+        elif self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
+            reach = self._free_on_constraints(first, self.constraints)
+        whole = stretches[-1].stop - first.start
+        taken = 0
+        for stretch in stretches:
+            length = stretch.stop - stretch.start
+            usual = size = length / max(2, min(STEPS, round(STEPS * length / whole)))
+            time = stretch.start
+            while time < stretch.stop and taken < MOST_STEPS:
+                taken += 1
+                size = min(size, stretch.stop - time)
+                found = self._sure_step(time, size, stretch.mode)
+                if found is None:
+                    size *= 0.25
+                    if size < SMALLEST_STEP * whole:
+                        self.stopped = time
+                        return self.largest
+                    continue
+                time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
+                size = min(usual, 2 * size)
+                self.state = found if self.constraints is None else self.constraints.project(time, found, stretch.mode)
+                self.largest = np.maximum(self.largest, np.abs(found))
+                if choice is not None and choice.look(time, found, stretch.mode) is not None:
+                    return self.largest
+                if reach is not None:
+                    self.largest = np.maximum(self.largest, reach(found))
+            if time < stretch.stop:
+                self.stopped = time
+                break
+        return self.largest
+
+    def _free_on_constraints(self, first: Segment, constraints: Constraints) -> Callable[[Any], Any] | None:
+        """The same for the motions that closing joints leave, with their multipliers eliminated."""
+        count, size = constraints.count, len(self.state)
+        whole = np.zeros((size, size))
+        fixed = (self.inputs, self.constants, first.mode)
+        whole[self.rows, self.columns] = self.eliminated.entries(first.start, self.state, *fixed)
+        basis = constraints.tangents(first.start, self.state, first.mode)
+        try:
+            follow = np.linalg.solve(whole[count:, count:], whole[count:, :count])
+        except np.linalg.LinAlgError:
+            return None
+        inner = basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
+        reach = _free_motion(inner, basis.T @ self.state[:count])
+        if reach is None:
+            return None
+
+        def on_constraints(x: Any) -> Any:
+            return np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
+
+        return on_constraints
+
+    def _sure_step(self, time: float, size: float, mode: Any) -> Any:
+        """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+        found = self._step(self.state, time + size, size, mode)
+        if found is None:
+            return None
+        grows = self.differential & (np.abs(found) > 1.5 * np.abs(self.state)) & (self.state != 0)
+        if not grows.any():
+            return found
+        middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
+        end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
+        return None if end is None or (np.abs(found) > 1.2 * np.abs(end))[grows].all() else found
+
+    def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
+        """The state at the end of a step; None if it is not found."""
+        program, fixed = self.program, (self.inputs, self.constants, mode)
+        x = begin
+        if len(program.unknowns.names):
+            try:
+                magnitude = np.where(self.largest > 0, self.largest, 1.0)
+                x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
+            except RunFailed:
+                return None
+        if self.compiled is not None:
+            return self.compiled.step(begin, x, self.largest, (time, size), mode)
+        before = np.inf
+        for _ in range(NEWTON_ITERATIONS):
+            slope = self.eliminated.rates(time, x, *fixed)
+            entries = self.eliminated.entries(time, x, *fixed)
+            if not (np.isfinite(slope).all() and np.isfinite(entries).all()):
+                return None
+            moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))
+            scale = self._scale(moved, np.abs(size * entries))
+            unit = np.where(self.differential, scale, 1.0)
+            rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
+            try:
+                step = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows]).solve(rest / unit)
+            except (np.linalg.LinAlgError, RuntimeError, ValueError):
+                return None
+            change = step * scale
+            norm = self._share(x, change, np.abs(size * entries))
+            if not np.isfinite(norm) or norm > 2 * before:
+                return None
+            x = x + change
+            if norm <= CLOSE:
+                return x
+            before = norm
+        return None
+
+    def _share(self, x: Any, change: Any, gain: Any) -> float:
+        """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing.
+
+        Scales of the linear algebra do not serve here: they follow the slopes, which vanish where the iteration ends.
+        """
+        moving = np.zeros(len(x))
+        np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
+        whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
+        return float((np.abs(change) / np.where(whole > 0, whole, 1.0))[self.differential].max(initial=0.0))
+
+    def _scale(self, moved: Any, gain: Any) -> Any:
+        """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.
+
+        A number of its own, however small, would be large in some units and overflow in others.
+        """
+        scale = np.array(moved)
+        for _ in range(len(scale)):
+            still = scale == 0
+            if not still.any():
+                break
+            reached = np.zeros(len(scale))
+            np.maximum.at(reached, self.rows, gain * scale[self.columns])
+            if not reached[still].any():
+                break
+            scale[still] = reached[still]
+        scale[scale == 0] = 1.0
+        return np.maximum(scale, SMALLEST_RATIO * scale.max())
+
+
+def balance(matrix: Any) -> Any:
+    """Powers of two by which columns, and rows divided, come to like norms (Parlett and Reinsch 1969, as LAPACK's gebal does it)."""
+    a, scale, again = np.array(matrix, dtype=float), np.ones(len(matrix)), True
+    while again:
+        again = False
+        for i in range(len(a)):
+            column, row = float(np.linalg.norm(a[:, i])), float(np.linalg.norm(a[i]))
+            if not (0 < column < np.inf and 0 < row < np.inf):
+                continue
+            # The power of two next to the root of their ratio.
+            factor = 2.0 ** round(0.5 * (np.log2(row) - np.log2(column)))
+            if column * factor + row / factor < 0.95 * (column + row):
+                again = True
+                scale[i] *= factor
+                a[i] /= factor
+                a[:, i] *= factor
+    return scale
+
+
+def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
+    """A bound of what each state reaches in the free linear motion from a state: sum of its modes' amplitudes.
+
+    None where the modes are too many, or too close to each other to tell their amplitudes apart.
+    """
+    if not 0 < len(state) <= LARGEST or not np.isfinite(jacobian).all():
+        return None
+    scale = balance(jacobian)
+    try:
+        _, shapes = np.linalg.eig(jacobian * scale / scale[:, None])
+        inverse = np.linalg.inv(shapes)
+    except np.linalg.LinAlgError:
+        return None
+    if np.linalg.cond(shapes) > 1e6:
+        return None
+    amplitudes = np.abs(shapes)
+
+    def reach(x: Any) -> Any:
+        return amplitudes @ np.abs(inverse @ (x / scale)) * scale
+
+    return reach

@@ -1,0 +1,137 @@
+"""Where a model is at rest: the states at which all rates vanish, for the inputs and the time of the start.
+
+Pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998): implicit Euler steps that grow as the rates
+fall, so that first the way of the motion is followed and then Newton's method takes over. What nothing brings back (the position
+of a free body) stays where it is: the last steps are of least length.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import LoopSolver
+from ..segments import Segment
+
+STEPS = 400
+GROWTH = 2.0
+LARGEST = 1e100  # what has gone so far has no rest
+SINGULAR = 1e-12  # of the largest singular value
+CLOSE = 1e-9  # of the magnitude of a state: the last correction
+
+
+def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
+    """The state at rest that is reached from a state, unknowns of loops included. Raises `RunFailed` if there is none."""
+    count = len(program.states.names)
+    if not count:
+        return state
+    search = _Search(program, constraints, inputs, first)
+    x, slope, jacobian = search.at(np.array(state))
+    size = 1.0 / max(float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0)), 1e-300)
+    for _ in range(STEPS):
+        found = search.step(x, slope, jacobian, size)
+        if found is None:
+            size *= 0.25
+            continue
+        trial, new_slope, new_jacobian = found
+        if not np.abs(trial[:count]).max() < LARGEST:
+            break
+        before, after = search.distance(slope, jacobian), search.distance(new_slope, new_jacobian)
+        size *= GROWTH * min(max(before / max(after, 1e-300), 0.5), 100.0)
+        x, slope, jacobian = trial, new_slope, new_jacobian
+        if after <= CLOSE:
+            return search.polished(x, slope, jacobian)
+    worst = int(np.argmax(np.abs(slope) / search.scale(np.zeros(count))))
+    raise RunFailed(
+        f"no equilibrium was found: the rate of `{program.states.names[worst]}` does not vanish (now {slope[worst]:.6g}); "
+        "does something drive the model for ever, or is it unstable there?"
+    )
+
+
+class _Search:
+    """Rates and their derivatives by the states, with the unknowns of loops solved for."""
+
+    def __init__(self, program: Program, constraints: Constraints, inputs: Any, first: Segment) -> None:
+        self.constraints, constants = constraints, constraints.constants
+        self.program, self.count = program, len(program.states.names)
+        self.time, self.fixed = first.start, (inputs, constants, first.mode)
+        magnitude = np.ones(self.count + len(program.unknowns.names))
+        self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude), first.mode
+        self.largest = np.zeros(self.count)
+        self.basis: Any = None  # of the directions that closing joints leave, where the search is
+
+    def at(self, full: Any) -> tuple[Any, Any, Any]:
+        """State, rates, and their derivatives by the states alone."""
+        full = self.constraints.project(self.time, full, self.mode)
+        full = self.loops.solve(self.time, full, self.mode)
+        if self.constraints:
+            self.basis = self.constraints.tangents(self.time, full, self.mode)
+        n = self.count
+        slope = np.asarray(self.program.derivative(self.time, full, *self.fixed))[:n]
+        whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
+        jacobian = whole[:n, :n]
+        if len(full) > n:
+            jacobian = jacobian - whole[:n, n:] @ np.linalg.solve(whole[n:, n:], whole[n:, :n])
+        self.largest = np.maximum(self.largest, np.abs(full[:n]))
+        return full, slope, jacobian
+
+    def scale(self, change: Any) -> Any:
+        """Magnitudes of the states, as far as they are known: those of one unit share the largest."""
+        seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
+        units = self.program.states.units
+        return np.array([max(x for x, u in zip(seen, units, strict=True) if u == unit) or 1.0 for unit in units])
+
+    def step(self, full: Any, slope: Any, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
+        """One implicit Euler step; None if it leads to no numbers."""
+        try:
+            if self.basis is None:
+                change = np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
+            else:
+                inner = self.basis.T @ jacobian @ self.basis
+                change = self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
+            trial = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
+        except (np.linalg.LinAlgError, RunFailed):
+            return None
+        return trial if np.isfinite(trial[1]).all() and np.isfinite(trial[2]).all() else None
+
+    def correction(self, slope: Any, jacobian: Any) -> Any:
+        """Newton's step of least length; where nothing brings back, it does not move. Infinite if nothing balances the rates."""
+        if self.basis is not None:  # what closing joints leave
+            change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis)
+            return self.basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
+        return self._least(slope, jacobian)
+
+    @staticmethod
+    def _least(slope: Any, jacobian: Any) -> Any:
+        rows = np.abs(jacobian).max(axis=1)
+        if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
+            return np.full(len(slope), np.inf)
+        rows = np.where(rows > 0, rows, 1.0)
+        matrix = jacobian / rows[:, None]
+        columns = np.abs(matrix).max(axis=0)
+        columns = np.where(columns > 0, columns, 1.0)
+        left, sizes, right = np.linalg.svd(matrix / columns)
+        rank = int((sizes > SINGULAR * sizes[0]).sum())
+        needed = -slope / rows
+        if rank < len(slope):  # what no change of the states can cancel
+            lost = left[:, rank:].T
+            if (np.abs(lost @ needed) > CLOSE * (np.abs(lost) @ np.abs(needed))).any():
+                return np.full(len(slope), np.inf)
+        change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
+        return change / columns
+
+    def distance(self, slope: Any, jacobian: Any) -> float:
+        """How far the equilibrium is, in units of the magnitudes."""
+        change = self.correction(slope, jacobian)
+        return float((np.abs(change) / self.scale(change)).max(initial=0.0))
+
+    def polished(self, full: Any, slope: Any, jacobian: Any) -> Any:
+        """The last corrections, to round-off."""
+        for _ in range(3):
+            change = self.correction(slope, jacobian)
+            full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
+        return full

@@ -1,0 +1,141 @@
+"""One routine for consistent starts: the unknowns of loops, and the states that the author's starts bind.
+
+What the author said of a state holds. What was said of something computed (a storage in derivative form, an effort) is a claim:
+the states of which nothing was said move by the least amount that fulfils all claims (Pantelides, SIAM J. Sci. Stat. Comput. 9,
+1988, for the problem). Claims that cannot all hold are an error.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import LoopSolver
+from ..segments import Segment
+from .claims import fulfil, slopes_of
+
+if TYPE_CHECKING:
+    from ...door import Program, StateSpace
+    from ...prepared import Prepared
+
+CLOSE = 1e-9  # of the size of what is claimed
+ROUNDING = 1e-3  # of the size of a mechanism: a start within 1e-9 of that is met
+DISTINCT = 1e-6  # relative difference of an unknown in two solutions
+SHOWN = 4  # solutions, and unknowns of each, that a message tells
+
+
+def consistent_start(
+    program: Program, made: Prepared, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
+) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
+    """The state at the start, shape (n,), and the names of the states that moved from their default to get there.
+
+    Raises `RunFailed` if the claims contradict each other or the starts of states, or a loop has no solution.
+    """
+    magnitude = np.where(state != 0, np.abs(state), 1.0)
+    loops = LoopSolver(program, constants, inputs, magnitude)
+    time, mode, count = first.start, first.mode, len(program.states.names)
+    if not made.facts.claims and not constraints:
+        full = loops.solve(time, state, mode)
+        _check_unique(loops, made, full, (time, mode))
+        return full, ()
+    space = made.state_space
+
+    movable = np.array([not s.given for s in space.states], dtype=bool)
+    if constraints:
+        return _assembled(program, made, constraints, state, movable, first)
+
+    def missed(x: Any) -> tuple[Any, Any]:
+        full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
+        return np.asarray(program.claims(time, full, inputs, constants, mode)), full
+
+    x = fulfil(lambda y: missed(y)[0], state[:count], movable)
+    value, full = missed(x)
+    reach = _reach(lambda y: missed(y)[0], x) if value.any() else np.abs(value)
+    _check(program, space, constants, value, reach, full, (time, inputs, mode))
+    _check_unique(loops, made, full, (time, mode))
+    moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
+    return full, tuple(moved)
+
+
+def _assembled(
+    program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, first: Segment
+) -> tuple[Any, tuple[str, ...]]:
+    """The same with closing joints: their gaps, and the rates of these, must vanish as well."""
+    from .assembly import assemble, choose_rows, sizes
+
+    time, mode = first.start, first.mode
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)))
+    loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
+
+    def claims(x: Any) -> Any:
+        if loose:
+            x = loops.solve_all(np.full(len(x), time), x, mode) if x.ndim > 1 else loops.solve(time, x, mode)
+        return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
+
+    x = assemble(constraints, claims, time, mode, state, movable)
+    constraints.assembled = choose_rows(constraints, time, x, mode)
+    x = constraints.project(time, x, mode)
+    value = claims(x)
+    size = np.abs(x)  # what is to be zero has the size of the mechanism, by which rounding is measured
+    size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
+    reach = np.abs(slopes_of(claims, x, np.ones(len(x), dtype=bool))) @ size if value.any() else np.abs(value)
+    _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)))
+    full = loops.solve(time, x, mode)
+    if loose:
+        _check_unique(loops, made, full, (time, mode))
+    return full, tuple(n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b)
+
+
+def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None:
+    """Raises `RunFailed` if the loops have another solution: nothing in the model says which of them holds."""
+    if not len(loops.program.unknowns.names):
+        return
+    from ..loops.branches import other_solutions
+
+    others = other_solutions(loops, at[0], full, at[1])
+    if not others:
+        return
+    solutions = np.array([full[loops.count :], *others])
+    size = np.abs(solutions).max(axis=0)
+    differ = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
+    unknowns = loops.program.unknowns
+    lines = [
+        ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g} {unknowns.units[i]}" for i in differ[:SHOWN])
+        for z in solutions[:SHOWN]
+    ]
+    if len(solutions) > SHOWN:
+        lines.append(f"and {len(solutions) - SHOWN} more")
+    space = made.state_space
+    members = dict.fromkeys(m for i in differ for m in space.unknowns[i].members)
+    elements = ", ".join(f"`{m}`" for m in list(members)[:6])
+    line = space.unknowns[differ[0]].span.line
+    raise RunFailed(
+        f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; '.join(lines)}. "
+        "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in "
+        "line with what gives the effort) and start it near the one that you mean, or write the law so that only one is left"
+    )
+
+
+def _reach(function: Any, x: Any) -> Any:
+    """How large the terms are that a claim adds up: what is claimed to be zero has no size of its own."""
+    return np.abs(slopes_of(function, x, np.ones(len(x), dtype=bool))) @ np.abs(x)
+
+
+def _check(program: Program, space: StateSpace, constants: Any, value: Any, reach: Any, full: Any, at: Any) -> None:
+    time, inputs, mode = at
+    others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))
+    others = np.where(np.isfinite(others), others, value)  # a turn has no direction where all states are zero
+    size = np.maximum(np.maximum(np.abs(value - others), np.abs(others)), reach)
+    bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]
+    if not bad:
+        return
+    names = ", ".join(f"`{n}`" for n in dict.fromkeys(c.element for c in bad))
+    said = [space.variables[s.variable].name for s in space.states if s.given]
+    against = f" together with those of {', '.join(f'`{n}`' for n in said[:6])}" if said else ""
+    raise RunFailed(
+        f"the start of {names} (line {bad[0].span.line}) cannot hold{against}: the model ties them to each other; leave one of them out"
+    )

@@ -1,0 +1,154 @@
+"""One step of the coarse run by implicit Euler, in the subset that becomes machine code: see `nominal._Coarse`, whose names stand here."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from ....door import Record
+from ...start import nominal
+from .dense import back, eliminate
+from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
+from .stepper import Function
+
+if TYPE_CHECKING:
+    from ....door import Floats, Ints
+
+NEWTON_ITERATIONS = nominal.NEWTON_ITERATIONS
+CLOSE, ROUNDING, SMALLEST_RATIO = nominal.CLOSE, nominal.ROUNDING, nominal.SMALLEST_RATIO
+INFINITE = float("inf")
+
+
+class Euler(Record):
+    """What a step knows. n states and unknowns."""
+
+    derivative: Function
+    entries: Function
+    inputs: Floats
+    constants: Floats
+    mode: Floats
+    n: int
+    differential: int
+    entry_count: int
+    rows: Ints  # entry_count
+    columns: Ints  # entry_count
+    largest: Floats  # n: so far
+    start: Floats  # n: the state at its start
+    x: Floats  # n: that at its end
+    time: float  # of its end
+    size: float
+    jacobian: Floats  # entry_count
+    scaled: Floats  # entry_count
+    sparse: int
+    pattern: Pattern
+    # room
+    slope: Floats  # n
+    scale: Floats  # n
+    reached: Floats  # n
+    matrix: Floats  # n n
+    rows_scale: Floats  # n
+    pivots: Ints  # n
+
+
+def euler(e: Euler) -> int:
+    """The state at the end of the step, from a guess in its place: `FINE`; not found: `SINGULAR`; `ANEW`: in another order."""
+    n = e.n
+    before = INFINITE
+    for _ in range(NEWTON_ITERATIONS):
+        e.derivative(e.time, e.x, e.inputs, e.constants, e.mode, e.slope)
+        e.entries(e.time, e.x, e.inputs, e.constants, e.mode, e.jacobian)
+        for i in range(n):
+            if not isfinite(e.slope[i]):
+                return SINGULAR
+        for k in range(e.entry_count):
+            if not isfinite(e.jacobian[k]):
+                return SINGULAR
+        magnitudes(e)
+        for i in range(e.differential):
+            e.slope[i] = (e.slope[i] - (e.x[i] - e.start[i]) / e.size) / e.scale[i]
+        done = solve_step(e)
+        if done != FINE:
+            return done
+        for i in range(n):
+            e.slope[i] *= e.scale[i]
+        norm = moved_share(e)
+        if not isfinite(norm) or norm > 2.0 * before:
+            return SINGULAR
+        for i in range(n):
+            e.x[i] += e.slope[i]
+        if norm <= CLOSE:
+            return FINE
+        before = norm
+    return SINGULAR
+
+
+def solve_step(e: Euler) -> int:
+    """The scaled change of the state in the place of what is missed."""
+    n = e.n
+    for k in range(e.entry_count):
+        row = e.rows[k]
+        unit = e.scale[row] if row < e.differential else 1.0
+        e.scaled[k] = e.jacobian[k] * e.scale[e.columns[k]] / unit
+    if e.sparse != 0:
+        done = real_factors(e.pattern, 1.0 / e.size, e.scaled)
+        if done == FINE:
+            real_back(e.pattern, e.slope)
+        return done
+    for i in range(n * n):
+        e.matrix[i] = 0.0
+    for i in range(e.differential):
+        e.matrix[i * n + i] = 1.0 / e.size
+    for k in range(e.entry_count):
+        e.matrix[e.rows[k] * n + e.columns[k]] -= e.scaled[k]
+    if not eliminate(n, e.matrix, e.rows_scale, e.pivots):
+        return SINGULAR
+    back(n, e.matrix, e.rows_scale, e.pivots, e.slope)
+    return FINE
+
+
+def magnitudes(e: Euler) -> None:
+    """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link."""
+    still = 0
+    for i in range(e.n):
+        moved = abs(e.size * e.slope[i]) if i < e.differential else 0.0
+        e.scale[i] = max(e.largest[i], moved)
+        still += e.scale[i] == 0.0
+    rounds = 0
+    while still > 0 and rounds < e.n:
+        for i in range(e.n):
+            e.reached[i] = 0.0
+        for k in range(e.entry_count):
+            e.reached[e.rows[k]] = max(e.reached[e.rows[k]], abs(e.size * e.jacobian[k]) * e.scale[e.columns[k]])
+        further = 0
+        for i in range(e.n):
+            if e.scale[i] == 0.0 and e.reached[i] != 0.0:
+                e.scale[i] = e.reached[i]
+                further += 1
+        if further == 0:
+            break
+        still -= further
+        rounds += 1
+    largest = 0.0
+    for i in range(e.n):
+        if e.scale[i] == 0.0:
+            e.scale[i] = 1.0
+        largest = max(largest, e.scale[i])
+    for i in range(e.n):
+        e.scale[i] = max(e.scale[i], SMALLEST_RATIO * largest)
+
+
+def moved_share(e: Euler) -> float:
+    """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing."""
+    for i in range(e.n):
+        e.reached[i] = 0.0
+    for k in range(e.entry_count):
+        column = e.columns[k]
+        e.reached[e.rows[k]] = max(
+            e.reached[e.rows[k]], abs(e.size * e.jacobian[k]) * abs(e.x[column] + e.slope[column])
+        )
+    result = 0.0
+    for i in range(e.differential):
+        whole = max(max(e.largest[i], ROUNDING * e.reached[i]), max(abs(e.x[i]), abs(e.x[i] + e.slope[i])))
+        part = abs(e.slope[i]) / (whole if whole > 0.0 else 1.0)
+        result = part if not part <= result else result
+    return result

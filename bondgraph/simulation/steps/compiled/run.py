@@ -1,0 +1,312 @@
+"""Runs `advance.advance` as machine code, in the place of the loop over steps in `integrate.py`.
+
+What a step looks at besides (limits, other choices of states, work) happens in there too; the code comes back where Python must decide, and every
+some tens of milliseconds, so that a run can be interrupted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time as clock
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....door import INTS, Fields, Handed, MachineCode, Program, record_of
+from ....native import kernel
+from ...segments import LOOKS, Segment, inside, overlooked
+from ...watch.choice import WORST, Choice
+from .. import radau
+from ..factorise import is_large
+from ..radau import STUBBORN, Radau, StepFailed
+from .advance import HANDOVER, LOOK, MORE, advance, begin
+from .euler import Euler, euler
+from .ordering import ordered
+from .sparse import ANEW, FINE, Pattern
+from .step import ERROR, NEWTON, ORDER, ROUND_OFF
+from .stepper import Stepper
+
+if TYPE_CHECKING:
+    from ...trajectory import Tolerances
+
+AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
+FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
+OPTIMISED = 2
+# Pivots beside what they divide: of the steps; and of the coarse run, whose scales change from one iteration to the next and say little.
+SMALL, SMALL_AND_COARSE = 1e-3, 0.0
+LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with the help of its order
+
+
+def obstacle(program: Program) -> str:
+    """Why the steps of this program are not made in machine code; empty if they are."""
+    if program.native is None:
+        return "no machine code"
+    if program.invariants.names:
+        return "closed loops are held on their constraints"
+    return ""
+
+
+def is_sparse(program: Program) -> bool:
+    """Whether the linear algebra is sparse."""
+    count = len(program.states.names) + len(program.unknowns.names)
+    return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
+
+
+@lru_cache
+def machine_code() -> MachineCode:
+    """The code of the solver, for all models."""
+
+    def text() -> str:
+        from ....door import translate
+
+        return translate([begin, advance, euler])
+
+    return MachineCode(kernel("stepping", text, OPTIMISED))
+
+
+def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
+    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
+    assert program.native is not None
+    fields: list[tuple[str, Any]] = []
+    given: list[Any] = []
+    kept: list[Any] = []
+    for name, kind in record_of(noun).fields.items():
+        if kind in ("double", "i64"):
+            fields.append((name, ctypes.c_double if kind == "double" else ctypes.c_int64))
+            given.append(values[name])
+            continue
+        fields.append((name, ctypes.c_void_p))
+        if isinstance(kind, Fields):
+            given.append(ctypes.addressof(values[name]))
+            kept.append(values[name])
+            continue
+        if isinstance(kind, Handed):
+            given.append(program.native.addresses["jacobian_entries" if name == "entries" else name])
+            continue
+        array = values[name] = np.ascontiguousarray(values[name], dtype=np.int64 if kind == INTS else float)
+        kept.append(array)
+        given.append(array.ctypes.data)
+    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})(*given), kept
+
+
+class Ordered:
+    """The pattern of sparse factors, and the choice of another order where the numbers ask for it."""
+
+    def __init__(self, program: Program, small: float) -> None:
+        n = len(program.states.names) + len(program.unknowns.names)
+        self.pattern, self.program = (*program.pattern, len(program.states.names), n), program
+        room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
+        self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
+        self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
+        self.record, _ = structure(Pattern, self.values, program)
+
+    def choose(self, shift: float, entries: Any) -> bool:
+        """Choose an order for these numbers; false if there is none."""
+        found = ordered(*self.pattern, shift, entries)
+        if found is None:
+            return False
+        kinds = record_of(Pattern).fields
+        for name, array in found.items():
+            self.values[name] = np.ascontiguousarray(array, dtype=np.int64 if kinds[name] == INTS else float)
+            setattr(self.record, name, self.values[name].ctypes.data)
+        for name in ("x", "xi"):
+            self.values[name][:] = 0.0
+        self.record.ready = 1
+        return True
+
+
+class CompiledEuler:
+    """Steps of the coarse run: `nominal._Coarse._step` from where the unknowns of loops are known."""
+
+    def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
+        rows, columns = program.pattern
+        n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
+        self.program = program
+        self.values: dict[str, Any] = {
+            "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
+            "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
+            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)),
+            "matrix": np.zeros(0 if is_sparse(program) else n * n), "pivots": np.zeros(n),
+        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "rows_scale")}  # fmt: skip
+        self.order = Ordered(program, SMALL_AND_COARSE)
+        self.values["pattern"] = self.order.record
+        self._record, self._kept = structure(Euler, self.values, program)
+        self._here = ctypes.addressof(self._record)
+        self.code = machine_code()
+        self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
+
+    def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
+        """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
+        values, record, order = self.values, self._record, self.order
+        record.time, record.size = at
+        order.record.tolerant = 0
+        while True:
+            values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
+            answer = self._step(self._here)
+            if answer != ANEW:
+                return values["x"].copy() if answer == FINE else None
+            if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
+                return None
+            order.record.tolerant = 1
+
+
+class CompiledRadau:
+    """Steps over one stretch; answers what `integrate` asks of `radau.Radau`."""
+
+    def __init__(
+        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float
+    ) -> None:  # fmt: skip
+        self.program = program
+        self.values = _values(program, inputs, constants, tolerances, stretch, state, longest)
+        self.code = machine_code()
+        self.order = Ordered(program, SMALL)
+        self.values["pattern"] = self.order.record
+        self._kept: list[Any] = []
+        self._record: Any = None
+
+    def report(self, instants: Any, position: int, states: Any) -> None:
+        """Where states at instants go, from the number `position` on."""
+        self.values |= {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+
+    def choose(self, choice: Choice) -> None:
+        """Stop where other states should go on."""
+        count = len(choice.rows)
+        self.values |= {
+            "slope_count": len(choice.chosen) if count else 0, "slope_rows": self.program.sensitivity_pattern[0],
+            "slope_columns": self.program.sensitivity_pattern[1], "slope_chosen": choice.chosen.astype(np.int64),
+            "slopes": np.zeros(len(choice.chosen)), "stored_peak": choice.peak,
+        }  # fmt: skip
+
+    def measure(self, work: Any, traffic: float) -> None:
+        """Add up the work at all ports, on top of this."""
+        count = len(work)
+        self.values |= {"power_count": count, "work": work, "traffic": traffic}
+        self.values |= {"power": np.zeros(count), "partial": np.zeros(2 * count)}
+
+    def begin(self) -> None:
+        """Evaluate where the stretch begins."""
+        self._record, self._kept = structure(Stepper, self.values, self.program)
+        self._here = ctypes.addressof(self._record)
+        ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))(self._here)
+        self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
+
+    def advance(self, most: int) -> int:
+        """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
+        answer: int = self._advance(self._here, most)
+        self.order.record.tolerant = 0
+        while answer == ORDER:
+            # With an order that was made for just these numbers, small pivots are what there is.
+            if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
+                self.order.record.tolerant = 1
+                answer = self._advance(self._here, 1)
+            else:
+                answer = NEWTON
+            self.order.record.tolerant = 0
+        if answer in FAILURES:
+            raise StepFailed(FAILURES[answer])
+        return answer
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in record_of(Stepper).fields:
+            raise AttributeError(name)
+        array = self.values[name]
+        return array if isinstance(array, np.ndarray) else getattr(self._record, name)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the end is reached."""
+        return bool(self.time >= self.stop)
+
+    @property
+    def last_step(self) -> tuple[float, float]:
+        """Its start and its end."""
+        return float(self.end_time[self.ends - 2]), float(self.end_time[self.ends - 1])
+
+    @property
+    def evaluations(self) -> dict[str, int]:
+        """How often what was evaluated."""
+        return {"derivative": self.derivatives, "jacobian": self.jacobians, "factorisation": self.factorisations}
+
+    def sample(self, times: Any) -> Any:
+        """States at instants within the last step; shape (times, n). As `Radau.sample`."""
+        return self._reference().sample(times)
+
+    def _reference(self) -> Radau:
+        """The last step, told to the reference: it has the ends, the stages and the tolerances."""
+        from ..radau import Problem, _End
+
+        n, count = self.n, self.ends
+        known = [count < 3 or bool(self.first_sloped) or k > 0 for k in range(count)]
+        known[0] = known[0] and count == 3
+        states, slopes = self.end_state.reshape(3, n), self.end_slope.reshape(3, n)
+        radau = object.__new__(Radau)
+        radau._ends = [_End(float(self.end_time[k]), states[k], slopes[k] if known[k] else None) for k in range(count)]
+        radau._stages = self.stages.reshape(3, n)
+        nothing: Any = None
+        radau.problem = Problem(nothing, nothing, nothing, nothing, self.relative, self.absolute, nothing)
+        return radau
+
+
+def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> bool:
+    """Go on to the end of the stretch; true if it stopped where other states should go on.
+
+    `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
+    """
+    several, answer = 64, MORE
+    while answer in (MORE, LOOK):
+        if solver.steps >= most:
+            raise StepFailed("steps")
+        began = clock.perf_counter()
+        answer = solver.advance(min(several, most - solver.steps))
+        if answer == LOOK:
+            solver.left[look()] = 1
+        elif clock.perf_counter() - began < AT_ONCE:
+            several = min(2 * several, 1 << 20)
+        else:
+            several = max(1, several // 2)
+    return answer == HANDOVER
+
+
+def _values(
+    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float
+) -> dict[str, Any]:
+    """All fields of a `Stepper` where the stretch begins."""
+    n, differential = len(state), len(program.states.names)
+    rows, columns = program.pattern
+    magnitude = np.asarray(tolerances.magnitude, dtype=float)
+    unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
+    scaled = state / magnitude
+    relative = tolerances.relative
+    room_of_matrix = 0 if is_sparse(program) else n * n
+    allowed = overlooked(program, inputs, constants, stretch)
+    earliest, latest = inside(stretch)
+    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    room: Callable[[int], Any] = partial(np.zeros, dtype=float)
+    whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
+    values: dict[str, Any] = {
+        "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
+        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers,
+        "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential,
+        "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
+        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
+        "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
+        "newton_tolerance": max(10 * np.finfo(float).eps / relative, min(0.03, relative**0.5)),
+        "signal_count": len(allowed), "allowed": allowed, "seen": room(len(LOOKS) * len(allowed)), "earliest": earliest, "latest": latest,
+        "longest": longest, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
+        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
+        "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
+        "real": room(room_of_matrix), "real_scale": room(n), "real_pivots": whole(n),
+        "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
+        "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
+        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
+        "change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n), "norms": room(STUBBORN),
+        "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
+        "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),
+        "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),
+        "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
+        "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
+        "derivatives": 0, "jacobians": 0, "factorisations": 0,
+    }  # fmt: skip
+    return values

@@ -1,0 +1,274 @@
+"""One step of Radau IIA of order 5: see `radau.Radau.step`."""
+
+from __future__ import annotations
+
+from math import isfinite, pow, sqrt, ulp
+from typing import TYPE_CHECKING
+
+from ... import segments
+from .. import radau
+from .dense import factorise, solve_complex, solve_real
+from .sparse import ANEW, SINGULAR
+from .stepper import Stepper
+
+if TYPE_CHECKING:
+    from ....door import Floats
+
+C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
+T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
+MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
+NEWTON_ITERATIONS, STUBBORN = radau.NEWTON_ITERATIONS, radau.STUBBORN
+SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
+LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
+SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
+NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # why there is no step; the last: the matrix must be ordered anew
+
+
+def step(s: Stepper) -> int:
+    """One accepted step: 0, or why there is none."""
+    n = s.n
+    least = 10.0 * ulp(s.time)
+    size = min(s.size, s.stop - s.time, s.longest)
+    reason = ERROR
+    rejected = 0
+    if s.time + 1.01 * size >= s.stop:
+        size = s.stop - s.time
+    while size > 2.0 * least and not follows(s, s.time, s.time + size):
+        size *= 0.5
+    if s.known == 0:
+        renew(s)
+    for i in range(n):
+        s.scale[i] = s.absolute[i] + abs(s.state[i]) * s.relative
+    while True:
+        if size < least and s.time + size < s.stop:
+            return reason
+        end = s.stop if s.time + size >= s.stop else s.time + size
+        size = end - s.time
+        guess(s, size)
+        iterations = newton(s, size)
+        if iterations < 0:
+            return ORDER
+        if iterations == 0:
+            reason = NEWTON
+            if s.current == 0:
+                renew(s)
+            else:
+                size *= 0.5
+            continue
+        for i in range(n):
+            s.new[i] = s.state[i] + s.z[2 * n + i]
+        norm = estimate(s, size, rejected > 0)
+        safety = 0.9 * (2.0 * NEWTON_ITERATIONS + 1.0) / (2.0 * NEWTON_ITERATIONS + float(iterations))
+        if norm <= 1.0:
+            break
+        reason = ERROR
+        size *= max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
+        s.rejected += 1
+        s.norms[rejected % STUBBORN] = norm
+        rejected += 1
+        if rejected >= STUBBORN and norm > 0.5 * s.norms[rejected % STUBBORN]:
+            return ROUND_OFF
+    accept(s, end, size, norm, min(LARGEST, safety * factor(s, size, norm)), rejected > 0, iterations)
+    return 0
+
+
+def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejected: bool, iterations: int) -> None:
+    """Close a step and choose the size of the next."""
+    n = s.n
+    if s.ends == 3:
+        s.first_sloped = 1
+        for k in range(2):
+            s.end_time[k] = s.end_time[k + 1]
+        for i in range(2 * n):
+            s.end_state[i] = s.end_state[n + i]
+            s.end_slope[i] = s.end_slope[n + i]
+    else:
+        s.ends += 1
+    place = s.ends - 1
+    s.end_time[place] = end
+    for i in range(n):
+        s.end_state[place * n + i] = s.new[i]
+        s.end_slope[place * n + i] = (D[0] * s.z[i] + D[1] * s.z[n + i] + D[2] * s.z[2 * n + i]) / size
+        s.state[i] = s.new[i]
+    for i in range(3 * n):
+        s.stages[i] = s.z[i]
+    s.node_count = 0
+    s.last_size = size
+    s.last_error = max(norm, 1e-2)
+    s.time = end
+    rates(s, end, s.state, s.rate)
+    stale = iterations > 2 and s.contraction > 1e-3
+    if rejected:
+        grown = min(grown, 1.0)
+    if stale:
+        renew(s)
+    else:
+        s.current = 0
+        if grown < 1.2:
+            grown = 1.0  # the factorisation serves once more
+    s.size = size * grown
+
+
+def rates(s: Stepper, time: float, y: Floats, out: Floats) -> None:
+    """The rates of scaled states, scaled."""
+    for i in range(s.n):
+        s.si[i] = y[i] * s.magnitude[i]
+    s.derivative(time, s.si, s.inputs, s.constants, s.mode, out)
+    for i in range(s.n):
+        out[i] = out[i] / s.unit[i]
+    s.derivatives += 1
+
+
+def renew(s: Stepper) -> None:
+    """The Jacobian where the run stands."""
+    for i in range(s.n):
+        s.si[i] = s.state[i] * s.magnitude[i]
+    s.entries(s.time, s.si, s.inputs, s.constants, s.mode, s.jacobian)
+    for k in range(s.entry_count):
+        s.jacobian[k] *= s.ratio[k]
+    s.jacobians += 1
+    s.known = 1
+    s.current = 1
+    s.factorised = 0
+
+
+def follows(s: Stepper, start: float, end: float) -> bool:
+    """Whether a step from here to there would see what time alone moves (see `segments.follower`)."""
+    m = s.signal_count
+    if m == 0:
+        return True
+    for k in range(SEEN + UNSEEN):
+        at = min(max(start + (end - start) * LOOKS[k], s.earliest), s.latest)
+        s.signals(at, s.state, s.inputs, s.constants, s.mode, s.seen[k * m :])
+    for j in range(m):
+        for q in range(UNSEEN):
+            off = -s.seen[(SEEN + q) * m + j]
+            for k in range(SEEN):
+                off += BETWEEN[q * SEEN + k] * s.seen[k * m + j]
+            if abs(off) > s.allowed[j]:
+                return False
+    return True
+
+
+def guess(s: Stepper, size: float) -> None:
+    """Stages from the last step's polynomial, carried on."""
+    n = s.n
+    for i in range(3):
+        if s.last_size == 0.0:
+            for k in range(n):
+                s.z[i * n + k] = 0.0
+            continue
+        at = 1.0 + C[i] * size / s.last_size
+        a = at * (P[0] + at * (P[1] + at * P[2]))
+        b = at * (P[3] + at * (P[4] + at * P[5]))
+        c = at * (P[6] + at * (P[7] + at * P[8]))
+        for k in range(n):
+            last = s.stages[2 * n + k]
+            s.z[i * n + k] = a * s.stages[k] + b * s.stages[n + k] + c * last - last
+
+
+def newton(s: Stepper, size: float) -> int:
+    """The simplified Newton iteration for the stages: how many iterations it took, 0 if it does not converge, -1 if the matrix must be ordered anew."""
+    n = s.n
+    if s.factorised == 0 or abs(size - s.factorised_size) > 1e-9 * size:
+        s.factorisations += 2
+        s.factorised_size = size
+        s.factorised = factorise(s, size)
+        if s.factorised == ANEW:
+            s.factorised = SINGULAR
+            return -1
+        if s.factorised == SINGULAR:
+            return 0
+    for i in range(3):
+        for k in range(n):
+            s.w[i * n + k] = TI[3 * i] * s.z[k] + TI[3 * i + 1] * s.z[n + k] + TI[3 * i + 2] * s.z[2 * n + k]
+    real = MU_REAL / size
+    re = MU_RE / size
+    im = MU_IM / size
+    last = 0.0
+    s.contraction = 0.0
+    for iteration in range(NEWTON_ITERATIONS):
+        for i in range(3):
+            for k in range(n):
+                s.rest[k] = s.state[k] + s.z[i * n + k]
+            rates(s, s.time + size * C[i], s.rest, s.f[i * n :])
+        for i in range(3 * n):
+            if not isfinite(s.f[i]):
+                return 0
+        for i in range(3):
+            for k in range(n):
+                s.change[i * n + k] = TI[3 * i] * s.f[k] + TI[3 * i + 1] * s.f[n + k] + TI[3 * i + 2] * s.f[2 * n + k]
+        for k in range(s.differential):
+            a = s.w[n + k]
+            b = s.w[2 * n + k]
+            s.change[k] -= real * s.w[k]
+            s.change[n + k] -= re * a - im * b
+            s.change[2 * n + k] -= re * b + im * a
+        solve_real(s, s.change)
+        solve_complex(s, s.change[n:], s.change[2 * n :])
+        norm = 0.0
+        for i in range(3):
+            for k in range(n):
+                part = s.change[i * n + k] / s.scale[k]
+                norm += part * part
+        norm = sqrt(norm) / sqrt(3.0 * float(n))
+        if not isfinite(norm):
+            return 0
+        if last > 0.0:
+            s.contraction = norm / last
+            left = 1.0
+            for _ in range(NEWTON_ITERATIONS - iteration):
+                left *= s.contraction
+            if s.contraction >= 1.0 or left / (1.0 - s.contraction) * norm > s.newton_tolerance:
+                return 0
+        for i in range(3 * n):
+            s.w[i] += s.change[i]
+        for i in range(3):
+            for k in range(n):
+                s.z[i * n + k] = T[3 * i] * s.w[k] + T[3 * i + 1] * s.w[n + k] + T[3 * i + 2] * s.w[2 * n + k]
+        if norm == 0.0 or (last > 0.0 and s.contraction / (1.0 - s.contraction) * norm < s.newton_tolerance):
+            return iteration + 1
+        last = norm
+    return 0
+
+
+def estimate(s: Stepper, size: float, rejected: bool) -> float:
+    """The norm of the error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
+    n = s.n
+    for i in range(n):
+        s.rest[i] = 0.0
+        if i < s.differential:
+            s.rest[i] = (E[0] * s.z[i] + E[1] * s.z[n + i] + E[2] * s.z[2 * n + i]) / size
+        s.error[i] = s.rate[i] + s.rest[i]
+    solve_real(s, s.error)
+    norm = share(s)
+    if norm > 1.0 and (rejected or s.last_size == 0.0):
+        for i in range(n):
+            s.w[i] = s.state[i] + s.error[i]
+        rates(s, s.time, s.w, s.error)
+        for i in range(n):
+            s.error[i] += s.rest[i]
+        solve_real(s, s.error)
+        norm = share(s)
+    for i in range(n):
+        s.error[i] = s.error[i] / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
+    return norm
+
+
+def share(s: Stepper) -> float:
+    """The norm of the error in units of the tolerance."""
+    total = 0.0
+    for i in range(s.n):
+        part = s.error[i] / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
+        total += part * part
+    return sqrt(total) / sqrt(float(s.n))
+
+
+def factor(s: Stepper, size: float, norm: float) -> float:
+    """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8)."""
+    if norm == 0.0:
+        return LARGEST
+    result = pow(norm, -0.25)
+    if s.last_error > 0.0 and s.last_size > 0.0:
+        result = min(result, size / s.last_size * pow(s.last_error / norm, 0.25) * result)
+    return result

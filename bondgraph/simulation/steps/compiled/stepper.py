@@ -1,0 +1,131 @@
+"""The record that stepping in machine code works on. All arrays belong to the caller; nothing is allocated, nothing is global."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ....door import Record
+from .sparse import Pattern
+
+if TYPE_CHECKING:
+    from ....door import Floats, Ints
+
+# time, state, inputs, constants, mode, where the values go
+Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
+
+
+class Stepper(Record):
+    """Everything that a run over one smooth stretch knows. n states and unknowns; sizes of arrays behind the names."""
+
+    derivative: Function
+    entries: Function
+    signals: Function
+    holds: Function
+    dependent: Function
+    sensitivities: Function
+    powers: Function
+    inputs: Floats
+    constants: Floats
+    mode: Floats
+    n: int
+    differential: int  # the first of the n are states
+    entry_count: int
+    rows: Ints  # entry_count
+    columns: Ints  # entry_count
+    magnitude: Floats  # n
+    unit: Floats  # n: of the rates
+    ratio: Floats  # entry_count
+    # tolerances
+    relative: float
+    absolute: Floats  # n
+    resting: Floats  # n: absolute tolerances before they grow
+    held: Ints  # n: 1 where they do not grow
+    peak: Floats  # n
+    newton_tolerance: float
+    # what a step must see
+    signal_count: int
+    allowed: Floats  # signal_count
+    seen: Floats  # (SEEN + UNSEEN) signal_count
+    earliest: float
+    latest: float
+    longest: float
+    # where it stands
+    time: float
+    stop: float
+    size: float
+    state: Floats  # n
+    rate: Floats  # n
+    last_size: float  # 0 before the first step
+    last_error: float
+    contraction: float  # of the last Newton iteration
+    stages: Floats  # 3 n, relative to the start of the last step
+    current: int  # whether the Jacobian is that of this state
+    known: int  # whether there is a Jacobian
+    factorised: int
+    factorised_size: float
+    jacobian: Floats  # entry_count
+    # factorised matrices: sparse on a pattern, or dense
+    sparse: int
+    pattern: Pattern
+    real: Floats  # n n
+    real_scale: Floats  # n
+    real_pivots: Ints  # n
+    complex_re: Floats  # n n
+    complex_im: Floats  # n n
+    complex_scale: Floats  # n
+    complex_pivots: Ints  # n
+    # the last three ends of steps
+    ends: int
+    end_time: Floats  # 3
+    end_state: Floats  # 3 n
+    end_slope: Floats  # 3 n
+    first_sloped: int  # whether the slope of the first of them is known
+    nodes: Floats  # 6
+    coefficients: Floats  # 6 n: of the polynomial through them
+    node_count: int  # 0: not yet computed
+    # room
+    si: Floats  # n: states in SI
+    z: Floats  # 3 n
+    w: Floats  # 3 n
+    f: Floats  # 3 n
+    change: Floats  # 3 n
+    scale: Floats  # n
+    new: Floats  # n
+    error: Floats  # n: of the last step, in units of its tolerance
+    rest: Floats  # n
+    norms: Floats  # STUBBORN
+    # what is reported
+    instants: Floats
+    instant_count: int
+    position: int
+    reported: Floats  # instant_count n
+    # limits
+    limit_count: int
+    left: Ints  # limit_count: 1 where it is known that it does not hold
+    truth: Floats  # limit_count
+    always: int  # whether every step is looked at by the caller
+    # choice of states
+    slope_count: int
+    slope_rows: Ints
+    slope_columns: Ints
+    slope_chosen: Ints  # 1: these can change places
+    slopes: Floats  # slope_count
+    stored: Floats  # differential + dependents
+    dependent_count: int
+    stored_peak: Floats
+    worst: float
+    # work
+    power_count: int
+    work: Floats  # power_count
+    power: Floats  # 7 power_count
+    partial: Floats  # 2 power_count
+    traffic: float
+    tolerance: float  # relative, of the work
+    pending: int  # 1: the last step is not yet closed
+    # what it took
+    steps: int
+    rejected: int
+    derivatives: int
+    jacobians: int
+    factorisations: int

@@ -1,0 +1,255 @@
+"""Linear models exactly: x' = A x + b(t) by the matrix exponential, with b as a polynomial on each of many intervals.
+
+The solution at the end of an interval is E x + G c, with E = exp(h A), c the Chebyshev coefficients of h b on it, and G the
+integrals of exp((1 - s) h A) T_j(s) ds; both are blocks of one exponential of an augmented matrix (Van Loan, Computing integrals
+involving the matrix exponential, 1978). Intervals of one length share it, and equally spaced instants are intervals of one
+length. So a run costs a product of a matrix and a vector for each instant, however stiff or long it is, and has no truncation
+error but that of b, which is brought down to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ...door import Program
+from ..segments import ROUNDING, Segment
+
+DEGREE = 10  # of the polynomials
+LARGEST = 200  # states; and of the augmented matrix
+LARGEST_MATRIX = 600
+MOST_INTERVALS = 20_000  # of a run, beyond the reported instants
+CLOSE = 1e-12  # what may be missing of b, in parts of its largest value
+AFFINE = 1e-9  # what the affine form may miss of the program's own rates
+EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
+TERMS = 22  # of the series: what is left is below 1e-24 at a norm of 1/4
+BALANCINGS = 20
+DOUBLED = 1e-9  # by how much one exponential may differ from the square of that of half the time
+
+_ENDS: Any = chebyshev.chebpts2(DEGREE + 1)  # on [-1, 1]
+NODES = 0.5 * (_ENDS + 1.0)
+TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_ENDS, DEGREE))
+# The polynomial seen from a later place: its coefficients change as those of its slope, over [0, 1].
+_UNITS: Any = np.eye(DEGREE + 1)
+SHIFT = np.column_stack(
+    [np.pad(2.0 * np.asarray(chebyshev.chebder(_UNITS[j])), (0, DEGREE + 1))[: DEGREE + 1] for j in range(DEGREE + 1)]
+)
+AT_START = (-1.0) ** np.arange(DEGREE + 1)
+
+
+@dataclass(slots=True)
+class Linear:
+    """A program as x' = A x + b(t) on one stretch: A is the same at every place."""
+
+    program: Program
+    fixed: tuple[Any, Any]  # inputs, constants
+    stretch: Segment
+    matrix: Any  # A, balanced
+    scale: Any  # of the states
+    active: Any  # rows of b that are not zero everywhere
+    known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # by the length of an interval
+
+    def forcing(self, times: Any) -> Any:
+        """b over the balanced states; shape (…, active)."""
+        inside = np.clip(times, *_inside(self.stretch)).reshape(-1)
+        zero = np.zeros((len(inside), len(self.scale)))
+        rates = self.program.derivative(inside, zero, *self.fixed, self.stretch.mode)
+        return (rates / self.scale)[:, self.active].reshape((*np.shape(times), -1))
+
+    def matrices(self, length: float) -> tuple[Any, Any]:
+        """E and G of an interval; G is (n, active, DEGREE + 1)."""
+        if length not in self.known:
+            count, sources, more = len(self.scale), len(self.active), DEGREE + 1
+            whole = np.zeros((count + sources * more, count + sources * more))
+            whole[:count, :count] = length * self.matrix
+            for number, row in enumerate(self.active):
+                place = slice(count + number * more, count + (number + 1) * more)
+                whole[row, place] = AT_START
+                whole[place, place] = SHIFT
+            found = exponential(whole)
+            self.known[length] = found[:count, :count], found[:count, count:].reshape(count, sources, more)
+        return self.known[length]
+
+    def moved(self, start: Any, length: float, state: Any, place: float = 1.0) -> Any:
+        """The balanced state at a place in [0, 1] of an interval, from the one at its start; for many intervals at once."""
+        part = length * place
+        ahead, integral = self.matrices(part)
+        times = np.asarray(start)[..., None] + part * NODES
+        coefficients = np.einsum("cj,...js->...sc", TO_COEFFICIENTS, part * self.forcing(times))
+        return state @ ahead.T + np.einsum("nsc,...sc->...n", integral, coefficients)
+
+
+@dataclass(frozen=True, slots=True)
+class Intervals:
+    """One stretch cut so that b is a polynomial on each interval; `lengths` are few different numbers."""
+
+    starts: Any
+    lengths: Any
+    reported: Any  # which intervals end at a reported instant
+
+
+def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Linear | None:
+    """The affine form of a program on a stretch, checked against its rates; None if it has none or is too large."""
+    count = len(program.states.names)
+    if not 0 < count <= LARGEST or program.unknowns.names or np.size(program.periods(constants)):
+        return None
+    fixed, (low, high) = (inputs, constants), _inside(stretch)
+    matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), *fixed, stretch.mode), dtype=float)
+    if not np.isfinite(matrix).all():
+        return None
+    scale = _balance(matrix)
+    times: Any = np.linspace(low, high, 33)
+    random = np.random.default_rng(1)
+    states = scale * random.standard_normal((len(times), count))
+    given = program.derivative(times, np.zeros_like(states), *fixed, stretch.mode)
+    rates = program.derivative(times, states, *fixed, stretch.mode)
+    if not (np.isfinite(given).all() and np.isfinite(rates).all()):
+        return None
+    terms = np.abs(states) @ np.abs(matrix).T + np.abs(given)
+    if (np.abs(rates - given - states @ matrix.T) > AFFINE * terms).any():
+        return None
+    active = np.flatnonzero((given != 0).any(axis=0))
+    if count + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
+        return None
+    return Linear(program, fixed, stretch, matrix * scale / scale[:, None], scale, active)
+
+
+def exponential(matrix: Any) -> Any:
+    """exp(matrix), shape (n, n), by Taylor's series of a small part and squaring, where it is small in extended precision.
+
+    scipy's rational approximation saves squarings and loses digits where modes turn many times: at 20 turns its error is
+    1e-12, that of this one 1e-17 (1e-14 in double precision), and over a long run it is not the growth of a lossless system.
+    """
+    exact: Any = np.asarray(matrix, dtype=np.longdouble if len(matrix) <= EXTENDED else float)
+    size = float(np.abs(exact).sum(axis=0).max(initial=0.0))
+    if not np.isfinite(size):
+        return np.full_like(matrix, np.nan)
+    halvings = max(0, int(np.ceil(np.log2(size))) + 2) if size > 0 else 0
+    part = exact / np.exp2(np.longdouble(halvings)).astype(exact.dtype)
+    result = term = part  # less the identity, so that a small motion keeps its digits
+    for order in range(2, TERMS):
+        term = term @ part / order
+        result = result + term
+    for _ in range(halvings):
+        result = 2 * result + result @ result
+    return (np.eye(len(matrix)) + result).astype(float)
+
+
+def _balance(matrix: Any) -> Any:
+    """Powers of two that make rows and columns of a matrix of one size (Parlett and Reinsch, 1969); shape (n,)."""
+    away = np.abs(matrix) * (1 - np.eye(len(matrix)))
+    scale = np.ones(len(matrix))
+    for _ in range(BALANCINGS):
+        before = scale.copy()
+        for i in range(len(matrix)):
+            row, column = (away[i] * scale).sum() / scale[i], (away[:, i] / scale).sum() * scale[i]
+            if row > 0 and column > 0:
+                scale[i] *= np.exp2(np.round(0.5 * np.log2(row / column)))
+        if (scale == before).all():
+            break
+    return scale
+
+
+def fastest(form: Linear) -> float:
+    """The time in which the fastest mode changes; infinite if nothing does."""
+    rate = np.abs(np.linalg.eigvals(form.matrix)).max()
+    return float(1 / rate) if rate > 0 else np.inf
+
+
+def intervals(form: Linear, instants: Any, longest: float) -> Intervals | None:
+    """The stretch cut at the reported instants within it, into intervals no longer than `longest` on which b is a polynomial.
+
+    None if that would be too many.
+    """
+    stretch = form.stretch
+    inner = instants[(instants > stretch.start) & (instants < stretch.stop)]
+    edges = np.array([stretch.start, *inner, stretch.stop])
+    gaps = np.diff(edges)
+    longest = min(longest, float(gaps.max()))
+    while True:
+        parts = np.ceil(gaps / longest * (1 - 1e-9)).astype(int).clip(1)
+        if parts.sum() > MOST_INTERVALS + len(gaps):
+            return None
+        starts = np.concatenate(
+            [a + h * np.arange(n) / n for a, h, n in zip(edges[:-1], gaps, parts, strict=True)]
+        )  # fmt: skip
+        lengths = _few(np.repeat(gaps / parts, parts))
+        if _is_followed(form, starts, lengths):
+            return Intervals(starts, lengths, np.cumsum(parts) - 1)
+        longest *= 0.5
+
+
+def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
+    """The states at the starts of all intervals and at the end of the last, shape (intervals + 1, n), in SI; None if the
+    exponentials cannot be trusted or the solution overflows."""
+    if not all(_is_trusted(form, length) for length in np.unique(cut.lengths)):
+        return None
+    result = np.empty((len(cut.starts) + 1, len(form.scale)))
+    result[0] = state / form.scale
+    pushes = np.empty((len(cut.starts), len(form.scale)))
+    for length in np.unique(cut.lengths):
+        chosen = cut.lengths == length
+        pushes[chosen] = form.moved(cut.starts[chosen], length, np.zeros(len(form.scale)))
+    for number, length in enumerate(cut.lengths):
+        result[number + 1] = form.matrices(length)[0] @ result[number] + pushes[number]
+    return result * form.scale if np.isfinite(result).all() else None
+
+
+def between(form: Linear, cut: Intervals, states: Any, places: Any) -> tuple[Any, Any]:
+    """Times (intervals, places) and states (intervals, places, n) inside of the intervals, in SI."""
+    times = cut.starts[:, None] + cut.lengths[:, None] * np.asarray(places)
+    result = np.empty((*times.shape, len(form.scale)))
+    for length in np.unique(cut.lengths):
+        chosen = cut.lengths == length
+        for number, place in enumerate(places):
+            result[chosen, number] = form.moved(cut.starts[chosen], length, states[:-1][chosen] / form.scale, place)
+    return times, result * form.scale
+
+
+def at(form: Linear, cut: Intervals, states: Any) -> Callable[[Any], Any]:
+    """The state at any instants, each by an exponential of its own."""
+
+    def state_at(times: Any) -> Any:
+        number = np.clip(np.searchsorted(cut.starts, times, side="right") - 1, 0, len(cut.starts) - 1)
+        rows = zip(cut.starts[number], states[number] / form.scale, times, strict=True)
+        return np.array([form.moved(start, float(time - start), state) for start, state, time in rows]) * form.scale
+
+    return state_at
+
+
+def _inside(stretch: Segment) -> tuple[float, float]:
+    """The ends of a stretch, less what rounding did to them."""
+    margin = ROUNDING * np.spacing(max(abs(stretch.start), abs(stretch.stop)))
+    return stretch.start + margin, stretch.stop - margin
+
+
+def _few(lengths: Any) -> Any:
+    """Lengths that differ by rounding alone made equal."""
+    result = np.array(lengths)
+    order = np.argsort(lengths)
+    groups = np.split(order, np.flatnonzero(np.diff(lengths[order]) > 1e-9 * lengths[order][1:]) + 1)
+    for group in groups:
+        result[group] = lengths[group].mean()
+    return result
+
+
+def _is_followed(form: Linear, starts: Any, lengths: Any) -> bool:
+    """Whether b is a polynomial on each interval, to rounding."""
+    if not len(form.active):
+        return True
+    values = form.forcing(starts[:, None] + lengths[:, None] * NODES)
+    if not np.isfinite(values).all():
+        return False
+    tails = np.abs(np.einsum("cj,kjs->kcs", TO_COEFFICIENTS, values))[:, -2:].max(axis=(0, 1))
+    return bool((tails <= CLOSE * np.abs(values).max(axis=(0, 1))).all())
+
+
+def _is_trusted(form: Linear, length: float) -> bool:
+    """Whether the exponential of an interval is the square of that of its half."""
+    whole, half = form.matrices(length)[0], form.matrices(0.5 * length)[0]
+    size = np.abs(half) @ np.abs(half)
+    return bool(np.isfinite(whole).all() and np.linalg.norm(whole - half @ half) <= DOUBLED * np.linalg.norm(size))

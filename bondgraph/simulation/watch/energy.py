@@ -1,0 +1,136 @@
+"""The energy balance of a run: what sources gave, what resistors took, what storages hold more than before.
+
+Work is integrated; what is stored is computed from the state alone (the storage's energy, or the integral of its law), so
+that the residual is an independent measure of the error of the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...results import ElementEnergy, EnergyBalance
+
+if TYPE_CHECKING:
+    from ...door import StateSpace, Storage
+
+SOURCES, LOSSES = ("Se", "Sf"), ("R",)
+
+
+def energy_balance(
+    space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = ()
+) -> EnergyBalance:  # fmt: skip
+    """Balance from the integrated powers and the stored quantities before and after.
+
+    `work` has one item per port; `before` and `after` the mechanisms' energies and then the stored quantities, as the
+    program's `powers` gives them; `arguments` the values of the storages' parameters. `jumps`: the same before and after
+    each event, which dissipates what is stored less after it.
+    """
+    elements: list[ElementEnergy] = []
+    by_element: dict[str, tuple[str, float]] = {}
+    for port, joules in zip(space.ports, work[: len(space.ports)], strict=True):
+        kind, total = by_element.get(port.element, (port.kind, 0.0))
+        by_element[port.element] = (kind, total + float(joules))
+    for name, (kind, joules) in by_element.items():
+        if kind in SOURCES:
+            elements.append(ElementEnergy(name, kind, 0.0, -joules, 0.0))
+        elif kind in LOSSES:
+            elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
+    offset = len(space.ports)
+    for i, name in enumerate(space.stored):
+        change = float(after[offset + i] - before[offset + i])
+        elements.append(ElementEnergy(name, "multibody", change, 0.0, 0.0))
+    offset += len(space.stored)
+    for storage in space.storages:
+        count = len(storage.stored)
+        change = stored_change(storage, before[offset : offset + count], after[offset : offset + count], arguments)
+        elements.append(ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0))
+        offset += count
+    for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
+        if kind in ("C", "I", "IC") and not any(s.element == name for s in space.storages):
+            elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
+    if jumps:
+        lost = -sum(_change(space, *jump, arguments) for jump in jumps)
+        elements.append(ElementEnergy("when", "event", 0.0, 0.0, lost))
+    stored, supplied, dissipated = (
+        float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
+    )
+    return EnergyBalance(tuple(elements), stored, supplied, dissipated, supplied - dissipated - stored)
+
+
+def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, float]) -> float:
+    """The change of all that is stored, in J."""
+    first = len(space.ports)
+    offset = first + len(space.stored)
+    total = float(np.sum(after[first:offset] - before[first:offset]))
+    for storage in space.storages:
+        stop = offset + len(storage.stored)
+        total += stored_change(storage, before[offset:stop], after[offset:stop], arguments)
+        offset = stop
+    return total
+
+
+def impulse_loss(
+    space: StateSpace, held: Mapping[str, Any], after: Any, arguments: dict[int, float]
+) -> EnergyBalance | None:  # fmt: skip
+    """What impulses dissipate where other junctions go on or off. `held`: what each storage held before, by its name."""
+    offset = len(space.ports) + len(space.stored)
+    lost = []
+    for storage in space.storages:
+        stop = offset + len(storage.stored)
+        if storage.element in held:
+            change = stored_change(storage, held[storage.element], after[offset:stop], arguments)
+            lost.append((ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0), change))
+        offset = stop
+    total = sum(change for _, change in lost)
+    if total == 0:
+        return None
+    elements = (*(element for element, _ in lost), ElementEnergy("active", "event", 0.0, 0.0, -total))
+    return EnergyBalance(elements, total, 0.0, -total, 0.0)
+
+
+def held_in(space: StateSpace, powers: Any) -> dict[str, Any]:
+    """What each storage holds, by its name, from the program's `powers`."""
+    held, offset = {}, len(space.ports) + len(space.stored)
+    for storage in space.storages:
+        held[storage.element] = powers[offset : offset + len(storage.stored)]
+        offset += len(storage.stored)
+    return held
+
+
+def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
+    """The balance of a run from those of its legs; None if there are none."""
+    if len(balances) < 2:
+        return balances[0] if balances else None
+    sums: dict[tuple[str, str], Any] = {}
+    for element in (e for balance in balances for e in balance.elements):
+        known = sums.get((element.name, element.kind), np.zeros(3))
+        sums[element.name, element.kind] = np.add(known, (element.stored, element.supplied, element.dissipated))
+    elements = tuple(ElementEnergy(name, kind, *map(float, total)) for (name, kind), total in sums.items())
+    totals = (sum(getattr(b, word) for b in balances) for word in ("stored", "supplied", "dissipated", "residual"))
+    return EnergyBalance(elements, *totals)
+
+
+def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:
+    """The change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
+    from ...door import evaluate
+
+    count = len(before)
+    values = [a if isinstance(a, float) else arguments[a] for a in storage.arguments]
+
+    def at(expression: Any, stored: Any) -> float:
+        return evaluate(expression, lambda slot: float(stored[slot]) if slot < count else values[slot - count])
+
+    if storage.energy is not None:
+        return at(storage.energy, after) - at(storage.energy, before)
+    change = np.asarray(after, dtype=float) - np.asarray(before, dtype=float)
+    if not change.any():
+        return 0.0
+    from scipy.integrate import quad
+
+    def slope(s: float) -> float:
+        return float(sum(at(law, before + s * change) * d for law, d in zip(storage.laws, change, strict=True)))
+
+    return float(quad(slope, 0.0, 1.0, epsrel=1e-12, epsabs=0.0, limit=200, full_output=1)[0])
