@@ -137,19 +137,41 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
 
 def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
     """Bonds between a 0 and a 1, as many to as fro: the effort of the 0 and the flow of the 1 drop out of each other's sums, so
-    something else has to decide both; a stroke among them would close a loop of gain 1."""
-    between: dict[tuple[int, int], list[tuple[int, int]]] = {}  # a 0 and a 1 -> bonds, each with 1 or -1
+    something else has to decide both; a stroke among them would close a loop of gain 1. Junctions of one kind that are joined by
+    bonds count as one."""
+    home = _joined(graph)
+    between: dict[
+        tuple[int, int], list[tuple[int, int, int]]
+    ] = {}  # a 0 and a 1 -> bonds, each with its own 0 and 1 or -1
     for number, bond in enumerate(graph.bonds):
-        kinds = graph.nodes[bond.tail.node].kind, graph.nodes[bond.head.node].kind
+        tail, head = bond.tail.node, bond.head.node
+        kinds = graph.nodes[tail].kind, graph.nodes[head].kind
         if kinds == (Kind.ZERO, Kind.ONE):
-            between.setdefault((bond.tail.node, bond.head.node), []).append((number, 1))
+            between.setdefault((home[tail], home[head]), []).append((number, tail, 1))
         elif kinds == (Kind.ONE, Kind.ZERO):
-            between.setdefault((bond.head.node, bond.tail.node), []).append((number, -1))
-    for (zero, _), bonds in between.items():
-        if sum(sign for _, sign in bonds) == 0:
-            for number, sign in bonds:
+            between.setdefault((home[head], home[tail]), []).append((number, head, -1))
+    for bonds in between.values():
+        if sum(sign for *_, sign in bonds) == 0:
+            for number, zero, sign in bonds:
                 end = graph.bonds[number].tail if sign > 0 else graph.bonds[number].head
                 yield Stroke(number, end, True, Reason(Because.CANCELS, zero))
+
+
+def _joined(graph: BondGraph) -> dict[int, int]:
+    """For each junction one that stands for all of its kind that bonds join with it."""
+    home = {n: n for n, node in enumerate(graph.nodes) if isinstance(node, Junction)}
+
+    def root(node: int) -> int:
+        while home[node] != node:
+            home[node] = home[home[node]]
+            node = home[node]
+        return node
+
+    for bond in graph.bonds:
+        tail, head = bond.tail.node, bond.head.node
+        if tail in home and head in home and graph.nodes[tail].kind is graph.nodes[head].kind:
+            home[root(tail)] = root(head)
+    return {n: root(n) for n in home}
 
 
 def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because) -> Iterator[Stroke]:

@@ -320,6 +320,13 @@ class TestBondsToAndFro:
         assert run["fb"] == pytest.approx(0.75 * np.exp(-1.5 * run.time), rel=1e-6)  # p' = -6 p/4
         assert run["fa"] == pytest.approx(np.zeros(5), abs=1e-15) and run["ez"] == pytest.approx(np.zeros(5), abs=1e-15)
 
+    @pytest.mark.parametrize(("way", "kind"), [("z -> m -> o", "0"), ("z -> m; m -> o", "1")], ids=["by a 0", "by a 1"])
+    def test_junctions_of_one_kind_in_between_count_as_one(self, way: str, kind: str) -> None:
+        text = self.TEXT.replace("  z -> o\n", f"  {kind} m\n  {way}\n")
+        run = bondgraph.load(text).simulate(to=2, points=5)
+        assert run["fb"] == pytest.approx(0.75 * np.exp(-1.5 * run.time), rel=1e-6)
+        assert run["fa"] == pytest.approx(np.zeros(5), abs=1e-15) and run["ez"] == pytest.approx(np.zeros(5), abs=1e-15)
+
     def test_two_the_same_way_decide(self) -> None:
         """Then the 0 gets the flow twice, and the 1 the effort: C' = 2 f, p' = -2 e."""
         text = "plain model A {\n  0 z\n  1 o\n  C a : e = q { start q = 1 }\n  I b : p = f\n  z -> a\n  o -> b\n  o -> z\n  o -> z\n  output e = a.e\n}\n"
