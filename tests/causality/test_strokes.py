@@ -320,9 +320,9 @@ class TestBondsToAndFro:
         assert run["fb"] == pytest.approx(0.75 * np.exp(-1.5 * run.time), rel=1e-6)  # p' = -6 p/4
         assert run["fa"] == pytest.approx(np.zeros(5), abs=1e-15) and run["ez"] == pytest.approx(np.zeros(5), abs=1e-15)
 
-    @pytest.mark.parametrize(("way", "kind"), [("z -> m -> o", "0"), ("z -> m; m -> o", "1")], ids=["by a 0", "by a 1"])
-    def test_junctions_of_one_kind_in_between_count_as_one(self, way: str, kind: str) -> None:
-        text = self.TEXT.replace("  z -> o\n", f"  {kind} m\n  {way}\n")
+    @pytest.mark.parametrize("kind", ["0", "1"])
+    def test_junctions_of_one_kind_in_between_count_as_one(self, kind: str) -> None:
+        text = self.TEXT.replace("  0 z\n", f"  {kind} m\n  0 z\n").replace("  z -> o\n", "  z -> m -> o\n")
         run = bondgraph.load(text).simulate(to=2, points=5)
         assert run["fb"] == pytest.approx(0.75 * np.exp(-1.5 * run.time), rel=1e-6)
         assert run["fa"] == pytest.approx(np.zeros(5), abs=1e-15) and run["ez"] == pytest.approx(np.zeros(5), abs=1e-15)
