@@ -23,6 +23,7 @@ from ..radau import STUBBORN, Radau, StepFailed
 from ..segments import LOOKS, Segment, inside, overlooked
 from .advance import HANDOVER, LOOK, MORE, advance, begin
 from .euler import Euler, euler
+from .holding import hold_all, least_all, rates_all
 from .ordering import ordered
 from .sparse import ANEW, FINE, Pattern
 from .step import ERROR, NEWTON, ORDER, ROUND_OFF
@@ -61,7 +62,7 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ...door import translate
 
-        return translate([begin, advance, euler])
+        return translate([begin, advance, euler, hold_all, least_all, rates_all])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
@@ -83,7 +84,7 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
             kept.append(values[name])
             continue
         if isinstance(kind, Handed):
-            given.append(program.native.addresses["jacobian_entries" if name == "entries" else name])
+            given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
             continue
         array = values[name] = np.ascontiguousarray(values[name], dtype=np.int64 if kind == INTS else float)
         kept.append(array)
