@@ -78,7 +78,12 @@ class Constraints:
     @property
     def compiled(self) -> CompiledConstraints | None:
         """The same in machine code, if the program has some."""
-        if self._compiled is None and self.gaps and self.program.native is not None:
+        return self.always_compiled if self.gaps and self.program.native is not None else None
+
+    @property
+    def always_compiled(self) -> CompiledConstraints:
+        """The same, empty where nothing is held; a program with machine code."""
+        if self._compiled is None:
             from .compiled.held import CompiledConstraints
 
             self._compiled = CompiledConstraints(self)

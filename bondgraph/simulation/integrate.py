@@ -15,6 +15,7 @@ from ..door import Program
 from ..errors import RunFailed
 from .choice import Choice
 from .constraints import Constraints
+from .crossing import Crossed
 from .events import Events
 from .factorise import dense, is_large, sparse
 from .history import History
@@ -304,10 +305,35 @@ class Stepper:
         )
         if crossed is None:
             return solver
+        after = self._beyond(crossed, state, stretch)
+        self._count(solver.evaluations)
+        end = crossed.start + crossed.size
+        watcher.begin(end, after, stretch.mode)
+        return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+
+    def _near_singular_pose(self, solver: CompiledRadau, stretch: Segment) -> None:
+        """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
+        state = solver.state * self.tolerances.magnitude
+        watcher = self.singular
+        watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
+        watcher.check_redundant(solver.time, state, stretch.mode)
+        wish = solver.size
+        crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, self.tolerances.relative)
+        if crossed is None:
+            solver.note_tried(watcher.tried)
+            return
+        self.position, self.traffic = solver.position, solver.traffic
+        after = self._beyond(crossed, state, stretch)
+        solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
+        self.result.work = solver.went_on(self.position, self.result.work, self.traffic)
+
+    def _beyond(self, crossed: Crossed, state: Any, stretch: Segment) -> Any:
+        """The state after a crossing; what the run keeps of it is kept. `state`: before."""
+        magnitude, count = self.tolerances.magnitude, self.constraints.count
 
         def sample(times: Any) -> Any:
-            states = crossed.at(times) * magnitude[: self.constraints.count]
-            unknowns = np.broadcast_to(state[self.constraints.count :], (len(states), len(state) - states.shape[1]))
+            states = crossed.at(times) * magnitude[:count]
+            unknowns = np.broadcast_to(state[count:], (len(states), len(state) - count))
             return np.concatenate([states, unknowns], axis=1)
 
         end = crossed.start + crossed.size
@@ -321,10 +347,7 @@ class Stepper:
         self._watch_limits(crossed.start, end, times, sample, stretch)
         if self.powers is not None:
             self._add_work(crossed.start, end, sample, stretch)
-        after = self.held(end, sample(np.array([end]))[0], stretch.mode)
-        self._count(solver.evaluations)
-        watcher.begin(end, after, stretch.mode)
-        return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+        return self.held(end, sample(np.array([end]))[0], stretch.mode)
 
     def grow(self, x: Any) -> None:
         """What an event stepper keeps of a state."""
@@ -427,10 +450,14 @@ class Stepper:
 
     def _in_machine_code(self, stretch: Segment, x: Any) -> Any:
         """As `run` from where it begins to step, by `compiled/advance.py`."""
+        from .compiled.advance import HANDOVER
         from .compiled.run import CompiledRadau, steps
 
         self._check_rates(stretch.start, x, stretch.mode)
-        solver = CompiledRadau(self.program, self.inputs, self.constants, self.tolerances, stretch, x, self.longest)
+        constraints = self.constraints.always_compiled
+        solver = CompiledRadau(
+            self.program, self.inputs, self.constants, self.tolerances, stretch, x, self.longest, constraints
+        )
         first = self.position
         solver.report(self.instants, first, self.result.states)
         if self.choice is not None:
@@ -447,7 +474,10 @@ class Stepper:
             return [*self.watch.left]
 
         try:
-            while steps(solver, look, MOST_COMPILED):
+            while answer := steps(solver, look, MOST_COMPILED):
+                if answer != HANDOVER:
+                    self._near_singular_pose(solver, stretch)
+                    continue
                 assert self.choice is not None
                 state = solver.state * self.tolerances.magnitude
                 self.result.handover = self.choice.look(solver.time, state, stretch.mode)

@@ -84,9 +84,9 @@ class Watcher:
         self.comes = np.isfinite(self.ahead) and 0.5 * bend * self.ahead**2 < MISSES * least
         if not self.comes:
             self.tried = np.inf
-        self._check_redundant(time, state, mode)
+        self.check_redundant(time, state, mode)
 
-    def _check_redundant(self, time: float, state: Any, mode: Any) -> None:
+    def check_redundant(self, time: float, state: Any, mode: Any) -> None:
         """What followed from other constraints at the start must go on to do so. Raises `RunFailed`."""
         constraints = self.constraints
         if not constraints.taking.all() and constraints.missed(time, state, mode) > APART:

@@ -62,8 +62,9 @@ class CompiledConstraints:
         full = np.ones(len(program.states.names) + len(program.unknowns.names))
         full[: len(magnitude)] = magnitude
         self.values = fields_of(program, constraints.inputs, constraints.constants, full, constraints.taking)
-        self._record, self._kept = record(self.values, program)
-        self._here = ctypes.addressof(self._record)
+        self.redundant = not constraints.taking.all()
+        self.record, self._kept = record(self.values, program)
+        self._here = ctypes.addressof(self.record)
         code = self._code = machine_code()
         signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
         self._hold = ctypes.CFUNCTYPE(None, *signature)(code.address("hold_all"))
