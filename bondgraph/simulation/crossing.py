@@ -83,13 +83,15 @@ def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Cro
     state = np.concatenate([scaled * function.reach, function.unknowns])
     basis = function.constraints.tangents(time, state, function.mode)
     slopes = _slopes(function, time, scaled, basis)
-    results = []
-    for stages in (STAGES, FEWER):
-        found = _collocation(function, time, scaled, size, stages, slopes, basis)
-        if found is None:
-            return None
-        results.append(found)
-    crossed, other = (Crossed(time, size, scaled, f, 0.0) for f in results)
+    found = _collocation(function, time, scaled, size, STAGES, slopes, basis, None)
+    if found is None:
+        return None
+    crossed = Crossed(time, size, scaled, found, 0.0)
+    guess = crossed.at(time + size * _method(FEWER)[0]) - scaled
+    found = _collocation(function, time, scaled, size, FEWER, slopes, basis, guess)
+    if found is None:
+        return None
+    other = Crossed(time, size, scaled, found, 0.0)
     places = time + size * np.array(COMPARED)
     return replace(crossed, error=float(np.abs(crossed.at(places) - other.at(places)).max()))
 
@@ -102,7 +104,7 @@ def _slopes(function: OnConstraints, time: float, scaled: Any, basis: Any) -> An
 
 
 def _collocation(
-    function: OnConstraints, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any
+    function: OnConstraints, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any, guess: Any
 ) -> Any:
     """The rates at the stages of a Gauss step, by the simplified Newton iteration.
 
@@ -110,8 +112,9 @@ def _collocation(
     """
     places, matrix = _method(stages)
     inner = np.linalg.inv(np.eye(stages * basis.shape[1]) - size * np.kron(matrix, basis.T @ slopes))
-    rates = np.tile(function(time, scaled), (stages, 1))
-    moved, last = size * matrix @ rates, np.inf
+    moved, last = guess, np.inf  # by how much the states at the stages differ from that at the start
+    if moved is None:
+        moved = size * places[:, None] * function(time, scaled)
     for _ in range(ITERATIONS):
         rates = function.all(time + size * places, scaled + moved)
         rest = size * matrix @ rates - moved

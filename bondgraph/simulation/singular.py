@@ -25,11 +25,12 @@ OPEN = 1e-10  # of its size: a gap that cannot be closed where slopes vanish
 VANISHED = 1e-6  # of the largest: a singular value that is none
 SEARCH = 12
 DIFFERENCE = 1e-6
+ORDER = 1 / 6  # of the size of a crossing with its error, from below
 ASIDE = 0.1  # of the way of a crossing: how far beside it the singular point may lie
 LARGEST = 400  # positions up to which singular values are computed at each step
 SHOWN = 5  # names and times in a note
-PLACES, NARROWINGS = 65, 4  # of a crossing, at which it looks for the pose, ever finer
-WAYS = 8  # directions along which slopes must vanish
+PLACES, NARROWINGS = 33, 5  # of a crossing, at which it looks for the pose, ever finer
+WAYS = 4  # directions along which slopes must vanish
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,7 @@ class Watcher:
         self.ahead = np.inf  # time to where it vanishes, if it goes on
         self.behind = np.inf
         self.comes = False  # whether it seems to vanish there, and not to turn before
+        self.point: Point | None = None  # that was found ahead
         self.tried = np.inf  # time ahead at the last try to cross that failed
 
     def begin(self, time: float, state: Any, mode: Any) -> None:
@@ -139,7 +141,10 @@ class Watcher:
         if ahead is None:
             return None
         crossed = cross(function, time, scaled, size)
-        if crossed is None or not crossed.error <= tolerance:
+        if crossed is None:
+            return None
+        if not crossed.error <= tolerance:
+            self.tried *= min(1.0, 2 * (tolerance / crossed.error) ** ORDER)
             return None
         pose = self._pose(crossed, ahead, state, mode)
         if pose is None:
@@ -155,10 +160,10 @@ class Watcher:
         bend = (function(time, scaled + share * rates) - rates) / share
         there = np.array(state)
         there[:count] = constraints.reach * (scaled + self.ahead * rates + 0.5 * self.ahead**2 * bend)
-        found = self._point(time, there, mode)
-        if found is None or not self._apart(found.state, there) < 0.5 * self._apart(there, state):
-            return None
-        return found
+        near = 0.5 * self._apart(there, state)
+        if self.point is None or self._apart(self.point.state, there) > near:
+            self.point = self._point(time, there, mode)
+        return None if self.point is None or self._apart(self.point.state, there) > near else self.point
 
     def _apart(self, one: Any, other: Any) -> float:
         """By how far two positions differ, in units of the magnitudes."""
@@ -201,8 +206,8 @@ class Watcher:
         """
         constraints = self.constraints
         positions = constraints.positions
-        state, lost = np.array(state), 0
-        for _ in range(SEARCH):
+        state, lost, change = np.array(state), 0, np.inf
+        for count in range(SEARCH):
             slopes, size = self._scaled(time, state, mode)
             squares, basis = np.linalg.eigh(slopes @ slopes.T)
             if not lost:
@@ -219,7 +224,8 @@ class Watcher:
             matrix += [gone.T @ self._bent(time, state, mode, way, size) for way in ways]
             step, *_ = np.linalg.lstsq(np.concatenate(matrix), -np.concatenate(rest), rcond=1e-6)
             state[positions] += constraints.reach[positions] * step
-            if np.abs(step).max() < 1e-13:
+            change, before = float(np.abs(step).max()), change
+            if change < 1e-13 or (count and change > 0.5 * before):  # it leads nowhere; what is reached is looked at
                 break
         slopes, size = self._scaled(time, state, mode)
         squares, basis = np.linalg.eigh(slopes @ slopes.T)
