@@ -27,7 +27,10 @@ def test_energy_balance_within_the_tolerance(path: Path) -> None:
     balance = result.energy
     assert balance is not None
     turned_over = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in balance.elements)
-    swinging = {"pendulum": 4 * 9.81, "gyroscope": 13.5}  # nothing is supplied or lost: against the energy that is there
+    swinging = {
+        "pendulum": 4 * 9.81,
+        "gyroscope": 13.5,
+    }  # nothing is supplied or lost: against the energy that is there
     turned_over = swinging.get(path.stem, turned_over)
     if (
         path.stem == "inverse_kinematics"

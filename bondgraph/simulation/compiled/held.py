@@ -93,7 +93,5 @@ class CompiledConstraints:
         self.values["full"][self.values["count"] :] = unknowns
         times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)
         out, weak = np.empty_like(scaled), np.zeros(len(times), dtype=np.int64)
-        self._rates(
-            self._here, len(times), times.ctypes.data, scaled.ctypes.data, out.ctypes.data, weak.ctypes.data
-        )
+        self._rates(self._here, len(times), times.ctypes.data, scaled.ctypes.data, out.ctypes.data, weak.ctypes.data)
         return out, weak

@@ -20,7 +20,9 @@ ITERATIONS, ROUNDING, NOISE = constraints.ITERATIONS, constraints.ROUNDING, cons
 WEAK = constraints.WEAK * constraints.WEAK  # of its own diagonal: pivots that are less trusted
 DROPPED = 1e-15  # of its own diagonal: round-off of what cancels
 INVERSE, SETTLED = 100, 1e-8  # inverse iterations for the smallest singular value, and where they stop
-FRESH = 0.3  # of a vector: what is mixed into that of the last pose, so that another loop may become the nearest to be lost
+FRESH = (
+    0.3  # of a vector: what is mixed into that of the last pose, so that another loop may become the nearest to be lost
+)
 
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
 
