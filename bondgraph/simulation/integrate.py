@@ -24,7 +24,7 @@ from .loops import Eliminated, LoopSolver
 from .radau import C, Problem, Radau, StepFailed
 from .segments import Segment, follower, with_time_of
 from .singular import NEAR, Watcher
-from .stuck import MOST_COMPILED, MOST_STEPS, not_finite, stuck
+from .stuck import MOST_STEPS, not_finite, stuck
 from .trajectory import Tolerances, Trajectory
 from .validity import Watch
 
@@ -198,15 +198,6 @@ class Stepper:
         self.result.solvers["matrix exponential"] = None
         return states[-1]
 
-    def _obstacle(self) -> str | None:
-        """Why machine code does not make the steps, in brackets or empty; None if it does."""
-        if self.program.native is None:
-            return " (events)" if self.program.hybrid is not None else ""
-        from .compiled.run import obstacle
-
-        found = obstacle(self.program)
-        return f" ({found})" if found else None
-
     def _count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
@@ -238,10 +229,14 @@ class Stepper:
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
-        obstacle = self._obstacle()
+        obstacle = None if self.program.native is not None else " (events)" * (self.program.hybrid is not None)
+        if obstacle is None:
+            from .machine import in_machine_code, obstacle_of
+
+            obstacle = obstacle_of(self.program)
         self.result.solvers[f"Radau IIA 5, {'native' if obstacle is None else f'numpy{obstacle}'}"] = None
         if obstacle is None:
-            return self._in_machine_code(stretch, x)
+            return in_machine_code(self, stretch, x)
         solver = self._solver(stretch, stretch.start, x)
         if self.constraints:
             self.singular.begin(stretch.start, x, stretch.mode)
@@ -255,7 +250,7 @@ class Stepper:
             before = self.position
             stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
             self._sample(solver, stretch)
-            self._look(solver, stretch, self.instants[before : self.position])
+            self.look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
                 start, stop = solver.last_step
                 stop = stop if self.flip is None else self.flip.time
@@ -296,38 +291,19 @@ class Stepper:
 
     def _past_singular_pose(self, solver: Radau, stretch: Segment) -> Radau:
         """The solver, or a new one beyond a singular pose that is near; steps beside one are short."""
-        magnitude, watcher = self.tolerances.magnitude, self.singular
-        state = solver.state * magnitude
-        watcher.look(solver.time, state, stretch.mode)
+        tolerances, watcher, mode = self.tolerances, self.singular, stretch.mode
+        state = solver.state * tolerances.magnitude
+        watcher.look(solver.time, state, mode)
         solver.problem.longest = min(self.longest, watcher.longest)
-        crossed = watcher.crossing(
-            solver.time, state, stretch.mode, solver.wish, stretch.stop, self.tolerances.relative
-        )
+        crossed = watcher.crossing(solver.time, state, mode, solver.wish, stretch.stop, tolerances.relative)
         if crossed is None:
             return solver
-        after = self._beyond(crossed, state, stretch)
+        after = self.beyond(crossed, state, stretch)
         self._count(solver.evaluations)
-        end = crossed.start + crossed.size
-        watcher.begin(end, after, stretch.mode)
+        watcher.begin(end := crossed.start + crossed.size, after, mode)
         return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
 
-    def _near_singular_pose(self, solver: CompiledRadau, stretch: Segment) -> None:
-        """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
-        state = solver.state * self.tolerances.magnitude
-        watcher = self.singular
-        watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
-        watcher.check_redundant(solver.time, state, stretch.mode)
-        wish = solver.size
-        crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, self.tolerances.relative)
-        if crossed is None:
-            solver.note_tried(watcher.tried)
-            return
-        self.position, self.traffic = solver.position, solver.traffic
-        after = self._beyond(crossed, state, stretch)
-        solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
-        self.result.work = solver.went_on(self.position, self.result.work, self.traffic)
-
-    def _beyond(self, crossed: Crossed, state: Any, stretch: Segment) -> Any:
+    def beyond(self, crossed: Crossed, state: Any, stretch: Segment) -> Any:
         """The state after a crossing; what the run keeps of it is kept. `state`: before."""
         magnitude, count = self.tolerances.magnitude, self.constraints.count
 
@@ -424,7 +400,7 @@ class Stepper:
         def jacobian(time: float, scaled: Any) -> Any:
             return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
-        self._check_rates(start, x, stretch.mode)
+        self.check_rates(start, x, stretch.mode)
         relative = self.tolerances.relative
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
@@ -432,78 +408,32 @@ class Stepper:
             derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
         )
         if self.constraints:
-            constraints, mode = self.constraints, stretch.mode
 
             def hold(time: float, scaled: Any) -> Any:
-                held = constraints.project(time, scaled * magnitude, mode) / magnitude
+                held = self.constraints.project(time, scaled * magnitude, stretch.mode) / magnitude
                 held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
                 return held
 
             problem.hold = hold
         return Radau(problem, start, x / magnitude, stretch.stop, size)
 
-    def _check_rates(self, start: float, x: Any, mode: Any) -> None:
+    def check_rates(self, start: float, x: Any, mode: Any) -> None:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x)
-
-    def _in_machine_code(self, stretch: Segment, x: Any) -> Any:
-        """As `run` from where it begins to step, by `compiled/advance.py`."""
-        from .compiled.advance import HANDOVER
-        from .compiled.run import CompiledRadau, steps
-
-        self._check_rates(stretch.start, x, stretch.mode)
-        constraints = self.constraints.always_compiled
-        solver = CompiledRadau(
-            self.program, self.inputs, self.constants, self.tolerances, stretch, x, self.longest, constraints
-        )
-        first = self.position
-        solver.report(self.instants, first, self.result.states)
-        if self.choice is not None:
-            solver.choose(self.choice)
-        if self.powers is not None:
-            if self.result.work is None:
-                self.result.work = np.zeros_like(self.powers(stretch.start, x, stretch.mode))
-            solver.measure(self.result.work, self.traffic)
-        solver.begin()
-
-        def look() -> list[int]:
-            passed = self.instants[np.searchsorted(self.instants, solver.last_step[0], "right") : solver.position]
-            self._look(solver, stretch, passed)
-            return [*self.watch.left]
-
-        try:
-            while answer := steps(solver, look, MOST_COMPILED):
-                if answer != HANDOVER:
-                    self._near_singular_pose(solver, stretch)
-                    continue
-                assert self.choice is not None
-                state = solver.state * self.tolerances.magnitude
-                self.result.handover = self.choice.look(solver.time, state, stretch.mode)
-                if self.result.handover is not None:
-                    break
-        except StepFailed as failed:
-            raise self._failed(solver, failed.what, stretch.mode) from None
-        self.position, self.traffic = solver.position, solver.traffic
-        if self.position > first:
-            times, states = (a[first : self.position] for a in (self.instants, self.result.states))
-            states[:] = self.loops.solve_all(times, states, stretch.mode)
-        self.result.steps += solver.steps
-        self._count(solver.evaluations)
-        return self.loops.solve(solver.time, solver.state * self.tolerances.magnitude, stretch.mode)
 
     def _step(self, solver: Radau, steps: int, mode: Any) -> None:
         """One accepted step."""
         try:
             solver.step()
         except StepFailed as failed:
-            raise self._failed(solver, failed.what, mode) from None
+            raise self.failed(solver, failed.what, mode) from None
         self.steps += 1
         if steps >= MOST_STEPS or self.steps > self.most_steps:
-            raise self._failed(solver, "steps", mode)
+            raise self.failed(solver, "steps", mode)
 
-    def _failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
         state = solver.state * self.tolerances.magnitude
         slope = np.zeros(len(state))
@@ -524,7 +454,7 @@ class Stepper:
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
-    def _look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time
