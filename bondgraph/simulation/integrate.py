@@ -17,12 +17,13 @@ from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
-from .stuck import MOST_COMPILED, MOST_STEPS, not_finite, stuck
+from .stuck import MOST_STEPS, not_finite, stuck
 from .trajectory import Tolerances, Trajectory
 from .watch.choice import Choice
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
+    from .closed.crossing import Crossed
     from .closed.singular import Watcher
     from .events.events import Events
     from .events.history import History
@@ -198,15 +199,6 @@ class Stepper:
         self.result.solvers["matrix exponential"] = None
         return states[-1]
 
-    def _obstacle(self) -> str | None:
-        """Why machine code does not make the steps, in brackets or empty; None if it does."""
-        if self.program.native is None:
-            return " (events)" if self.program.hybrid is not None else ""
-        from .steps.compiled.run import obstacle
-
-        found = obstacle(self.program)
-        return f" ({found})" if found else None
-
     def _count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
@@ -238,10 +230,14 @@ class Stepper:
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
-        obstacle = self._obstacle()
+        obstacle = None if self.program.native is not None else " (events)" * (self.program.hybrid is not None)
+        if obstacle is None:
+            from .machine import in_machine_code, obstacle_of
+
+            obstacle = obstacle_of(self.program)
         self.result.solvers[f"Radau IIA 5, {'native' if obstacle is None else f'numpy{obstacle}'}"] = None
         if obstacle is None:
-            return self._in_machine_code(stretch, x)
+            return in_machine_code(self, stretch, x)
         solver = self._solver(stretch, stretch.start, x)
         if self.constraints:
             self.singular.begin(stretch.start, x, stretch.mode)
@@ -255,7 +251,7 @@ class Stepper:
             before = self.position
             stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
             self._sample(solver, stretch)
-            self._look(solver, stretch, self.instants[before : self.position])
+            self.look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
                 start, stop = solver.last_step
                 stop = stop if self.flip is None else self.flip.time
@@ -298,19 +294,25 @@ class Stepper:
         """The solver, or a new one beyond a singular pose that is near; steps beside one are short."""
         from .closed.singular import NEAR
 
-        magnitude, watcher = self.tolerances.magnitude, self.singular
-        state = solver.state * magnitude
-        watcher.look(solver.time, state, stretch.mode)
+        tolerances, watcher, mode = self.tolerances, self.singular, stretch.mode
+        state = solver.state * tolerances.magnitude
+        watcher.look(solver.time, state, mode)
         solver.problem.longest = min(self.longest, watcher.longest)
-        crossed = watcher.crossing(
-            solver.time, state, stretch.mode, solver.wish, stretch.stop, self.tolerances.relative
-        )
+        crossed = watcher.crossing(solver.time, state, mode, solver.wish, stretch.stop, tolerances.relative)
         if crossed is None:
             return solver
+        after = self.beyond(crossed, state, stretch)
+        self._count(solver.evaluations)
+        watcher.begin(end := crossed.start + crossed.size, after, mode)
+        return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+
+    def beyond(self, crossed: Crossed, state: Any, stretch: Segment) -> Any:
+        """The state after a crossing; what the run keeps of it is kept. `state`: before."""
+        magnitude, count = self.tolerances.magnitude, self.constraints.count
 
         def sample(times: Any) -> Any:
-            states = crossed.at(times) * magnitude[: self.constraints.count]
-            unknowns = np.broadcast_to(state[self.constraints.count :], (len(states), len(state) - states.shape[1]))
+            states = crossed.at(times) * magnitude[:count]
+            unknowns = np.broadcast_to(state[count:], (len(states), len(state) - count))
             return np.concatenate([states, unknowns], axis=1)
 
         end = crossed.start + crossed.size
@@ -324,10 +326,7 @@ class Stepper:
         self._watch_limits(crossed.start, end, times, sample, stretch)
         if self.powers is not None:
             self._add_work(crossed.start, end, sample, stretch)
-        after = self.held(end, sample(np.array([end]))[0], stretch.mode)
-        self._count(solver.evaluations)
-        watcher.begin(end, after, stretch.mode)
-        return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+        return self.held(end, sample(np.array([end]))[0], stretch.mode)
 
     def grow(self, x: Any) -> None:
         """What an event stepper keeps of a state."""
@@ -404,7 +403,7 @@ class Stepper:
         def jacobian(time: float, scaled: Any) -> Any:
             return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
-        self._check_rates(start, x, stretch.mode)
+        self.check_rates(start, x, stretch.mode)
         relative = self.tolerances.relative
         from .steps.factorise import dense, is_large, sparse
 
@@ -414,71 +413,32 @@ class Stepper:
             derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
         )
         if self.constraints:
-            constraints, mode = self.constraints, stretch.mode
 
             def hold(time: float, scaled: Any) -> Any:
-                held = constraints.project(time, scaled * magnitude, mode) / magnitude
+                held = self.constraints.project(time, scaled * magnitude, stretch.mode) / magnitude
                 held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
                 return held
 
             problem.hold = hold
         return Radau(problem, start, x / magnitude, stretch.stop, size)
 
-    def _check_rates(self, start: float, x: Any, mode: Any) -> None:
+    def check_rates(self, start: float, x: Any, mode: Any) -> None:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x)
-
-    def _in_machine_code(self, stretch: Segment, x: Any) -> Any:
-        """As `run` from where it begins to step, by `compiled/advance.py`."""
-        from .steps.compiled.run import CompiledRadau, steps
-
-        self._check_rates(stretch.start, x, stretch.mode)
-        solver = CompiledRadau(self.program, self.inputs, self.constants, self.tolerances, stretch, x, self.longest)
-        first = self.position
-        solver.report(self.instants, first, self.result.states)
-        if self.choice is not None:
-            solver.choose(self.choice)
-        if self.powers is not None:
-            if self.result.work is None:
-                self.result.work = np.zeros_like(self.powers(stretch.start, x, stretch.mode))
-            solver.measure(self.result.work, self.traffic)
-        solver.begin()
-
-        def look() -> list[int]:
-            passed = self.instants[np.searchsorted(self.instants, solver.last_step[0], "right") : solver.position]
-            self._look(solver, stretch, passed)
-            return [*self.watch.left]
-
-        try:
-            while steps(solver, look, MOST_COMPILED):
-                assert self.choice is not None
-                state = solver.state * self.tolerances.magnitude
-                self.result.handover = self.choice.look(solver.time, state, stretch.mode)
-                if self.result.handover is not None:
-                    break
-        except StepFailed as failed:
-            raise self._failed(solver, failed.what, stretch.mode) from None
-        self.position, self.traffic = solver.position, solver.traffic
-        if self.position > first:
-            times, states = (a[first : self.position] for a in (self.instants, self.result.states))
-            states[:] = self.loops.solve_all(times, states, stretch.mode)
-        self.result.steps += solver.steps
-        self._count(solver.evaluations)
-        return self.loops.solve(solver.time, solver.state * self.tolerances.magnitude, stretch.mode)
 
     def _step(self, solver: Radau, steps: int, mode: Any) -> None:
         """One accepted step."""
         try:
             solver.step()
         except StepFailed as failed:
-            raise self._failed(solver, failed.what, mode) from None
+            raise self.failed(solver, failed.what, mode) from None
         self.steps += 1
         if steps >= MOST_STEPS or self.steps > self.most_steps:
-            raise self._failed(solver, "steps", mode)
+            raise self.failed(solver, "steps", mode)
 
-    def _failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
         state = solver.state * self.tolerances.magnitude
         slope = np.zeros(len(state))
@@ -499,7 +459,7 @@ class Stepper:
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
-    def _look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time

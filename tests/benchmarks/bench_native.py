@@ -18,7 +18,7 @@ import numpy as np
 
 import bondgraph
 from bondgraph.prepared import Prepared
-from bondgraph.simulation import integrate
+from bondgraph.simulation import machine
 from bondgraph.simulation.steps.compiled import run as compiled
 from bondgraph.simulation.steps.compiled.advance import advance, begin
 from bondgraph.simulation.steps.compiled.euler import euler
@@ -202,15 +202,15 @@ def by_scipy(model: bondgraph.Model, magnitude: Any) -> Any:
 def magnitudes(model: bondgraph.Model) -> Any:
     """What the run measures its tolerances by."""
     found: list[Any] = []
-    original = integrate.Stepper._in_machine_code
+    original = machine.in_machine_code
 
     def look(stepper: Any, stretch: Any, x: Any) -> Any:
         found.append(stepper.tolerances.magnitude)
         return original(stepper, stretch, x)
 
-    integrate.Stepper._in_machine_code = look  # type: ignore[method-assign]
+    machine.in_machine_code = look  # type: ignore[method-assign]
     model.simulate(target="native")
-    integrate.Stepper._in_machine_code = original  # type: ignore[method-assign]
+    machine.in_machine_code = original  # type: ignore[method-assign]
     return found[0]
 
 

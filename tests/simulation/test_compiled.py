@@ -29,13 +29,13 @@ from tests.compiling import MODELS
 
 pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
-# Conditions on states are located, and closed loops are held on their constraints, by the reference stepper.
+# Conditions on states are located by the reference stepper.
 EVENTS = {"quarter_car.bg", "crank_linkage.bg"}
 RUNNING = [
     (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
 ]
-# Where the law has a kink, or rounding decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
-PARTING = {"duffing.bg", "rectifier.bg"}
+# Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
+PARTING = {"duffing.bg", "rectifier.bg", "spatial_slider_crank.bg"}
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +59,7 @@ def test_events_are_the_affair_of_the_reference() -> None:
 def test_models_take_the_same_steps(path: Path, name: str) -> None:
     native, numpy = both(path, name, energy=True)
     program = bondgraph.load(path, name).compilation(bondgraph.load(path, name).scene()).program
-    if program.hybrid is not None or program.invariants.names:
+    if program.hybrid is not None:
         assert "numpy" in native.solver
         pytest.skip("steps of the reference")
     assert native.solver in ("Radau IIA 5, native", "Newton", "none")

@@ -8,11 +8,14 @@ large ones through a sparse augmented matrix, both through the singular values w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...door import Program
+
+if TYPE_CHECKING:
+    from ..steps.compiled.held import CompiledConstraints
 
 ITERATIONS = 20
 ROUNDING = 4e-16  # of the size of a gap: closer it cannot be
@@ -46,12 +49,14 @@ class Constraints:
         self.taking = np.ones(self.gaps, dtype=bool)
         self.lengths = np.array([u == "m" for u in program.invariants.units[: self.gaps]], dtype=bool)
         self.assembled: Assembled | None = None
+        self._compiled: CompiledConstraints | None = None
         self.scale(magnitude)
 
     def scale(self, magnitude: Any) -> None:
         """The magnitudes that a change is measured by."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
+        self._compiled = None
 
     def __bool__(self) -> bool:
         return self.gaps > 0
@@ -68,6 +73,21 @@ class Constraints:
             if place >= 0:
                 self.parameters[place] = float(takes)
         self.constants = self.program.constants(self.parameters)
+        self._compiled = None
+
+    @property
+    def compiled(self) -> CompiledConstraints | None:
+        """The same in machine code, if the program has some."""
+        return self.always_compiled if self.gaps and self.program.native is not None else None
+
+    @property
+    def always_compiled(self) -> CompiledConstraints:
+        """The same, empty where nothing is held; a program with machine code."""
+        if self._compiled is None:
+            from ..steps.compiled.held import CompiledConstraints
+
+            self._compiled = CompiledConstraints(self)
+        return self._compiled
 
     # ------------------------------------------------------------ values and slopes
     def values(self, time: float, state: Any, mode: Any) -> Any:
@@ -91,11 +111,16 @@ class Constraints:
         return result
 
     # ------------------------------------------------------------ projection
-    def project(self, time: float, state: Any, mode: Any, along: Any = None) -> Any:
-        """The nearest state that keeps all invariants. `along`: a motion (of all states) that the positions must not follow."""
+    def project(self, time: float, state: Any, mode: Any) -> Any:
+        """The nearest state that keeps all invariants."""
         if not self.gaps:
             return state
-        state = self._closed(time, np.array(state, dtype=float), mode, along)
+        if self.compiled is not None:
+            return self.project_all(np.array([time]), np.asarray(state)[None], mode)[0]
+        return self._projected(time, state, mode)
+
+    def _projected(self, time: float, state: Any, mode: Any) -> Any:
+        state = self._closed(time, np.array(state, dtype=float), mode)
         rows = self.taking_rates
         if len(rows):
             _, slopes = self.slopes(time, state, mode)
@@ -106,7 +131,7 @@ class Constraints:
                 )
         return state
 
-    def _closed(self, time: float, state: Any, mode: Any, along: Any) -> Any:
+    def _closed(self, time: float, state: Any, mode: Any) -> Any:
         """The gaps closed, by Newton's method with the slopes of its first state while these serve."""
         taking, solver, before, size = self.taking, None, np.inf, 1.0
         for _ in range(ITERATIONS):
@@ -121,21 +146,10 @@ class Constraints:
             if solver is None:
                 slopes, _ = self.slopes(time, state, mode)
                 size = self.sizes(slopes)[taking]
-                solver = Least(self._across(slopes[taking], along))
+                solver = Least(slopes[taking])
             state[self.positions] -= self.reach[self.positions] * solver.solve(gap)
             before = worst
         return state
-
-    def _across(self, slopes: Any, along: Any) -> Any:
-        """The slopes without what a motion does."""
-        if along is None:
-            return slopes
-        direction = along[self.positions] / self.reach[self.positions]
-        length = np.linalg.norm(direction)
-        if not length > 0:
-            return slopes
-        direction = direction / length
-        return slopes - np.outer(slopes @ direction, direction)
 
     def tangents(self, time: float, state: Any, mode: Any) -> Any:
         """Orthonormal directions (columns, in units of the magnitudes) in which states may differ on the constraints: of positions,
@@ -153,7 +167,12 @@ class Constraints:
         """The same for several instants; shape (times, n)."""
         if not self.gaps:
             return states
-        return np.stack([self.project(t, x, mode) for t, x in zip(times, states, strict=True)])
+        if self.compiled is None:
+            return np.stack([self._projected(t, x, mode) for t, x in zip(times, states, strict=True)])
+        held, weak = self.compiled.hold(times, states, mode)
+        for k in np.flatnonzero(weak):  # rows hang together there: by singular values
+            held[k] = self._projected(times[k], states[k], mode)
+        return held
 
     def missed(self, time: float, state: Any, mode: Any) -> float:
         """The largest gap that is left, as a share of its size."""

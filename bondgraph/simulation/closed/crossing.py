@@ -10,7 +10,6 @@ steps of order 5 would be too short there to keep rounding, which grows like one
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -25,7 +24,6 @@ ITERATIONS = 60
 DIFFERENCE = 1e-6  # of the magnitudes, for slopes
 COMPARED = (0.05, 0.3, 0.5, 0.7, 0.95, 1.0)  # parts of a step
 CLOSE = 1e-13  # change by the last iteration, in magnitudes
-Function = Callable[[float, Any], Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +39,7 @@ class Crossed:
     def at(self, times: Any) -> Any:
         """States (not projected) at instants; shape (times, n)."""
         shares = (np.asarray(times) - self.start) / self.size
-        integrals = np.stack([_integrals(s, len(self.slopes)) for s in np.atleast_1d(shares)])
+        integrals = _integrals(np.atleast_1d(shares), len(self.slopes))
         return self.before + self.size * integrals @ self.slopes
 
 
@@ -58,6 +56,19 @@ class OnConstraints:
         return self.loops.solve(time, self.constraints.project(time, state, self.mode), self.mode)
 
     def __call__(self, time: float, scaled: Any) -> Any:
+        return self.all(np.array([time]), scaled[None])[0]
+
+    def all(self, times: Any, scaled: Any) -> Any:
+        """The rates at several instants; shape (times, n)."""
+        constraints = self.constraints
+        if self.loops.affine and constraints.compiled is not None:
+            rates, weak = constraints.compiled.rates(times, scaled, self.unknowns, self.mode)
+            for k in np.flatnonzero(weak):
+                rates[k] = self._one(times[k], scaled[k])
+            return rates
+        return np.stack([self._one(t, x) for t, x in zip(times, scaled, strict=True)])
+
+    def _one(self, time: float, scaled: Any) -> Any:
         constraints = self.constraints
         state = np.concatenate([scaled * self.reach, self.unknowns])
         held = constraints.project(time, state, self.mode)
@@ -71,25 +82,29 @@ def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Cro
     """A step of a given size; None if its stages are not found. Raises nothing."""
     state = np.concatenate([scaled * function.reach, function.unknowns])
     basis = function.constraints.tangents(time, state, function.mode)
-    slopes = np.stack([_slope(function, time, scaled, d) for d in basis.T], axis=1) if basis.shape[1] else basis
-    results = []
-    for stages in (STAGES, FEWER):
-        found = _collocation(function, time, scaled, size, stages, slopes, basis)
-        if found is None:
-            return None
-        results.append(found)
-    crossed, other = (Crossed(time, size, scaled, f, 0.0) for f in results)
+    slopes = _slopes(function, time, scaled, basis)
+    found = _collocation(function, time, scaled, size, STAGES, slopes, basis, None)
+    if found is None:
+        return None
+    crossed = Crossed(time, size, scaled, found, 0.0)
+    guess = crossed.at(time + size * _method(FEWER)[0]) - scaled
+    found = _collocation(function, time, scaled, size, FEWER, slopes, basis, guess)
+    if found is None:
+        return None
+    other = Crossed(time, size, scaled, found, 0.0)
     places = time + size * np.array(COMPARED)
     return replace(crossed, error=float(np.abs(crossed.at(places) - other.at(places)).max()))
 
 
-def _slope(function: Function, time: float, scaled: Any, direction: Any) -> Any:
-    step = DIFFERENCE * direction
-    return (function(time, scaled + step) - function(time, scaled - step)) / (2 * DIFFERENCE)
+def _slopes(function: OnConstraints, time: float, scaled: Any, basis: Any) -> Any:
+    """The derivatives of the rates along directions, both in columns."""
+    steps = DIFFERENCE * basis.T
+    rates = function.all(np.full(2 * len(steps), time), np.concatenate([scaled + steps, scaled - steps]))
+    return ((rates[: len(steps)] - rates[len(steps) :]) / (2 * DIFFERENCE)).T
 
 
 def _collocation(
-    function: Function, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any
+    function: OnConstraints, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any, guess: Any
 ) -> Any:
     """The rates at the stages of a Gauss step, by the simplified Newton iteration.
 
@@ -97,10 +112,11 @@ def _collocation(
     """
     places, matrix = _method(stages)
     inner = np.linalg.inv(np.eye(stages * basis.shape[1]) - size * np.kron(matrix, basis.T @ slopes))
-    rates = np.tile(function(time, scaled), (stages, 1))
-    moved, last = size * matrix @ rates, np.inf
+    moved, last = guess, np.inf  # by how much the states at the stages differ from that at the start
+    if moved is None:
+        moved = size * places[:, None] * function(time, scaled)
     for _ in range(ITERATIONS):
-        rates = np.stack([function(time + c * size, scaled + m) for c, m in zip(places, moved, strict=True)])
+        rates = function.all(time + size * places, scaled + moved)
         rest = size * matrix @ rates - moved
         known = (inner @ (rest @ basis).ravel()).reshape(stages, -1)
         change = rest + size * matrix @ (known @ slopes.T)
@@ -118,18 +134,18 @@ def _collocation(
 def _method(stages: int) -> tuple[Any, Any]:
     """Places and matrix of the Gauss method."""
     places = (np.polynomial.legendre.leggauss(stages)[0] + 1) / 2
-    return places, np.stack([_integrals(c, stages) for c in places])
+    return places, _integrals(places, stages)
 
 
-def _integrals(share: float, stages: int) -> Any:
-    """The integrals from 0 to a share of the step of the polynomials that are 1 at one stage and 0 at the others."""
-    x = 2 * share - 1
-    values = np.polynomial.legendre.legvander(np.array([x]), stages)[0]
-    integrals = np.empty(stages)  # of the Legendre polynomials from -1 to x
-    integrals[0] = x + 1
+def _integrals(shares: Any, stages: int) -> Any:
+    """The integrals from 0 to shares of the step of the polynomials that are 1 at one stage and 0 at the others; shape (shares, stages)."""
+    x = 2 * shares - 1
+    values = np.polynomial.legendre.legvander(x, stages)
+    integrals = np.empty((len(x), stages))  # of the Legendre polynomials from -1 to x
+    integrals[:, 0] = x + 1
     for n in range(1, stages):
-        integrals[n] = (values[n + 1] - values[n - 1]) / (2 * n + 1)
-    return 0.5 * _to_stages(stages) @ integrals
+        integrals[:, n] = (values[:, n + 1] - values[:, n - 1]) / (2 * n + 1)
+    return 0.5 * integrals @ _to_stages(stages).T
 
 
 @lru_cache(maxsize=4)

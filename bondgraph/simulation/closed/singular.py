@@ -25,10 +25,12 @@ OPEN = 1e-10  # of its size: a gap that cannot be closed where slopes vanish
 VANISHED = 1e-6  # of the largest: a singular value that is none
 SEARCH = 12
 DIFFERENCE = 1e-6
+ORDER = 1 / 6  # of the size of a crossing with its error, from below
 ASIDE = 0.1  # of the way of a crossing: how far beside it the singular point may lie
 LARGEST = 400  # positions up to which singular values are computed at each step
 SHOWN = 5  # names and times in a note
-PLACES = 65  # of a crossing, at which it looks for the pose
+PLACES, NARROWINGS = 33, 5  # of a crossing, at which it looks for the pose, ever finer
+WAYS = 4  # directions along which slopes must vanish
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,15 @@ class SingularPose:
 
     time: float
     lost: int  # constraints that say nothing there
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A singular point beside the motion."""
+
+    state: Any
+    lost: int
     joints: tuple[str, ...]
 
 
@@ -51,6 +62,7 @@ class Watcher:
         self.ahead = np.inf  # time to where it vanishes, if it goes on
         self.behind = np.inf
         self.comes = False  # whether it seems to vanish there, and not to turn before
+        self.point: Point | None = None  # that was found ahead
         self.tried = np.inf  # time ahead at the last try to cross that failed
 
     def begin(self, time: float, state: Any, mode: Any) -> None:
@@ -74,9 +86,9 @@ class Watcher:
         self.comes = np.isfinite(self.ahead) and 0.5 * bend * self.ahead**2 < MISSES * least
         if not self.comes:
             self.tried = np.inf
-        self._check_redundant(time, state, mode)
+        self.check_redundant(time, state, mode)
 
-    def _check_redundant(self, time: float, state: Any, mode: Any) -> None:
+    def check_redundant(self, time: float, state: Any, mode: Any) -> None:
         """What followed from other constraints at the start must go on to do so. Raises `RunFailed`."""
         constraints = self.constraints
         if not constraints.taking.all() and constraints.missed(time, state, mode) > APART:
@@ -93,11 +105,19 @@ class Watcher:
         return NEAR * min(self.ahead, self.behind)
 
     def _least(self, time: float, state: Any, mode: Any) -> float:
-        slopes, _ = self._scaled(time, state, mode)
-        if not len(slopes) or slopes.shape[1] > LARGEST:
-            return np.inf
-        values = np.linalg.svd(slopes, compute_uv=False)
-        return float(values[-1] / values[0]) if values[0] > 0 and len(slopes) <= slopes.shape[1] else 0.0
+        return float(self._least_all(np.array([time]), state[None], mode)[0])
+
+    def _least_all(self, times: Any, states: Any, mode: Any) -> Any:
+        """The smallest singular values at several instants, rows in units of their sizes; shape (times,)."""
+        rows, columns = int(self.constraints.taking.sum()), len(self.constraints.positions)
+        if not rows or rows > columns:
+            return np.full(len(times), np.inf if not rows else 0.0)
+        if self.constraints.compiled is not None:
+            return self.constraints.compiled.least(times, states, mode)
+        if columns > LARGEST:
+            return np.full(len(times), np.inf)
+        slopes = (self._scaled(t, x, mode)[0] for t, x in zip(times, states, strict=True))
+        return np.array([np.linalg.svd(each, compute_uv=False)[-1] for each in slopes])
 
     def _scaled(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
         gaps, _ = self.constraints.slopes(time, state, mode)
@@ -117,93 +137,123 @@ class Watcher:
         constraints = self.constraints
         function = OnConstraints(constraints, self.loops, mode, state[constraints.count :])
         scaled = state[: constraints.count] / constraints.reach
-        if not self._lies_ahead(function, time, scaled, state, mode):
+        ahead = self._point_ahead(function, time, scaled, state, mode)
+        if ahead is None:
             return None
         crossed = cross(function, time, scaled, size)
-        if crossed is None or not crossed.error <= tolerance:
+        if crossed is None:
             return None
-        pose = self._pose(crossed, state, mode)
+        if not crossed.error <= tolerance:
+            self.tried *= min(1.0, 2 * (tolerance / crossed.error) ** ORDER)
+            return None
+        pose = self._pose(crossed, ahead, state, mode)
         if pose is None:
             return None
         self.passed.append(pose)
         return crossed
 
-    def _lies_ahead(self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any) -> bool:
-        """Whether a singular point is near where the motion would be by then: much cheaper than to go there."""
+    def _point_ahead(self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any) -> Point | None:
+        """A singular point near where the motion would be by then: much cheaper than to go there."""
         constraints, count = self.constraints, self.constraints.count
         rates = function(time, scaled)
         share = 1e-4 * self.ahead
         bend = (function(time, scaled + share * rates) - rates) / share
         there = np.array(state)
         there[:count] = constraints.reach * (scaled + self.ahead * rates + 0.5 * self.ahead**2 * bend)
-        found = self._point(time, there, mode)
-        if found is None:
-            return False
-        positions, reach = constraints.positions, constraints.reach[constraints.positions]
-        way = np.linalg.norm((there - state)[positions] / reach)
-        return bool(np.linalg.norm((found[0] - there)[positions] / reach) < 0.5 * way)
+        near = 0.5 * self._apart(there, state)
+        if self.point is None or self._apart(self.point.state, there) > near:
+            self.point = self._point(time, there, mode)
+        return None if self.point is None or self._apart(self.point.state, there) > near else self.point
 
-    def _pose(self, crossed: Crossed, state: Any, mode: Any) -> SingularPose | None:
-        """The singular pose on a crossing; None if there is none."""
-        times = crossed.start + crossed.size * np.linspace(0, 1, PLACES)
+    def _apart(self, one: Any, other: Any) -> float:
+        """By how far two positions differ, in units of the magnitudes."""
+        positions = self.constraints.positions
+        return float(np.linalg.norm((one - other)[positions] / self.constraints.reach[positions]))
 
-        def full(time: float) -> Any:
-            return np.concatenate([crossed.at(time)[0] * self.constraints.reach, state[self.constraints.count :]])
-
-        def least(time: float) -> float:
-            return self._least(time, full(time), mode)
-
-        values = [least(t) for t in times]
-        best = int(np.argmin(values))
-        if best in (0, len(times) - 1):
+    def _pose(self, crossed: Crossed, ahead: Point, state: Any, mode: Any) -> SingularPose | None:
+        """The singular pose on a crossing; None if there is none. `ahead`: the singular point that was expected."""
+        low, high = crossed.start, crossed.start + crossed.size
+        for narrowing in range(NARROWINGS):
+            times = np.linspace(low, high, PLACES)
+            values = self._least_all(times, self._on(crossed, times, state), mode)
+            best = int(np.argmin(values))
+            if best in (0, len(times) - 1):
+                if not narrowing:
+                    return None
+                break
+            low, high = times[best - 1], times[best + 1]
+        time = float(times[best])
+        start, here, end = self._on(crossed, np.array([crossed.start, time, crossed.start + crossed.size]), state)
+        near = ASIDE * self._apart(start, end)
+        found: Point | None = ahead
+        if self._apart(ahead.state, here) > near:
+            found = self._point(time, here, mode)
+        if found is None or self._apart(found.state, here) > near:
             return None
-        time = _lowest(least, times[best - 1], times[best + 1])
-        found = self._point(time, full(time), mode)
-        if found is None:
-            return None
-        point, lost, joints = found
-        positions, reach = self.constraints.positions, self.constraints.reach
-        way = np.linalg.norm((full(crossed.start) - full(crossed.start + crossed.size))[positions] / reach[positions])
-        if np.linalg.norm((point - full(time))[positions] / reach[positions]) > ASIDE * way:
-            return None
-        return SingularPose(time, lost, joints)
+        return SingularPose(time, found.lost, found.joints)
 
-    def _point(self, time: float, state: Any, mode: Any) -> tuple[Any, int, tuple[str, ...]] | None:
-        """The singular point nearest to a state, by Gauss and Newton: gaps closed, slopes of those that are lost gone."""
+    def _on(self, crossed: Crossed, times: Any, state: Any) -> Any:
+        """Full states on a crossing; shape (times, n)."""
+        count = self.constraints.count
+        unknowns = np.broadcast_to(state[count:], (len(times), len(state) - count))
+        return np.concatenate([crossed.at(times) * self.constraints.reach, unknowns], axis=1)
+
+    def _point(self, time: float, state: Any, mode: Any) -> Point | None:
+        """The singular point nearest to a state, by Gauss and Newton: gaps closed, slopes of those that are lost gone.
+
+        What slopes lose is looked at along a few of the directions that move nothing else: the derivative of slopes along a direction
+        is, as second derivatives are symmetric, that of the motion along it by all positions.
+        """
         constraints = self.constraints
         positions = constraints.positions
-        state = np.array(state)
-        lost = 0
-        for _ in range(SEARCH):
+        state, lost, change = np.array(state), 0, np.inf
+        for count in range(SEARCH):
             slopes, size = self._scaled(time, state, mode)
-            left, values, right = np.linalg.svd(slopes)
+            squares, basis = np.linalg.eigh(slopes @ slopes.T)
             if not lost:
-                lost = int((values < 30 * values[-1] + VANISHED).sum())
-            kept = len(values) - lost
-            held, gone, still = left[:, :kept], left[:, kept:], right[kept:]
-            gap = constraints.values(time, state, mode)[: constraints.gaps][constraints.taking] / size
-            rest = np.concatenate([held.T @ gap, (gone.T @ slopes @ still.T).ravel()])
-            if np.abs(rest).max() < 1e-13:
+                values = np.sqrt(np.maximum(squares, 0.0))
+                lost = int((values < 30 * values[0] + VANISHED).sum())
+            gone, held = basis[:, :lost], basis[:, lost:]
+            across, _ = np.linalg.qr(slopes.T @ held)
+            ways = self._still(across)
+            rest = [held.T @ (constraints.values(time, state, mode)[: constraints.gaps][constraints.taking] / size)]
+            rest += [gone.T @ (slopes @ way) for way in ways]
+            if np.abs(np.concatenate(rest)).max() < 1e-13:
                 break
-            matrix = np.empty((len(rest), len(positions)))
-            for j, place in enumerate(positions):
-                moved = state.copy()
-                moved[place] += DIFFERENCE * constraints.reach[place]
-                bent = (self._scaled(time, moved, mode)[0] - slopes) / DIFFERENCE
-                matrix[:, j] = np.concatenate([held.T @ slopes[:, j], (gone.T @ bent @ still.T).ravel()])
-            step, *_ = np.linalg.lstsq(matrix, -rest, rcond=1e-6)
+            matrix = [held.T @ slopes]
+            matrix += [gone.T @ self._bent(time, state, mode, way, size) for way in ways]
+            step, *_ = np.linalg.lstsq(np.concatenate(matrix), -np.concatenate(rest), rcond=1e-6)
             state[positions] += constraints.reach[positions] * step
-            if np.abs(step).max() < 1e-13:
+            change, before = float(np.abs(step).max()), change
+            if change < 1e-13 or (count and change > 0.5 * before):  # it leads nowhere; what is reached is looked at
                 break
         slopes, size = self._scaled(time, state, mode)
-        left, values, _ = np.linalg.svd(slopes)
+        squares, basis = np.linalg.eigh(slopes @ slopes.T)
+        gone = basis[:, :lost]
         gap = constraints.values(time, state, mode)[: constraints.gaps][constraints.taking] / size
-        if values[len(values) - lost] > VANISHED * values[0] or np.abs(gap).max() > OPEN:
+        if np.linalg.norm(gone.T @ slopes) > VANISHED * np.sqrt(squares[-1]) or np.abs(gap).max() > OPEN:
             return None
         names = np.array(constraints.program.invariants.names[: constraints.gaps])[constraints.taking]
-        share = np.abs(left[:, len(values) - lost :]).max(axis=1)
+        share = np.abs(gone).max(axis=1)
         joints = dict.fromkeys(n.rpartition(".")[0] for n in names[share > 0.1])
-        return state, lost, tuple(joints)
+        return Point(state, lost, tuple(joints))
+
+    @staticmethod
+    def _still(across: Any) -> Any:
+        """Unit directions (rows) that all but the lost gaps allow, a few of them mixed from all."""
+        count, taken = across.shape
+        many = min(count - taken, WAYS)
+        ways = np.random.default_rng(1).normal(size=(many, count))
+        ways -= (ways @ across) @ across.T
+        return ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+    def _bent(self, time: float, state: Any, mode: Any, way: Any, size: Any) -> Any:
+        """The derivative of the slopes along a direction, central differences; rows in units of their sizes."""
+        constraints = self.constraints
+        shift = np.zeros(len(state))
+        shift[constraints.positions] = DIFFERENCE * constraints.reach[constraints.positions] * way
+        beyond, before = (constraints.slopes(time, state + sign * shift, mode)[0] for sign in (1, -1))
+        return (beyond - before)[constraints.taking] / (2 * DIFFERENCE * size[:, None])
 
 
 def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str, ...]:
@@ -227,20 +277,3 @@ def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str
             f"there {named} lose{'s' * (len(joints) == 1)} hold of up to {max(p.lost for p in poses)} motions"
         )
     return tuple(told)
-
-
-def _lowest(function: Any, low: float, high: float) -> float:
-    """Where a function has its least value, by golden section."""
-    share = 0.5 * (5**0.5 - 1)
-    a, b = high - share * (high - low), low + share * (high - low)
-    fa, fb = function(a), function(b)
-    for _ in range(40):
-        if fa < fb:
-            high, b, fb = b, a, fa
-            a = high - share * (high - low)
-            fa = function(a)
-        else:
-            low, a, fa = a, b, fb
-            b = low + share * (high - low)
-            fb = function(b)
-    return 0.5 * (low + high)

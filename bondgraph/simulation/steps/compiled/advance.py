@@ -10,6 +10,7 @@ from math import isfinite, pow, sqrt
 from .closing import add_work, grow, steep
 from .step import rates, step
 from .stepper import Stepper
+from .watching import GOES_ON, begin_watch, watch
 from .within import sample
 
 FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # what `advance` answers, or why there is no step
@@ -34,12 +35,17 @@ def advance(s: Stepper, most: int) -> int:
         s.pending = 0
         if s.slope_count > 0 and s.time < s.stop and steep(s):
             return HANDOVER
+        if s.closed.gaps > 0 and s.time < s.stop:
+            near = watch(s)
+            if near != GOES_ON:
+                return near
     return FINISHED if s.time >= s.stop else MORE
 
 
 def begin(s: Stepper) -> None:
     """The first slope and the first size of a step (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
     rates(s, s.time, s.state, s.rate)
+    begin_watch(s)
     span = s.stop - s.time
     d0 = 0.0
     d1 = 0.0

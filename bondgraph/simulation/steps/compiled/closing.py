@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ... import integrate
+from .holding import put_multipliers
 from .stepper import Stepper
 from .within import collocation
 
@@ -81,6 +82,8 @@ def part_of_work(s: Stepper, a: float, b: float, depth: int) -> bool:
         collocation(s, time, s.si)
         for i in range(s.n):
             s.si[i] *= s.magnitude[i]
+        if s.closed.multipliers > 0:
+            put_multipliers(s.closed, time, s.si)
         s.powers(time, s.si, s.inputs, s.constants, s.mode, s.power)
         for k in range(m):
             s.partial[k] += KRONROD[q] * s.power[k]

@@ -21,8 +21,9 @@ from ...watch.choice import WORST, Choice
 from .. import radau
 from ..factorise import is_large
 from ..radau import STUBBORN, Radau, StepFailed
-from .advance import HANDOVER, LOOK, MORE, advance, begin
+from .advance import LOOK, MORE, advance, begin
 from .euler import Euler, euler
+from .holding import hold_all, least_all, rates_all
 from .ordering import ordered
 from .sparse import ANEW, FINE, Pattern
 from .step import ERROR, NEWTON, ORDER, ROUND_OFF
@@ -30,6 +31,7 @@ from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
+    from .held import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
@@ -43,7 +45,7 @@ def obstacle(program: Program) -> str:
     """Why the steps of this program are not made in machine code; empty if they are."""
     if program.native is None:
         return "no machine code"
-    if program.invariants.names:
+    if program.invariants.names and (program.solved is None) != ("solved" not in program.native.addresses):
         return "closed loops are held on their constraints"
     return ""
 
@@ -61,7 +63,7 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler])
+        return translate([begin, advance, euler, hold_all, least_all, rates_all])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
@@ -83,7 +85,7 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
             kept.append(values[name])
             continue
         if isinstance(kind, Handed):
-            given.append(program.native.addresses["jacobian_entries" if name == "entries" else name])
+            given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
             continue
         array = values[name] = np.ascontiguousarray(values[name], dtype=np.int64 if kind == INTS else float)
         kept.append(array)
@@ -156,10 +158,13 @@ class CompiledRadau:
     """Steps over one stretch; answers what `integrate` asks of `radau.Radau`."""
 
     def __init__(
-        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float
+        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
+        constraints: CompiledConstraints,
     ) -> None:  # fmt: skip
         self.program = program
         self.values = _values(program, inputs, constants, tolerances, stretch, state, longest)
+        self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
+        constraints.values["mode"][:] = stretch.mode
         self.code = machine_code()
         self.order = Ordered(program, SMALL)
         self.values["pattern"] = self.order.record
@@ -189,8 +194,31 @@ class CompiledRadau:
         """Evaluate where the stretch begins."""
         self._record, self._kept = structure(Stepper, self.values, self.program)
         self._here = ctypes.addressof(self._record)
-        ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))(self._here)
+        self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
+        self._begin(self._here)
         self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
+
+    def begin_again(self, time: float, state: Any, size: float) -> None:
+        """Go on from elsewhere, with a first step that is not longer than this."""
+        record, values = self._record, self.values
+        values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
+        record.time = time
+        for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
+            setattr(record, name, 0)
+        record.last_size = record.last_error = record.contraction = 0.0
+        self._begin(self._here)
+        record.size = min(size, record.stop - time)
+
+    def went_on(self, position: int, work: Any, traffic: float) -> Any:
+        """What was reported and added up meanwhile; the array in which work goes on to be added up."""
+        self._record.position, self._record.traffic = position, traffic
+        if work is not None:
+            self.values["work"][:] = work
+        return None if work is None else self.values["work"]
+
+    def note_tried(self, ahead: float) -> None:
+        """A pose could not be crossed from so far before it."""
+        self._record.tried = ahead
 
     def advance(self, most: int) -> int:
         """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
@@ -249,8 +277,8 @@ class CompiledRadau:
         return radau
 
 
-def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> bool:
-    """Go on to the end of the stretch; true if it stopped where other states should go on.
+def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> int:
+    """Go on to the end of the stretch, or to where other states should go on or a singular pose is near: which of them, as in `advance.py`.
 
     `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
     """
@@ -266,7 +294,7 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> bo
             several = min(2 * several, 1 << 20)
         else:
             several = max(1, several // 2)
-    return answer == HANDOVER
+    return answer
 
 
 def _values(
@@ -294,7 +322,8 @@ def _values(
         "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "newton_tolerance": max(10 * np.finfo(float).eps / relative, min(0.03, relative**0.5)),
         "signal_count": len(allowed), "allowed": allowed, "seen": room(len(LOOKS) * len(allowed)), "earliest": earliest, "latest": latest,
-        "longest": longest, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
+        "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
+        "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
         "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
         "real": room(room_of_matrix), "real_scale": room(n), "real_pivots": whole(n),

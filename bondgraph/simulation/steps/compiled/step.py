@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ... import segments
 from .. import radau
 from .dense import factorise, solve_complex, solve_real
+from .holding import hold, put_multipliers
 from .sparse import ANEW, SINGULAR
 from .stepper import Stepper
 
@@ -75,6 +76,8 @@ def step(s: Stepper) -> int:
 def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejected: bool, iterations: int) -> None:
     """Close a step and choose the size of the next."""
     n = s.n
+    if s.closed.gaps > 0:
+        onto_constraints(s, end)
     if s.ends == 3:
         s.first_sloped = 1
         for k in range(2):
@@ -97,6 +100,9 @@ def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejec
     s.last_error = max(norm, 1e-2)
     s.time = end
     rates(s, end, s.state, s.rate)
+    if s.closed.gaps > 0:
+        for i in range(s.differential, n):
+            s.rate[i] = 0.0
     stale = iterations > 2 and s.contraction > 1e-3
     if rejected:
         grown = min(grown, 1.0)
@@ -109,13 +115,29 @@ def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejec
     s.size = size * grown
 
 
+def onto_constraints(s: Stepper, end: float) -> None:
+    """The new state held on the invariants; multipliers that steps carry along there have no meaning."""
+    for i in range(s.n):
+        s.si[i] = s.new[i] * s.magnitude[i]
+    hold(s.closed, end, s.si)
+    for i in range(s.n):
+        s.new[i] = s.si[i] / s.magnitude[i]
+    for k in range(s.closed.multipliers):
+        s.new[s.closed.place[k]] = 0.0
+
+
 def rates(s: Stepper, time: float, y: Floats, out: Floats) -> None:
     """The rates of scaled states, scaled."""
     for i in range(s.n):
         s.si[i] = y[i] * s.magnitude[i]
-    s.derivative(time, s.si, s.inputs, s.constants, s.mode, out)
-    for i in range(s.n):
-        out[i] = out[i] / s.unit[i]
+    if s.closed.multipliers > 0:
+        s.closed.solved(time, s.si, s.inputs, s.constants, s.mode, s.closed.solution)
+        for i in range(s.n):
+            out[i] = s.closed.solution[i] / s.unit[i]
+    else:
+        s.derivative(time, s.si, s.inputs, s.constants, s.mode, out)
+        for i in range(s.n):
+            out[i] = out[i] / s.unit[i]
     s.derivatives += 1
 
 
@@ -123,6 +145,8 @@ def renew(s: Stepper) -> None:
     """The Jacobian where the run stands."""
     for i in range(s.n):
         s.si[i] = s.state[i] * s.magnitude[i]
+    if s.closed.multipliers > 0:
+        put_multipliers(s.closed, s.time, s.si)
     s.entries(s.time, s.si, s.inputs, s.constants, s.mode, s.jacobian)
     for k in range(s.entry_count):
         s.jacobian[k] *= s.ratio[k]

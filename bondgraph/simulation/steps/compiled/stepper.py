@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ....door import Record
+from .holding import Held
 from .sparse import Pattern
 
 if TYPE_CHECKING:
@@ -123,6 +124,17 @@ class Stepper(Record):
     traffic: float
     tolerance: float  # relative, of the work
     pending: int  # 1: the last step is not yet closed
+    # constraints, and singular poses ahead
+    closed: Held
+    usual: float  # the longest step where no pose is near
+    poses: int  # how many of the last are kept
+    pose_time: Floats  # 3
+    pose_least: Floats  # 3: smallest singular values
+    ahead: float  # time to where it vanishes
+    behind: float
+    tried: float  # time ahead at the last try to cross that failed
+    comes: int
+    redundant: int  # whether there are gaps that take no part
     # what it took
     steps: int
     rejected: int

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import radau
+from .holding import hold
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ def state_at(s: Stepper, time: float, out: Floats) -> None:
                 out[i] = value
     for i in range(n):
         out[i] *= s.magnitude[i]
+    if s.closed.gaps > 0:
+        hold(s.closed, time, out)
 
 
 def collocation(s: Stepper, time: float, out: Floats) -> None:

@@ -1,0 +1,84 @@
+"""A stretch stepped through in machine code, and what Python does where that stops."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Program
+from .closed.singular import NEAR
+from .segments import Segment
+from .steps.compiled.advance import HANDOVER
+from .steps.compiled.run import CompiledRadau, obstacle, steps
+from .steps.radau import StepFailed
+from .stuck import MOST_COMPILED
+
+if TYPE_CHECKING:
+    from .integrate import Stepper
+
+
+def obstacle_of(program: Program) -> str | None:
+    """Why machine code does not make the steps, in brackets; None if it does."""
+    found = obstacle(program)
+    return f" ({found})" if found else None
+
+
+def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
+    """As `run` from where it begins to step, by `compiled/advance.py`."""
+    stepper.check_rates(stretch.start, x, stretch.mode)
+    constraints = stepper.constraints.always_compiled
+    solver = CompiledRadau(
+        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest, constraints
+    )
+    first = stepper.position
+    solver.report(stepper.instants, first, stepper.result.states)
+    if stepper.choice is not None:
+        solver.choose(stepper.choice)
+    if stepper.powers is not None:
+        if stepper.result.work is None:
+            stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
+        solver.measure(stepper.result.work, stepper.traffic)
+    solver.begin()
+
+    def look() -> list[int]:
+        passed = stepper.instants[np.searchsorted(stepper.instants, solver.last_step[0], "right") : solver.position]
+        stepper.look(solver, stretch, passed)
+        return [*stepper.watch.left]
+
+    try:
+        while answer := steps(solver, look, MOST_COMPILED):
+            if answer != HANDOVER:
+                _near_singular_pose(stepper, solver, stretch)
+                continue
+            assert stepper.choice is not None
+            state = solver.state * stepper.tolerances.magnitude
+            stepper.result.handover = stepper.choice.look(solver.time, state, stretch.mode)
+            if stepper.result.handover is not None:
+                break
+    except StepFailed as failed:
+        raise stepper.failed(solver, failed.what, stretch.mode) from None
+    stepper.position, stepper.traffic = solver.position, solver.traffic
+    if stepper.position > first:
+        times, states = (a[first : stepper.position] for a in (stepper.instants, stepper.result.states))
+        states[:] = stepper.loops.solve_all(times, states, stretch.mode)
+    stepper.result.steps += solver.steps
+    stepper._count(solver.evaluations)
+    return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
+
+
+def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:
+    """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
+    state = solver.state * stepper.tolerances.magnitude
+    watcher = stepper.singular
+    watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
+    watcher.check_redundant(solver.time, state, stretch.mode)
+    wish = solver.size
+    crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, stepper.tolerances.relative)
+    if crossed is None:
+        solver.note_tried(watcher.tried)
+        return
+    stepper.position, stepper.traffic = solver.position, solver.traffic
+    after = stepper.beyond(crossed, state, stretch)
+    solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
+    stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
