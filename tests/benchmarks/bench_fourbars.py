@@ -106,7 +106,11 @@ def time_for(name: str, points: list[Point], goal: float) -> str:
     if reached:
         return f"{min(reached):.3g} s"
     if name != "exudyn" or not points:
-        return "not reached" if name != "pinocchio" else "not reached: steps near singular poses lead to other branches"
+        return (
+            "not reached"
+            if name != "pinocchio"
+            else "not reached: beyond singular poses errors scatter with steps and mu"
+        )
     _, last, took = points[-1]
     return f"about {took * (last / goal) ** 0.5:.3g} s (carried on with order 2)"
 
