@@ -10,13 +10,12 @@ import pytest
 
 pytest.importorskip("llvmlite")
 
-from bondgraph.simulation.compiled.held import CompiledConstraints, fields_of
-from bondgraph.simulation.compiled.holding import Held, Square, hold, least
-from bondgraph.simulation.constraints import Constraints
-
 import bondgraph
 from bondgraph.prepared import HIDDEN
 from bondgraph.simulation import leg
+from bondgraph.simulation.closed.constraints import Constraints
+from bondgraph.simulation.steps.compiled.held import CompiledConstraints, fields_of
+from bondgraph.simulation.steps.compiled.holding import Held, Square, hold, least
 from tests.compiling import MODELS
 
 pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
