@@ -40,7 +40,8 @@ AGAIN, QUICK = 3, 1.0  # runs of which the median counts, where they take less t
 WORDS = (
     "Errors are relative, the largest of x, y, vx and vy of the first corner after 10 s, where the row is one pendulum exactly. Times are medians of the run "
     "alone, without building the model, on one core of a shared machine: ratios hold, not digits. exudyn with the settings of its own IFToMM example; pinocchio's "
-    "constrained forward dynamics in a Runge-Kutta method of order 8 with projection."
+    "constrained forward dynamics in a Runge-Kutta method of order 8 with projection. "
+    "Its projection by numpy takes two thirds of its time at N = 2, a third at N = 40."
 )
 Point = tuple[str, float, float]  # what was set, error, s
 

@@ -71,6 +71,26 @@ def test_fourbars_at_a_tight_tolerance() -> None:
     )
 
 
+@pytest.mark.parametrize("loops", [10, 40])
+def test_many_fourbars_at_a_tight_tolerance(loops: int) -> None:
+    pytest.importorskip("llvmlite")
+    found = fourbars(loops, rtol=1e-10, points=2)
+    exact = pendulum(loops, found.time)
+    assert np.abs(corner(found)[:, -1] / exact[:, -1] - 1).max() < 1e-8
+    assert found.notes[0].startswith("10 singular poses passed")
+
+
+def test_machine_code_crosses_the_poses_that_the_reference_crosses() -> None:
+    pytest.importorskip("llvmlite")
+    native, numpy = (fourbars(2, rtol=1e-8, to=3.0, points=31, energy=True, target=t) for t in ("native", "numpy"))
+    assert (native.solver, numpy.solver) == ("Radau IIA 5, native", "Radau IIA 5, numpy")
+    assert native.steps == pytest.approx(numpy.steps, rel=0.05)
+    assert all(r.notes[0].startswith("3 singular poses passed") for r in (native, numpy))
+    assert np.abs(native.values - numpy.values).max() < 1e-7
+    assert native.energy is not None and numpy.energy is not None
+    assert max(abs(native.energy.residual), abs(numpy.energy.residual)) < 1e-6
+
+
 @pytest.mark.parametrize("rtol", [1e-3, 1e-5])
 def test_loose_tolerances_stay_on_the_branch(rtol: float) -> None:
     found = fourbars(2, rtol=rtol, to=3.0, points=61)
