@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from bondgraph.prepared import chosen_target
+
 # The same examples in every run: what fails here fails everywhere.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=60)
 settings.load_profile("repeatable")
@@ -19,6 +21,15 @@ _KEPT = tempfile.TemporaryDirectory(prefix="bondgraph-tests-")
 os.environ.setdefault("BONDGRAPH_CACHE", _KEPT.name)
 
 Golden = Callable[[Path, str], None]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "machine_code: left out where there is no LLVM, or it is hidden")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("machine_code") and chosen_target(None) != "native":
+        pytest.skip("there is no LLVM, or it is hidden")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

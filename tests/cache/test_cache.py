@@ -14,11 +14,10 @@ import pytest
 import bondgraph
 from bondgraph import cache, native
 from bondgraph.errors import RunFailed
-from bondgraph.prepared import HIDDEN
 from tests.compiling import MODELS, ROOT
 
 pytest.importorskip("llvmlite")
-pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
+pytestmark = pytest.mark.machine_code
 HEAVY = ("sympy", "scipy", "lark", "networkx")
 
 

@@ -71,17 +71,17 @@ def test_fourbars_at_a_tight_tolerance() -> None:
     )
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("loops", [10, 40])
 def test_many_fourbars_at_a_tight_tolerance(loops: int) -> None:
-    pytest.importorskip("llvmlite")
     found = fourbars(loops, rtol=1e-10, points=2)
     exact = pendulum(loops, found.time)
     assert np.abs(corner(found)[:, -1] / exact[:, -1] - 1).max() < 1e-8
     assert found.notes[0].startswith("10 singular poses passed")
 
 
+@pytest.mark.machine_code
 def test_machine_code_crosses_the_poses_that_the_reference_crosses() -> None:
-    pytest.importorskip("llvmlite")
     native, numpy = (fourbars(2, rtol=1e-8, to=3.0, points=31, energy=True, target=t) for t in ("native", "numpy"))
     assert (native.solver, numpy.solver) == ("Radau IIA 5, native", "Radau IIA 5, numpy")
     assert native.steps == pytest.approx(numpy.steps, rel=0.05)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 import time as clock
@@ -27,7 +26,7 @@ from bondgraph.simulation.steps.compiled.stepper import Stepper
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 
-pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
+pytestmark = pytest.mark.machine_code
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
 # Conditions on states are located by the reference stepper.
 EVENTS = {"quarter_car.bg", "crank_linkage.bg"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,13 @@ import pytest
 pytest.importorskip("llvmlite")
 
 import bondgraph
-from bondgraph.prepared import HIDDEN
 from bondgraph.simulation import leg
 from bondgraph.simulation.closed.constraints import Constraints
 from bondgraph.simulation.steps.compiled.held import CompiledConstraints, fields_of
 from bondgraph.simulation.steps.compiled.holding import Held, Square, hold, least
 from tests.compiling import MODELS
 
-pytestmark = pytest.mark.skipif(bool(os.environ.get(HIDDEN)), reason="LLVM is hidden")
+pytestmark = pytest.mark.machine_code
 NAMES = ("published/andrews.bg", "published/iftomm_A04_bricard.bg", "spatial_slider_crank.bg", "four_bar.bg")
 
 
