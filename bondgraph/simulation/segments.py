@@ -16,6 +16,8 @@ from .zeros import crossing
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
+SPARSE = 16  # places for each change of sign, else more are taken
+GOLDEN = 0.6180339887498949
 MOST_SAMPLES = 1_000_000  # of one sampled event
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
 ROUNDING = 16  # units in the last place of a time
@@ -136,20 +138,39 @@ def _places(program: Program, constants: Any, length: float) -> int:
     return places
 
 
+def _looked_at(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, Any]:
+    """Times and the values there of the functions whose zeros are looked for; more places where signs change often.
+
+    The places lie irregularly: on a regular grid a fast oscillation would look like a slow one.
+    """
+    places = _places(program, constants, stop - start)
+    while True:
+        numbers = np.arange(places)
+        times = start + (stop - start) * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / places
+        values = program.crossings(times, constants, _mode(program, constants, times))
+        signs = np.sign(values)
+        changes = int((signs[:-1] * signs[1:] < 0).sum(axis=0).max(initial=0))
+        if SPARSE * changes <= places:
+            return times, values
+        places *= 4
+        if places > MAXIMUM_GRID:
+            raise RunFailed(
+                f"a condition on time changes too often to be followed: some {changes} times or more between {start:.6g} s and "
+                f"{stop:.6g} s; end the run earlier, or use a smooth law instead of the condition"
+            )
+
+
 def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     """Zeros of the functions of time that are not linear in it: signs on a grid, then bisection.
 
-    Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed; the error control of the
-    solver still sees the bend.
+    Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed, if others do not lie close.
     """
     middle = 0.5 * (edges[0] + edges[-1])
     if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
         return []
     found: list[float] = []
     for a, b in pairwise(edges):
-        places = _places(program, constants, b - a)
-        times = a + (b - a) * (np.arange(places) + 0.5) / places
-        values = program.crossings(times, constants, _mode(program, constants, times))
+        times, values = _looked_at(program, constants, a, b)
         for column in range(values.shape[1]):
             signs = np.sign(values[:, column])
             for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.errors import RunFailed
 
 PUSHED = """
 model Pushed {{
@@ -102,3 +103,26 @@ def test_conditions_within_conditions() -> None:
     }"""
     # Twice: 0.2 s of 1 N, then 3 t from 0.4 s to 0.5 s.
     assert bondgraph.load(text).simulate(to=1.0).final("v") == pytest.approx(2 * (0.2 + 1.5 * (0.25 - 0.16)), rel=1e-9)
+
+
+@pytest.mark.parametrize("law", ["u = 1 kohm*i", "u = 1 kohm*i + 1e-9 [ohm/A^2]*i^3"], ids=["exactly", "by steps"])
+@pytest.mark.parametrize("periods", [20, 256, 2500])
+def test_a_square_wave_from_a_sine_misses_no_edge(law: str, periods: int) -> None:
+    """A half period charges by E = exp(-1): the last peak is tanh(1/2) of the steady wave, whatever the number of periods.
+
+    256 periods look like none on a regular grid of 256 places.
+    """
+    text = f"""model Wave {{
+      Se s : u = 1 V if sin(2*pi*time/(2 ms)) > 0 else -1 V
+      R r : {law}
+      C c : u = q/1 uF
+      s -> 1(r, c)
+      output u = c.u
+    }}"""
+    result = bondgraph.load(text).simulate(to=periods * 2e-3, points=5)
+    assert result.final("u") == pytest.approx(-np.tanh(0.5), abs=2e-5)
+
+
+def test_a_condition_that_changes_too_often_is_told() -> None:
+    with pytest.raises(RunFailed, match="changes too often"):
+        run("2 N if sin(1e9 [1/s]*time) > 0 else 0 N")
