@@ -15,6 +15,7 @@ from ..door import Program
 from ..errors import RunFailed
 from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
+from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
 from .stuck import MOST_STEPS, not_finite, stuck
@@ -28,17 +29,7 @@ if TYPE_CHECKING:
     from .events.events import Events
     from .events.history import History
     from .events.locate import Flip, StateAt
-    from .steps import exponential
     from .steps.compiled.run import CompiledRadau
-
-# The quadrature of Gauss and Kronrod on [0, 1] with 3 and 7 places (Piessens et al., QUADPACK, 1983): exact to degree 10.
-_PLACES = np.array([0.4342437493468026, 0.7745966692414834, 0.9604912687080202])
-_KRONROD = np.array([0.4013974147759622, 0.2684880898683334, 0.1046562260264672])
-PLACES = 0.5 + 0.5 * np.concatenate([-_PLACES[::-1], [0.0], _PLACES])
-KRONROD = 0.5 * np.concatenate([_KRONROD[::-1], [0.4509165386584741], _KRONROD])
-GAUSS = 0.5 * np.array([0, 5 / 9, 0, 8 / 9, 0, 5 / 9, 0])
-DEEPEST = 4  # halvings of a step for its work
-
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
@@ -167,66 +158,17 @@ class Stepper:
         if not len(self.program.states.names):
             return self._without_states(stretch, x)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
-        end = self._exactly(stretch, x) if self.linear else None
-        return self._by_steps(stretch, x) if end is None else end
+        if self.linear:
+            from .exact import exactly
 
-    def _exactly(self, stretch: Segment, x: Any) -> Any | None:
-        """One stretch of a linear model by the matrix exponential; None if that cannot be done."""
-        from .steps import exponential
+            end = exactly(self, stretch, x)
+            if end is not None:
+                return end
+        return self._by_steps(stretch, x)
 
-        form = exponential.linear_form(self.program, self.inputs, self.constants, stretch)
-        if form is None:
-            return None
-        looked_at = self.powers is not None or bool(self.program.limits)
-        longest = exponential.fastest(form) if looked_at else np.inf
-        while True:
-            cut = exponential.intervals(form, self.instants[self.position :], longest)
-            states = None if cut is None else exponential.march(form, cut, x)
-            if cut is None or states is None:
-                return None
-            work = None if self.powers is None else self._work_within(form, cut, states, stretch)
-            if work is None or work[1]:
-                break
-            longest = 0.5 * float(cut.lengths.max())
-        self._look_within(form, cut, states, stretch)
-        ends = states[1:][cut.reported][:-1]
-        self.result.states[self.position : self.position + len(ends)] = ends
-        self.position += len(ends)
-        if work is not None:
-            self._add(*work[0])
-        self.result.steps += len(cut.starts)
-        self._count({"exponential": len(form.known)})
-        self.result.solvers["matrix exponential"] = None
-        return states[-1]
-
-    def _count(self, evaluations: Mapping[str, int]) -> None:
+    def count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
-
-    def _work_within(
-        self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
-    ) -> tuple[tuple[Any, float], bool]:
-        """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
-        assert self.powers is not None
-        from .steps import exponential
-
-        times, inside = exponential.between(form, cut, states, PLACES)
-        values = self.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
-        values = values.reshape(*times.shape, -1)
-        work = np.einsum("k,p,kpq->kq", cut.lengths, KRONROD, values)
-        coarse = np.einsum("k,p,kpq->kq", cut.lengths, GAUSS, values)
-        traffic = float(np.abs(work).sum())
-        doubt = (200 * np.abs(coarse - work).max(initial=0.0) / max(traffic, 1e-300)) ** 1.5
-        return (work.sum(axis=0), traffic), doubt <= 0.1 * self.tolerances.relative
-
-    def _look_within(self, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment) -> None:
-        """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
-        from .steps import exponential
-
-        if self.program.limits:
-            inner, _ = exponential.between(form, cut, states, PLACES)
-            times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))
-            self.watch.look(times, stretch.mode, exponential.at(form, cut, states))
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
@@ -255,7 +197,7 @@ class Stepper:
             if self.powers is not None:
                 start, stop = solver.last_step
                 stop = stop if self.flip is None else self.flip.time
-                self._add_work(start, stop, self._along(solver, stretch), stretch)
+                self._add_work(start, stop, partial(self._along, solver), stretch)
             if self.history is not None:
                 start, stop = solver.last_step
                 stop = stop if self.flip is None else self.flip.time
@@ -277,7 +219,7 @@ class Stepper:
             if self.constraints and not solver.finished:
                 solver = self._past_singular_pose(solver, stretch)
         self.result.steps += steps
-        self._count(solver.evaluations)
+        self.count(solver.evaluations)
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
@@ -302,7 +244,7 @@ class Stepper:
         if crossed is None:
             return solver
         after = self.beyond(crossed, state, stretch)
-        self._count(solver.evaluations)
+        self.count(solver.evaluations)
         watcher.begin(end := crossed.start + crossed.size, after, mode)
         return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
 
@@ -465,11 +407,9 @@ class Stepper:
         stop = stop if self.flip is None else self.flip.time
         self._watch_limits(start, stop, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
 
-    def _along(self, solver: Radau, stretch: Segment) -> Callable[[Any], Any]:
-        """The last step of a solver, as states at instants, with the unknowns that belong to them: those of the collocation
-        polynomial begin where the step before left them, which is not where a projection put the states."""
-        magnitude = self.tolerances.magnitude
-        return lambda times: self.loops.solve_all(times, solver.collocation(times) * magnitude, stretch.mode)
+    def _along(self, solver: Radau, times: Any) -> Any:
+        """States within the last step, as the collocation polynomial has them."""
+        return solver.collocation(times) * self.tolerances.magnitude
 
     def _watch_limits(
         self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment
@@ -479,27 +419,19 @@ class Stepper:
             self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
 
     def _add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
-        """The work of a step; it is halved where the two quadratures differ by more than the tolerance allows."""
+        """The work of a step. `sample`: states at instants, with or without the multipliers that belong to them."""
         powers = self.powers
         assert powers is not None
 
-        def over(a: float, b: float, depth: int) -> Any:
-            times = a + PLACES * (b - a)
+        def at(times: Any) -> Any:
             states = sample(times)
-            if self.loops.affine:  # multipliers are not among what steps carry along
+            if len(self.program.multipliers):  # those of a collocation polynomial begin where the step before left them
                 states = self.loops.solve_all(times, states, stretch.mode)
-            values = powers(times, states, stretch.mode)
-            work = (b - a) * (KRONROD @ values)
-            doubt = np.abs((b - a) * (GAUSS @ values) - work) / max(self.traffic + float(np.abs(work).sum()), 1e-300)
-            # The difference is the error of the coarser rule; that of the finer is about (200 of it)^1.5, as QUADPACK has it.
-            if depth >= DEEPEST or not ((200 * doubt) ** 1.5 > 0.1 * self.tolerances.relative).any():
-                return work
-            middle = 0.5 * (a + b)
-            return over(a, middle, depth + 1) + over(middle, b, depth + 1)
+            return powers(times, states, stretch.mode)
 
-        work = over(start, stop, 0)
-        self._add(work, float(np.abs(work).sum()))
+        self.add(*work_of(at, start, stop, self.traffic, self.tolerances.relative))
 
-    def _add(self, work: Any, traffic: float) -> None:
+    def add(self, work: Any, traffic: float) -> None:
+        """Work at all ports, and how much of it there was whatever its sign."""
         self.traffic += traffic
         self.result.work = work if self.result.work is None else self.result.work + work

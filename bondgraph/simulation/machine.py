@@ -63,7 +63,7 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
         times, states = (a[first : stepper.position] for a in (stepper.instants, stepper.result.states))
         states[:] = stepper.loops.solve_all(times, states, stretch.mode)
     stepper.result.steps += solver.steps
-    stepper._count(solver.evaluations)
+    stepper.count(solver.evaluations)
     return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
 
 

@@ -1,16 +1,16 @@
-"""After a step: tolerances grow, other states may have to go on, work is added up; see `integrate.py` and `choice.py`."""
+"""After a step: tolerances grow, other states may have to go on, work is added up; see `quadrature.py` and `choice.py`."""
 
 from __future__ import annotations
 
 from math import sqrt
 
-from ... import integrate
+from ... import quadrature
 from .holding import put_multipliers
 from .stepper import Stepper
 from .within import collocation
 
-PLACES, KRONROD, GAUSS = (tuple(a.tolist()) for a in (integrate.PLACES, integrate.KRONROD, integrate.GAUSS))
-DEEPEST = integrate.DEEPEST
+PLACES, KRONROD, GAUSS = (tuple(a.tolist()) for a in (quadrature.PLACES, quadrature.KRONROD, quadrature.GAUSS))
+DEEPEST = quadrature.DEEPEST
 
 
 def grow(s: Stepper) -> None:

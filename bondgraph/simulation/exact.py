@@ -1,0 +1,67 @@
+"""A stretch of a linear model by the matrix exponential: exact at every instant, without steps that must be chosen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .quadrature import GAUSS, KRONROD, PLACES, too_coarse
+from .segments import Segment
+from .steps import exponential
+
+if TYPE_CHECKING:
+    from .integrate import Stepper
+
+
+def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
+    """As `run`, from state x; None if it cannot be done this way."""
+    form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch)
+    if form is None:
+        return None
+    looked_at = stepper.powers is not None or bool(stepper.program.limits)
+    longest = exponential.fastest(form) if looked_at else np.inf
+    while True:
+        cut = exponential.intervals(form, stepper.instants[stepper.position :], longest)
+        states = None if cut is None else exponential.march(form, cut, x)
+        if cut is None or states is None:
+            return None
+        work = None if stepper.powers is None else _work(stepper, form, cut, states, stretch)
+        if work is None or work[1]:
+            break
+        longest = 0.5 * float(cut.lengths.max())
+    _look(stepper, form, cut, states, stretch)
+    ends = states[1:][cut.reported][:-1]
+    stepper.result.states[stepper.position : stepper.position + len(ends)] = ends
+    stepper.position += len(ends)
+    if work is not None:
+        stepper.add(*work[0])
+    stepper.result.steps += len(cut.starts)
+    stepper.count({"exponential": len(form.known)})
+    stepper.result.solvers["matrix exponential"] = None
+    return states[-1]
+
+
+def _work(
+    stepper: Stepper, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+) -> tuple[tuple[Any, float], bool]:
+    """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
+    assert stepper.powers is not None
+    times, inside = exponential.between(form, cut, states, PLACES)
+    values = stepper.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
+    values = values.reshape(*times.shape, -1)
+    work = np.einsum("k,p,kpq->kq", cut.lengths, KRONROD, values)
+    coarse = np.einsum("k,p,kpq->kq", cut.lengths, GAUSS, values)
+    traffic = float(np.abs(work).sum())
+    doubt = np.abs(coarse - work).max(initial=0.0) / max(traffic, 1e-300)
+    return (work.sum(axis=0), traffic), not too_coarse(doubt, stepper.watch.rtol)
+
+
+def _look(
+    stepper: Stepper, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+) -> None:
+    """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
+    if stepper.program.limits:
+        inner, _ = exponential.between(form, cut, states, PLACES)
+        times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))
+        stepper.watch.look(times, stretch.mode, exponential.at(form, cut, states))
