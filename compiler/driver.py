@@ -19,7 +19,7 @@ from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
 from .memory import uncollected
-from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops
+from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops, without_what_cancels
 from .reduction.errors import DerivativeWithoutEnd
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
@@ -133,7 +133,16 @@ class Compilation:
 
     @cached_property
     def _reduced(self) -> StateSpace:
-        return reduce_equations(self.equations, self.everything, self.graph.span)
+        span = self.graph.span
+        try:
+            return reduce_equations(self.equations, self.everything, span)
+        except CompilationFailed as failed:
+            less = without_what_cancels(self.equations)
+            if less is None or not all(isinstance(d, DerivativeWithoutEnd) for d in failed.diagnostics):
+                raise
+        # What nothing reads any longer must have a solution all the same.
+        refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
+        return reduce_equations(less, self.everything, span)
 
     @cached_property
     def lowered(self) -> Lowered:

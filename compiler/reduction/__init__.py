@@ -1,6 +1,7 @@
 """Equations to state space: what this run needs, in the order in which it is computed, loops solved."""
 
 from ..certificate import Certificate, Loop
+from .cancel import without_what_cancels
 from .certificate import certify
 from .reduce import reduce_equations
 from .singular import refuse_singular_loops
@@ -15,4 +16,5 @@ __all__ = [
     "certify",
     "reduce_equations",
     "refuse_singular_loops",
+    "without_what_cancels",
 ]
