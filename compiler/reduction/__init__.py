@@ -2,6 +2,7 @@
 
 from ..certificate import Certificate, Loop
 from .certificate import certify
+from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
 from .singular import refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, Unknown
@@ -14,5 +15,6 @@ __all__ = [
     "Unknown",
     "certify",
     "reduce_equations",
+    "refuse_idle_coordinates",
     "refuse_singular_loops",
 ]
