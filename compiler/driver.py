@@ -19,7 +19,15 @@ from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
 from .memory import uncollected
-from .reduction import Certificate, StateSpace, certify, reduce_equations, refuse_singular_loops, without_what_cancels
+from .reduction import (
+    Certificate,
+    StateSpace,
+    certify,
+    reduce_equations,
+    refuse_idle_coordinates,
+    refuse_singular_loops,
+    without_what_cancels,
+)
 from .reduction.errors import DerivativeWithoutEnd
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
@@ -129,6 +137,7 @@ class Compilation:
         with self._instances():
             space = self._reduced
             refuse_singular_loops(space, self.equations, self.scene.free)
+            refuse_idle_coordinates(space)
             return space
 
     @cached_property

@@ -140,7 +140,7 @@ class Leg:
         magnitude = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         held = np.full(len(self.state), self.atol is not None)
-        multipliers = [len(self.program.states.names) + m for m in self.program.multipliers if m >= 0]
+        multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
         absolute[multipliers] = np.inf  # they follow from the states, and grow without bound near a singular pose
         for index, value in self.told.items():
             absolute[index], held[index] = value, True

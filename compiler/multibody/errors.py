@@ -25,7 +25,7 @@ class NothingMoves(Diagnostic):
 
     code = "BG202"
     title = "Nothing with {what} moves along `{coordinate}`: its acceleration is not determined"
-    advice = "Give the body `{body}` a {what}, or join something with {what} to it."
+    advice = "Give the body `{body}` {what}, or join something with {what} to it."
     coordinate: str
     body: str
     what: str

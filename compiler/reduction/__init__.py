@@ -3,6 +3,7 @@
 from ..certificate import Certificate, Loop
 from .cancel import without_what_cancels
 from .certificate import certify
+from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
 from .singular import refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, Unknown
@@ -15,6 +16,7 @@ __all__ = [
     "Unknown",
     "certify",
     "reduce_equations",
+    "refuse_idle_coordinates",
     "refuse_singular_loops",
     "without_what_cancels",
 ]

@@ -34,7 +34,8 @@ class _Reduction:
         self.differentiator = differentiator
         self.pieced = {*differentiator.order, *(d.target for d in system.derivatives), *system.pieced}
         self.unknowns: list[Unknown] = []
-        self.multipliers = frozenset(i.multiplier for i in system.invariants if i.multiplier is not None)
+        bound = (i.multiplier for i in system.invariants if i.multiplier is not None)
+        self.multipliers = frozenset((*bound, *(b.variable for b in system.balances)))
         self.diagnostics: list[Diagnostic] = []
 
     def run(self) -> StateSpace:
@@ -90,7 +91,8 @@ class _Reduction:
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
             system.stored if self.everything else {}, dependents,
-            claims, tuple(forced), self._index(used, steps), system.limits, invariants, frozenset(self.pieced), discretes, events, system.switches, delays,
+            claims, tuple(forced), self._index(used, steps), system.limits, invariants,
+            tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
         )  # fmt: skip
 
     def _events(
