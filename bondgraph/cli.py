@@ -239,10 +239,11 @@ def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
     """What is left of a run that stopped early, and what can be done with it."""
     count = f"{len(result.time)} instant{'s' * (len(result.time) != 1)}"
     if out is None:
-        return f"{count} were computed; `--out R.npz` keeps what there is"
+        return f"{count} {'were' if len(result.time) != 1 else 'was'} computed; `--out R.npz` keeps what there is"
+    written = f"{count} {'are' if len(result.time) != 1 else 'is'} in {out}"
     if not out.endswith(".npz") or result.end is None:
-        return f"{count} are in {out}"
-    return f"{count} are in {out}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
+        return written
+    return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
 
 
 def _load(file: str, model: str | None) -> Model:

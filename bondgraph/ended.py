@@ -58,17 +58,39 @@ def arrays_of(result: Result) -> dict[str, Any]:
     """What a file of a result holds besides its columns."""
     import numpy as np
 
-    told: dict[str, Any] = {"schema": SCHEMA, "model": result.model, "experiment": result.experiment, "stopped": result.stopped}
-    told |= {"columns": [[c.name, c.unit] for c in result.columns], "report": [[r.name, r.unit, r.scale, r.offset] for r in result.report]}
-    told |= {"solver": result.solver, "steps": result.steps, "evaluations": dict(result.evaluations), "rtol": result.rtol}
-    told |= {"notes": list(result.notes), "warnings": [asdict(w) for w in result.warnings], "events": [asdict(e) for e in result.events]}
+    told: dict[str, Any] = {
+        "schema": SCHEMA,
+        "model": result.model,
+        "experiment": result.experiment,
+        "stopped": result.stopped,
+    }
+    told |= {
+        "columns": [[c.name, c.unit] for c in result.columns],
+        "report": [[r.name, r.unit, r.scale, r.offset] for r in result.report],
+    }
+    told |= {
+        "solver": result.solver,
+        "steps": result.steps,
+        "evaluations": dict(result.evaluations),
+        "rtol": result.rtol,
+    }
+    told |= {
+        "notes": list(result.notes),
+        "warnings": [asdict(w) for w in result.warnings],
+        "events": [asdict(e) for e in result.events],
+    }
     told["energy"] = None if result.energy is None else asdict(result.energy)
     arrays: dict[str, Any] = {}
     end = result.end
     told["end"] = None if end is None else {f.name: getattr(end, f.name) for f in fields(end) if f.name != "past"}
     if end is not None and end.past is not None:
         past = end.past
-        told["past"] = {"names": past.names, "cuts": past.cuts, "first": list(map(float, past.first)), "last": list(map(float, past.last))}
+        told["past"] = {
+            "names": past.names,
+            "cuts": past.cuts,
+            "first": list(map(float, past.first)),
+            "last": list(map(float, past.last)),
+        }
         arrays |= {PAST: np.array(past.pieces), STARTS: np.array(past.starts), STOPS: np.array(past.stops)}
     return {RUN: np.array(json.dumps(told)), **arrays}
 
@@ -88,7 +110,9 @@ def read(path: str | Path) -> Result:
             raise UsageError(f"{path} was written by another version of bondgraph ({told['schema']})")
         return _result(told, arrays)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, EOFError, zipfile.BadZipFile) as problem:
-        raise UsageError(f"{path} is no result of a run, as `--out R.npz` writes it ({type(problem).__name__})") from None
+        raise UsageError(
+            f"{path} is no result of a run, as `--out R.npz` writes it ({type(problem).__name__})"
+        ) from None
 
 
 def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:

@@ -245,7 +245,9 @@ class Model:
         from .simulation.run import simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
-        return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target, before)
+        return simulate(
+            self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target, before
+        )
 
 
 def _override(name: str, value: str | float) -> Override:

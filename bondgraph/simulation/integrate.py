@@ -52,7 +52,9 @@ def integrate(
     history: History | None = None,
     into: Trajectory | None = None,
 ) -> Trajectory:
-    """Integrate over the stretches, into a trajectory that an error leaves as far as it came; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
+    """Integrate over the stretches, into a trajectory that an error leaves as far as it came. Raises `RunFailed` with time and variable.
+
+    `watch` looks at each accepted step.
 
     `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
 

@@ -22,7 +22,12 @@ SHOWN = 4  # names in a message
 
 
 def resumed(
-    before: Result, made: Callable[[Scene, bool], Prepared], scene: Scene, prepared: Prepared, energy: bool, instants: Any
+    before: Result,
+    made: Callable[[Scene, bool], Prepared],
+    scene: Scene,
+    prepared: Prepared,
+    energy: bool,
+    instants: Any,
 ) -> tuple[Scene, Handover, Any]:
     """The scene and the handover from which the run goes on, and what is left of its instants. Raises `UsageError`."""
     end = before.end
@@ -41,10 +46,19 @@ def resumed(
     left = instants[instants > end.time + 1e-12 * (instants[-1] - instants[0])]
     if not len(left):
         raise UsageError(f"the result ends at t = {end.time:.9g} s already: let the run go further (--to)")
-    names = ("stored", "peaks", "modes", "unknowns")
-    known = end.magnitudes if instants[-1] <= end.until * (1 + SAME) else {}
+    peaks, known = dict(end.peaks), end.magnitudes
+    if instants[-1] > end.until * (1 + SAME):  # further than those magnitudes looked ahead: they only say what has been
+        for name, value in known.items():
+            idle = (
+                value == 1.0 and end.stored.get(name) == 0.0
+            )  # what never moved is measured by 1 SI, which says nothing
+            peaks[name] = max(peaks.get(name, 0.0), 0.0 if idle else value)
+        known = {}
     on = {(owner, place): truth for owner, place, truth in end.on}
-    return scene, Handover(end.time, **{n: getattr(end, n) for n in names}, on=on, magnitudes=known, past=end.past), left
+    begin = Handover(
+        end.time, end.stored, peaks, modes=end.modes, on=on, past=end.past, magnitudes=known, unknowns=end.unknowns
+    )  # fmt: skip
+    return scene, begin, left
 
 
 def _check_model(before: Result, end: End, prepared: Prepared, energy: bool) -> None:
@@ -56,9 +70,13 @@ def _check_model(before: Result, end: End, prepared: Prepared, energy: bool) -> 
         name = (f"`{e}`" if e is not None else "no experiment" for e in (before.experiment, plan.experiment))
         raise UsageError("the result is of {}, this run of {}: name the same with -e".format(*name))
     if before.names != program.outputs.names:
-        raise UsageError(f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}: ask for the same")
+        raise UsageError(
+            f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}: ask for the same"
+        )
     if energy and before.energy is None:
-        raise UsageError("the result has no energy balance, so that of the whole cannot be told: run both with --energy, or none")
+        raise UsageError(
+            "the result has no energy balance, so that of the whole cannot be told: run both with --energy, or none"
+        )
     now = dict(zip(program.parameters.names, program.defaults, strict=True))
     other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]
     if other:
@@ -84,7 +102,8 @@ def joined(before: Result, after: Result) -> Result:
 
     kept = before.time <= (after.time[0] if len(after.time) else np.inf)
     evaluations: Mapping[str, int] = {
-        n: before.evaluations.get(n, 0) + after.evaluations.get(n, 0) for n in {**before.evaluations, **after.evaluations}
+        n: before.evaluations.get(n, 0) + after.evaluations.get(n, 0)
+        for n in {**before.evaluations, **after.evaluations}
     }
     energies = [r.energy for r in (before, after) if r.energy is not None]
     first = {(w.owner, w.condition, w.place) for w in before.warnings}

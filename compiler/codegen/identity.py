@@ -15,7 +15,8 @@ COMMUTES = frozenset({"add", "multiply", "min", "max", "and", "or", "equal"})
 def identity(lowered: Lowered) -> str:
     """A digest of the rates and of what events do, over the author's names; parameters by their names, not by their values."""
     space, events = lowered.space, lowered.events
-    names = [space.variables[s.variable].name for s in (*space.states, *space.unknowns)]
+    moving = [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
+    names = [space.variables[v].name for v in moving]
     rows = list(zip(names, lowered.rates, strict=True))
     rows += [(f"when {i}", x) for i, x in enumerate((*events.triggers, *events.values, *events.targets))]
     rows += [(f"active {name}", x) for (name, _), x in zip(events.junctions, events.actives, strict=True)]

@@ -90,13 +90,18 @@ def continued(
     mode = events.guess(Moment(first.start, full, mode))
     jumps: tuple[Jump, ...] = ()
     if hybrid.junctions:
-        full, jumps = after_impulse(constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes})
+        full, jumps = after_impulse(
+            constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes}
+        )
     return events, events.happen(Moment(first.start, full, mode)), jumps
 
 
 def unknowns_in(program: Program, begin: Handover, state: Any) -> list[float]:
     """The unknowns of loops as they were, where their names were known; which of several solutions they are is kept so."""
-    return [begin.unknowns.get(n, float(x)) for n, x in zip(program.unknowns.names, state[len(program.states.names) :], strict=True)]
+    return [
+        begin.unknowns.get(n, float(x))
+        for n, x in zip(program.unknowns.names, state[len(program.states.names) :], strict=True)
+    ]
 
 
 def _size(state: Any) -> Any:

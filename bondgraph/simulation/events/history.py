@@ -66,8 +66,8 @@ class History:
         """What is known, of the first steps or of all, for another program or another run."""
         count = len(self.starts) if count is None else count
         last = self.last if count == len(self.starts) else self.pieces[count - 1].sum(axis=0) if count else self.first
-        known = self.starts[:count], self.stops[:count], self.pieces[:count]
-        return Past(self.names, *map(list, known), list(self.cuts), self.first, last)
+        starts, stops, pieces = self.starts[:count], self.stops[:count], self.pieces[:count]
+        return Past(self.names, starts, stops, pieces, list(self.cuts), self.first, last)
 
     # ------------------------------------------------------------ reading
     def at(self, time: float) -> Any:
