@@ -16,18 +16,22 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .builder import Graph
-    from .errors import RunFailed, UsageError
+    from .errors import RunFailed, RunInterrupted, UsageError
     from .model import Model, check, load
-    from .results import Result
+    from .results import Result, read_result
 
-__all__ = ["CompilationFailed", "Graph", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
+__all__ = [
+    "CompilationFailed", "Graph", "Model", "Result", "RunFailed", "RunInterrupted", "UsageError", "check", "load", "read_result",
+]  # fmt: skip
 _HOMES = {
     "load": "model",
     "check": "model",
     "Model": "model",
     "Graph": "builder",
     "Result": "results",
+    "read_result": "results",
     "RunFailed": "errors",
+    "RunInterrupted": "errors",
     "UsageError": "errors",
     "CompilationFailed": "door",
 }

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .results import Result
 
 
 class UsageError(Exception):
@@ -10,7 +13,20 @@ class UsageError(Exception):
 
 
 class RunFailed(Exception):
-    """The text is fine, but the numbers failed; the message says at which time and with which quantity."""
+    """The text is fine, but the numbers failed; the message says at which time and with which quantity.
+
+    `result` is what was computed up to then, if the run had begun.
+    """
+
+    result: Result | None = None
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Somebody pressed Ctrl-C while a run was on its way; `result` is what was computed up to then."""
+
+    def __init__(self, what: str, result: Result) -> None:
+        super().__init__(what)
+        self.result = result
 
 
 class RateNotFinite(RunFailed):

@@ -230,18 +230,24 @@ class Model:
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None, target: str | None = None,
+        outputs: tuple[str, ...] | None = None, target: str | None = None, start: Result | str | Path | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
         `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
         balance. `target`: native (machine code) or numpy; the first that this machine has.
-        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail.
+        `start`: a result of the same model, or its .npz file, to go on from where that ended.
+        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have
+        the `result` up to then.
         """
+        from .results import read_result
         from .simulation.run import simulate
 
-        return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target)
+        before = read_result(start) if isinstance(start, str | Path) else start
+        return simulate(
+            self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target, before
+        )
 
 
 def _override(name: str, value: str | float) -> Override:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .door import Certificate
+    from .ended import End
 
 SCHEMA = "bondgraph-result/1"
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
@@ -121,7 +122,8 @@ class Result:
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
     left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
-    `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. Raises ValueError if the shapes do not fit.
+    `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
+    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -140,6 +142,8 @@ class Result:
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
     events: tuple[Occurrence, ...] = ()
+    stopped: str = ""
+    end: End | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -239,7 +243,7 @@ class Result:
                 stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
 
     def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write the arrays of `to_numpy` for `numpy.load`, and for each a text `unit of NAME`; whole or not at all.
+        """Write the arrays of `to_numpy` for `numpy.load`, for each a text `unit of NAME`, and what `read_result` needs; whole or not at all.
 
         Equal results give equal bytes. Raises OSError.
         """
@@ -247,8 +251,11 @@ class Result:
 
         import numpy as np
 
+        from .ended import arrays_of
+
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
+        arrays |= arrays_of(self)
         # numpy.savez takes names as keywords: an output called `file` would be its own argument; and it stamps the time
         with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
             for name, array in arrays.items():
@@ -268,6 +275,7 @@ class Result:
                          elements: {name: {kind, stored, supplied, dissipated}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
             notes        what became known of the run on its way: sentences
+            stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
         """
@@ -288,6 +296,7 @@ class Result:
         }
         told["warnings"] = [_warning_json(item) for item in self.warnings]
         told["notes"] = list(self.notes)
+        told["stopped"] = self.stopped or None
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:
@@ -336,6 +345,13 @@ def _first(time: NDArray[np.float64]) -> float | None:
 
 def _last(time: NDArray[np.float64]) -> float | None:
     return _finite(time[-1]) if len(time) else None
+
+
+def read_result(path: str | os.PathLike[str]) -> Result:
+    """A result from a file of `to_npz`. Raises OSError, and UsageError if the file is none."""
+    from .ended import read
+
+    return read(os.fspath(path))
 
 
 def _warning_json(item: LimitLeft) -> dict[str, Any]:

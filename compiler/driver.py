@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .causality import CausalGraph, assign_causality
+from .codegen.identity import identity
 from .codegen.lower import Lowered, lower, moving
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
@@ -178,7 +179,7 @@ class Compilation:
         kinds = [(n.name, n.kind.value) for n in self.graph.nodes]
         mechanisms = tuple(name for name, kind in kinds if kind == "multibody")
         storages = tuple(name for name, kind in kinds if kind in ("C", "I"))
-        return Facts(mechanisms, storages, bool(space.claims), shown)
+        return Facts(mechanisms, storages, bool(space.claims), shown, identity(self.lowered))
 
     @cached_property
     def program(self) -> Program:

@@ -74,3 +74,4 @@ class Facts:
     storages: tuple[str, ...]
     claims: bool  # whether the author gave starts to what is computed
     shown: Mapping[str, int]  # outputs that are states or unknowns -> which
+    identity: str = ""  # of the equations: a run goes on only from what was computed with the same

@@ -19,7 +19,7 @@ from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
 from .stuck import MOST_STEPS, not_finite, stuck
-from .trajectory import Tolerances, Trajectory
+from .trajectory import Kept, Tolerances, Trajectory
 from .watch.choice import Choice
 from .watch.validity import Watch
 
@@ -50,14 +50,17 @@ def integrate(
     events: Events | None = None,
     off: tuple[str, ...] = (),
     history: History | None = None,
+    into: Trajectory | None = None,
 ) -> Trajectory:
-    """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
+    """Integrate over the stretches, into a trajectory that an error leaves as far as it came. Raises `RunFailed` with time and variable.
+
+    `watch` looks at each accepted step.
 
     `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
 
     `powers` are integrated along the solution, outside the error control.
     """
-    fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints)
+    fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)
     if events is not None:
         from .events.instants import EventStepper
 
@@ -72,7 +75,12 @@ def integrate(
         x = stepper.run_to_end(stretch, x)
         if stepper.result.handover is not None:
             break
-    return stepper.done(x)
+    return stepper.done(x, stretches[-1].mode)
+
+
+def empty(program: Program, instants: Any) -> Trajectory:
+    """A trajectory in which nothing has been reached yet."""
+    return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
 
 
 class Stepper:
@@ -88,6 +96,7 @@ class Stepper:
         powers: Powers | None,
         watch: Watch,
         constraints: Constraints,
+        into: Trajectory | None = None,
     ) -> None:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
@@ -102,7 +111,7 @@ class Stepper:
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
         self.traffic = 0.0  # the work at all ports so far, whatever its sign
         self.position = 0  # the next instant to be reported
-        self.result = Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
+        self.result = into if into is not None else empty(program, instants)
 
     @cached_property
     def tolerances(self) -> Tolerances:
@@ -122,13 +131,35 @@ class Stepper:
 
         return Watcher(self.constraints, self.loops, self.result.poses)
 
-    def done(self, x: Any) -> Trajectory:
-        """What has been kept, with the state at the end."""
+    def done(self, x: Any, mode: Any) -> Trajectory:
+        """What has been kept, with the state and the mode at the end."""
         if self.result.handover is not None:
             self.result.states = self.result.states[: self.position]
+            self.result.kept = None
         self.result.states[self.position :] = x
+        self.position = len(self.result.states)
         self.result.final = x
+        if self.result.handover is None:
+            self.keep(float(self.instants[-1]), x, mode, float(self.instants[-1]))
         return self.result
+
+    def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
+        """What is sure so far: a step has been accepted, and all that looks at it has done so."""
+        result, history = self.result, self.history
+        result.kept = Kept(
+            time, x, mode, begun, self.position if position is None else position, len(result.pieces), len(result.jumps),
+            self.happened, 0 if history is None else len(history.starts), result.work if work is None else work, self.on,
+        )  # fmt: skip
+
+    @property
+    def happened(self) -> int:
+        """How many events there were."""
+        return 0
+
+    @property
+    def on(self) -> Mapping[tuple[str, int], bool]:
+        """Which events' conditions hold."""
+        return {}
 
     def remember(self, history: History | None) -> None:
         """Keep what delayed signals will be; no step is longer than the shortest delay."""
@@ -155,6 +186,7 @@ class Stepper:
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
             self.result.states[self.position] = x
             self.position += 1
+        self.keep(stretch.start, x, stretch.mode, stretch.start)
         if not len(self.program.states.names):
             return self._without_states(stretch, x)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
@@ -187,42 +219,49 @@ class Stepper:
         relative = self.tolerances.scaled
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
         steps = 0
-        while not solver.finished:
-            self._step(solver, steps, stretch.mode)
-            steps += 1
-            before = self.position
-            stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
-            self._sample(solver, stretch)
-            self.look(solver, stretch, self.instants[before : self.position])
-            if self.powers is not None:
-                start, stop = solver.last_step
-                stop = stop if self.flip is None else self.flip.time
-                self._add_work(start, stop, partial(self._along, solver), stretch)
-            if self.history is not None:
-                start, stop = solver.last_step
-                stop = stop if self.flip is None else self.flip.time
-                self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
-            if self.flip is not None:
-                self.grow(self.flip.state)
-                break
-            if self.history is not None and self.history.next_cut(solver.time, stretch.stop) < stretch.stop:
-                self.reached = solver.time  # a signal will jump that did not when this stretch began
-                break
-            self.grow(solver.state * magnitude)
-            peak = np.maximum(peak, np.abs(solver.state))
-            # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
-            solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
-            if self.choice is not None and not solver.finished:
-                self.result.handover = self.choice.look(solver.time, solver.state * magnitude, stretch.mode)
-                if self.result.handover is not None:
+        try:
+            while not solver.finished:
+                self._step(solver, steps, stretch.mode)
+                steps += 1
+                stretch = self._passed(solver, stretch)
+                if self.flip is not None:
+                    self.grow(self.flip.state)
                     break
-            if self.constraints and not solver.finished:
-                solver = self._past_singular_pose(solver, stretch)
-        self.result.steps += steps
-        self.count(solver.evaluations)
+                state = solver.state * magnitude
+                self.grow(state)
+                if self.history is not None and self.history.next_cut(solver.time, stretch.stop) < stretch.stop:
+                    self.reached = solver.time  # a signal will jump that did not when this stretch began
+                    break
+                peak = np.maximum(peak, np.abs(solver.state))
+                # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
+                solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
+                if self.choice is not None and not solver.finished:
+                    self.result.handover = self.choice.look(solver.time, state, stretch.mode)
+                    if self.result.handover is not None:
+                        break
+                if self.constraints and not solver.finished:
+                    solver = self._past_singular_pose(solver, stretch)
+                self.keep(solver.time, solver.state * magnitude, stretch.mode, stretch.start)
+        finally:
+            self.result.steps += steps
+            self.count(solver.evaluations)
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
+
+    def _passed(self, solver: Radau, stretch: Segment) -> Segment:
+        """All that looks at an accepted step: events, reports, limits, work, delays. The stretch, from the last flip in it on."""
+        before = self.position
+        stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
+        self._sample(solver, stretch)
+        self.look(solver, stretch, self.instants[before : self.position])
+        start, stop = solver.last_step
+        stop = stop if self.flip is None else self.flip.time
+        if self.powers is not None:
+            self._add_work(start, stop, partial(self._along, solver), stretch)
+        if self.history is not None:
+            self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
+        return stretch
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
         """A state on its invariants, with the unknowns that belong to it."""
@@ -307,6 +346,7 @@ class Stepper:
             if inside:
                 self.result.states[self.position] = x
                 self.position += 1
+            self.keep(now, x, stretch.mode, stretch.start)
             before = now
         return x
 

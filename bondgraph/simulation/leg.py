@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..ended import End
 from ..errors import RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
-from .integrate import integrate
+from .integrate import empty, integrate
 from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
 from .start.nominal import Looks, Magnitudes, nominal_magnitudes
@@ -22,7 +23,7 @@ from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from ..door import Plan, Program
+    from ..door import Plan, Program, Scene
     from ..prepared import Prepared
     from .events.events import Events
     from .events.history import History
@@ -69,13 +70,16 @@ class Leg:
         self.held: dict[str, Any] | None = (
             None  # what storages held where the leg before ended, then where this one ends
         )
+        self.scene: Scene = compilation.scene
+        self.whole = False  # whether it came to its end
+        self.used: Any = None  # the magnitudes, if they were asked for
         self.values: Any = None  # of the outputs, shape (points, outputs)
         self.balance: EnergyBalance | None = None
 
     def _history(self, program: Program) -> History | None:
         from .events.history import history_of
 
-        return history_of(program, None if self.begin is None else self.begin.history)
+        return history_of(program, None if self.begin is None else self.begin.past)
 
     def _constraints(self, program: Program) -> Constraints:
         return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
@@ -99,8 +103,9 @@ class Leg:
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:
-            held = [self.begin.stored[n] for n in names]
-            full = np.array([*held, *state[len(names) :]])
+            from .events.begin import unknowns_in
+
+            full = np.array([*(self.begin.stored[n] for n in names), *unknowns_in(program, self.begin, state)])
             if constraints:
                 from .start.assembly import choose_rows
 
@@ -137,7 +142,7 @@ class Leg:
 
     def _tolerances(self) -> Tolerances:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
-        magnitude = self._magnitudes()
+        magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         held = np.full(len(self.state), self.atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
@@ -169,11 +174,18 @@ class Leg:
                 self.constraints, largest,
             )  # fmt: skip
 
+        names = (*self.program.states.names, *self.program.unknowns.names)
         if self.events is not None:
             return self._magnitudes_with_events(found_with)
-        found = found_with(self._choice())
+        if all(n in self.known for n in names):
+            return np.array([self.known[n] for n in names])
+        found = found_with(self._choice(), self._peaks(names))
         self.notes = () if found.note is None else (found.note,)
         return found.values
+
+    def _peaks(self, names: Sequence[str]) -> Any:
+        """The largest that states have been before this leg."""
+        return np.array([0.0 if self.begin is None else self.begin.peaks.get(n, 0.0) for n in names])
 
     def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
         """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
@@ -196,7 +208,7 @@ class Leg:
             )  # fmt: skip
             if self.history is not None and saved is not None:
                 self.history.restore(saved)
-            first = found_with(UntilEvent(events, self._choice()), largest)
+            first = found_with(UntilEvent(events, self._choice()), np.maximum(largest, self._peaks(names)))
             self.notes = () if first.note is None else (first.note,)
             known = dict(zip(names, map(float, first.values), strict=True)) | known
         events.measure(np.array([known[n] for n in names]))
@@ -208,33 +220,78 @@ class Leg:
         return Choice(self.program, self.constants, self.inputs, storages, self.begin)
 
     def go(self) -> None:
-        """Integrate and evaluate the outputs, up to the end or to where other states should go on."""
+        """Integrate and evaluate the outputs, up to the end or to where other states should go on.
+
+        Whatever is raised on the way, `cut` gives what is sure before it.
+        """
         program = self.program
+        self.choice = self._choice()
+        self.trajectory = empty(program, self.instants)
         try:
-            self.trajectory = integrate(
+            integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
-                self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
-                self.constraints, self.events, self.off, self.history,
+                self._powers if self.energy else None, self.watch, self.choice, self.compilation.certificate.linear,
+                self.constraints, self.events, self.off, self.history, self.trajectory,
             )  # fmt: skip
         except RateNotFinite as failed:
             from .watch.finite import cause_of
 
             cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
-        if self.history is not None:
-            self.history.window = (-np.inf, np.inf)
-        if self.constraints:
-            from .closed.singular import told_of
-
-            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
-        self.instants = self.instants[: len(self.trajectory.states)]
+        self._finish()
         self.values = self._outputs()
+        self.whole = True
         if not np.isfinite(self.values).all():
             from .watch.finite import check_finite
 
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def cut(self) -> None:
+        """Keep what is sure: up to the last accepted step, or if only an output is no number, up to there."""
+        kept = self.trajectory.kept
+        if not self.whole:
+            kept = self.trajectory.cut(self.stretches)
+            if kept is not None and self.events is not None:
+                del self.events.log[kept.happened :]
+            self._finish()
+            self.values = np.empty((0, len(self.program.outputs.names)))
+            if kept is not None:
+                self.values = self._outputs()
+        wrong = np.flatnonzero(~np.isfinite(self.values).all(axis=1))
+        if len(wrong):
+            self.instants, self.values = self.instants[: wrong[0]], self.values[: wrong[0]]
+            self.trajectory.kept = None  # where it stands lies beyond what can be shown
+        elif self.energy and kept is not None:
+            self.balance = self._balance()
+
+    def _finish(self) -> None:
+        if self.history is not None:
+            self.history.window = (-np.inf, np.inf)
+        if self.constraints and len(self.trajectory.states):
+            from .closed.singular import told_of
+
+            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
+        self.instants = self.instants[: len(self.trajectory.states)]
+
+    def end(self, until: float) -> End | None:
+        """Where this leg ended, for another run to go on; None if nothing is known of it."""
+        kept, program = self.trajectory.kept, self.program
+        if kept is None:
+            return None
+        stored, peaks = self.choice.stored(kept.time, kept.state, kept.mode)
+        count = len(program.states.names)
+        names = (*program.states.names, *program.unknowns.names)
+        hybrid = program.hybrid
+        modes = {} if hybrid is None else dict(zip(hybrid.modes.names, map(float, kept.mode), strict=False))
+        return End(
+            self.compilation.facts.identity, dict(zip(program.parameters.names, map(float, self.parameters), strict=True)),
+            kept.time, until, stored, peaks, dict(zip(program.unknowns.names, map(float, kept.state[count:]), strict=True)),
+            dict(self.known) if self.used is None else dict(zip(names, map(float, self.used), strict=True)), modes,
+            tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off if hybrid is not None else (), self.scene.preferences,
+            None if self.history is None else self.history.past(kept.remembered),
+        )  # fmt: skip
 
     @property
     def occurrences(self) -> list[Occurrence]:
@@ -248,14 +305,20 @@ class Leg:
     def _outputs(self) -> Any:
         """Shape (points, outputs)."""
         values = np.empty((len(self.instants), len(self.program.outputs.names)))
-        for stretch in self.trajectory.pieces or self.stretches:
+        pieces = self.trajectory.pieces or self.stretches
+        for stretch in pieces:
             chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
             if chosen.any():
                 values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
-        if self.trajectory.handover is not None:
+        if self.trajectory.handover is not None or not len(self.instants):
             return values
-        last = (self.trajectory.pieces or self.stretches)[-1]
-        mode = last.mode if last.start == last.stop else mode_after(self.program, self.constants, last.stop, last)
+        last = pieces[-1]
+        if self.instants[-1] < last.stop:
+            return values
+        if self.instants[-1] < self.stretches[-1].stop:  # cut off at a reported instant
+            mode = last.mode
+        else:
+            mode = last.mode if last.start == last.stop else mode_after(self.program, self.constants, last.stop, last)
         final = self.trajectory.states[-1:]
         self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)

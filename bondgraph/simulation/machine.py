@@ -57,7 +57,11 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
             if stepper.result.handover is not None:
                 break
     except StepFailed as failed:
+        _keep(stepper, solver, stretch)
         raise stepper.failed(solver, failed.what, stretch.mode) from None
+    except BaseException:
+        _keep(stepper, solver, stretch)
+        raise
     stepper.position, stepper.traffic = solver.position, solver.traffic
     if stepper.position > first:
         times, states = (a[first : stepper.position] for a in (stepper.instants, stepper.result.states))
@@ -65,6 +69,24 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
     stepper.result.steps += solver.steps
     stepper.count(solver.evaluations)
     return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
+
+
+def _keep(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:
+    """What is sure where machine code stands. A step that is pending has not been looked at: it does not count."""
+    last = solver.ends - 1 - (1 if solver.pending else 0)
+    if last < 0 or solver.ends == 0:
+        return
+    time, n = float(solver.end_time[last]), solver.n
+    state = solver.end_state[last * n : (last + 1) * n] * stepper.tolerances.magnitude
+    position = max(stepper.position, int(np.searchsorted(stepper.instants, time, "right")))
+    position = min(position, solver.position)
+    work = None if stepper.powers is None else np.array(solver.work)
+    if position > stepper.position:
+        times, states = (a[stepper.position : position] for a in (stepper.instants, stepper.result.states))
+        states[:] = stepper.loops.solve_all(times, states, stretch.mode)
+    stepper.result.steps += solver.steps
+    stepper.count(solver.evaluations)
+    stepper.keep(time, state, stretch.mode, stretch.start, work, position)
 
 
 def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -48,8 +48,8 @@ class EventStepper(Stepper):
                 stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
             x = stepper.run_with_events(stretch, x, not number)
             if stepper.result.handover is not None:
-                return stepper.done(x)
-        return stepper.done(stepper.finish(stretches[-1], x))
+                return stepper.done(x, stepper.mode)
+        return stepper.done(stepper.finish(stretches[-1], x), stepper.mode)
 
     def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
         """One stretch, from event to event; returns the state at its end. `first`: its mode is that of the start."""
@@ -87,7 +87,18 @@ class EventStepper(Stepper):
             return x
         now = self._happen(Moment(stop, x, mode), None)
         self.result.pieces.append(Segment(stop, stop, now.mode))
+        self.mode = now.mode
         return now.state
+
+    @property
+    def happened(self) -> int:
+        """How many events there were."""
+        return len(self.events.log)
+
+    @property
+    def on(self) -> Mapping[tuple[str, int], bool]:
+        """Which events' conditions hold."""
+        return dict(self.events.on)
 
     def _happen(self, at: Moment, flipped: Any) -> Moment:
         events, powers = self.events, self.powers
