@@ -14,7 +14,11 @@ from .errors import UsageError
 if TYPE_CHECKING:
     import networkx
 
-    from .analysis import PortHamiltonian, SymbolicPortHamiltonian
+    from .analysis.equilibrium import Equilibrium
+    from .analysis.linear import Linearization
+    from .analysis.modes import Modes
+    from .analysis.operating_point import Asked, OperatingPoint
+    from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
     from .prepared import Prepared
     from .results import Result
@@ -165,14 +169,14 @@ class Model:
 
         Raises `UsageError` for what has no such form (mechanisms, heat from loss) and where resistors create energy.
         """
-        from .analysis import port_hamiltonian
+        from .analysis.port_hamiltonian import port_hamiltonian
 
         compilation = self.compilation(self.scene(None, settings), everything=True)
         return port_hamiltonian(compilation, state or {}, time)
 
     def symbolic_port_hamiltonian(self) -> SymbolicPortHamiltonian:
         """J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
-        from .analysis import symbolic_port_hamiltonian
+        from .analysis.port_hamiltonian import symbolic_port_hamiltonian
 
         return symbolic_port_hamiltonian(self._with_inputs())
 
@@ -214,6 +218,52 @@ class Model:
             raise UsageError(f"there is no target `{target}`; targets are numpy, c")
         made = self.compilation(door.Scene(self.model, None, free=frozenset({"*"})))
         return made.c_source if target == "c" else made.program.source
+
+    # ------------------------------------------------------------ analyses
+    def operating_point(self, asked: Asked | None = None) -> OperatingPoint:
+        """The model at one state and instant, with the slopes of everything; what the analyses below stand on.
+
+        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
+        """
+        from .analysis.operating_point import Asked, operating_point
+
+        return operating_point(self, asked or Asked())
+
+    def equilibrium(
+        self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        outputs: tuple[str, ...] | None = None, time: float | None = None,
+    ) -> Equilibrium:  # fmt: skip
+        """The state of rest that is reached from the start, inputs held as they are at `time` (s; None: where the experiment begins).
+
+        `experiment`: None none, "" the first; what it sets and where it starts counts. Raises as `operating_point`.
+        """
+        from .analysis.equilibrium import equilibrium
+        from .analysis.operating_point import Asked
+
+        return equilibrium(self.operating_point(Asked(experiment, settings, outputs, time=time)))
+
+    def linearize(
+        self, inputs: tuple[str, ...] | None = None, outputs: tuple[str, ...] | None = None,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+    ) -> Linearization:  # fmt: skip
+        """A, B, C, D by the exact derivatives of the equations, from `inputs` (None: the model's; parameters and signals may be such,
+        too) to `outputs` (None: all), at the equilibrium, the "start", or given states (by name, in SI). Raises as `operating_point`."""
+        from .analysis.linear import linearization
+        from .analysis.operating_point import Asked
+
+        by = self.inputs if inputs is None else tuple(inputs)
+        return linearization(self.operating_point(Asked(experiment, settings, outputs, by, state, time)))
+
+    def modes(
+        self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+    ) -> Modes:  # fmt: skip
+        """Frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
+        from .analysis.modes import modes
+        from .analysis.operating_point import Asked
+
+        return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
 
     # ------------------------------------------------------------ runs
     def scene(
