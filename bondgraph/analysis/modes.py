@@ -29,26 +29,66 @@ SMALL = 1e-9  # of the largest energy: what rounding leaves
 
 
 @dataclass(frozen=True, eq=False)
+class Names:
+    """Of states, outputs and elements that store energy, in the order of a mode's numbers."""
+
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    elements: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Mode:
     """One mode: of a conjugate pair the eigenvalue (1/s) with the positive imaginary part.
 
-    `frequency` = abs(eigenvalue)/2pi and `damped_frequency` = abs(Im)/2pi in Hz, `damping` = -Re/abs (NaN for an eigenvalue of zero).
     `shape` and `outputs`: complex amplitudes of states and outputs in SI, for an energy of 1 J (without energy: a norm of 1).
-    `energy`: the share of each element that stores some, together 1; a spring that pushes on has a negative one.
+    `energy`: the share of each element that stores some, together 1, the largest first; a spring that pushes on has a negative one.
     """
 
     eigenvalue: complex
-    frequency: float
-    damped_frequency: float
-    damping: float
-    shape: Mapping[str, complex]
-    outputs: Mapping[str, complex]
-    energy: Mapping[str, float]
+    names: Names
+    amplitudes: Any  # of the states (n,)
+    seen: Any  # of the outputs (m,)
+    energies: Any  # of the elements (k,)
+
+    @property
+    def frequency(self) -> float:
+        """The natural one, abs(eigenvalue)/2pi in Hz."""
+        return abs(self.eigenvalue) / (2 * math.pi)
+
+    @property
+    def damped_frequency(self) -> float:
+        """abs(Im)/2pi in Hz."""
+        return abs(self.eigenvalue.imag) / (2 * math.pi)
+
+    @property
+    def damping(self) -> float:
+        """-Re/abs; NaN for an eigenvalue of zero."""
+        size = abs(self.eigenvalue)
+        return 0.0 - self.eigenvalue.real / size if size else math.nan
+
+    @property
+    def shape(self) -> dict[str, complex]:
+        """Of the states."""
+        return dict(zip(self.names.states, map(complex, self.amplitudes), strict=True))
+
+    @property
+    def outputs(self) -> dict[str, complex]:
+        """Of the outputs."""
+        return dict(zip(self.names.outputs, map(complex, self.seen), strict=True))
+
+    @property
+    def energy(self) -> dict[str, float]:
+        """Shares; what is nothing but rounding is left out."""
+        size = np.abs(self.energies)
+        order = np.argsort(-size, kind="stable")
+        kept = order[size[order] > SMALL * size.max(initial=0.0)]
+        return {self.names.elements[i]: float(self.energies[i]) for i in kept}
 
     @property
     def where(self) -> str:
         """The element with the largest share of the energy; empty if none has any."""
-        return max(self.energy, key=lambda name: abs(self.energy[name]), default="")
+        return next(iter(self.energy), "")
 
     def to_json(self) -> dict[str, Any]:
         """Part of `bondgraph-modes/1`."""
@@ -100,7 +140,7 @@ def modes(point: OperatingPoint) -> Modes:
     """All modes at a point, slowest first."""
     linear = linearization(point)
     found = spectrum(linear.A)
-    values, shapes = found.values, point.reduced.directions @ found.shapes
+    values, shapes = found.values, point.reduced.whole(found.shapes)
     chosen = np.flatnonzero(values.imag >= 0)
     chosen = chosen[np.lexsort((values[chosen].real, np.abs(values[chosen])))]
     values, shapes = values[chosen], shapes[:, chosen]
@@ -113,30 +153,13 @@ def modes(point: OperatingPoint) -> Modes:
     shapes = shapes * _turned(shapes)
     amplitudes = linear.C @ shapes[point.reduced.chosen]
     states = point.program.states.names
-    units = {n: linear.units[n] for n in (*states, *linear.outputs)}
-    made = [
-        _mode(
-            complex(value), dict(zip(states, map(complex, shapes[:, i]), strict=True)),
-            dict(zip(linear.outputs, map(complex, amplitudes[:, i]), strict=True)), _shares(names, energies[:, i] / size[i]),
-        )
-        for i, value in enumerate(values)
-    ]  # fmt: skip
-    return Modes(linear.model, linear.experiment, point.time, tuple(made), units)
-
-
-def _mode(
-    value: complex, shape: Mapping[str, complex], outputs: Mapping[str, complex], energy: Mapping[str, float]
-) -> Mode:
-    size = abs(value)
-    damping = 0.0 - value.real / size if size else math.nan
-    return Mode(value, size / (2 * math.pi), abs(value.imag) / (2 * math.pi), damping, shape, outputs, energy)
-
-
-def _shares(names: Sequence[str], energies: Any) -> dict[str, float]:
-    """The largest first; what is nothing but rounding is left out."""
-    order = np.argsort(-np.abs(energies), kind="stable")
-    least = SMALL * np.abs(energies).max(initial=0.0)
-    return {names[i]: float(energies[i]) for i in order if abs(energies[i]) > least}
+    units = dict(zip(states, point.program.states.units, strict=True)) | {n: linear.units[n] for n in linear.outputs}
+    told = Names(states, linear.outputs, tuple(names))
+    shares = energies / size
+    made = tuple(
+        Mode(complex(v), told, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
+    )  # fmt: skip
+    return Modes(linear.model, linear.experiment, point.time, made, units)
 
 
 def _turned(shapes: Any) -> Any:
@@ -153,9 +176,8 @@ def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[l
     space = point.compilation.state_space
     ports = [p for p in space.ports if p.kind in ("C", "I", "IC")]
     full = _with_unknowns(point, shapes)
-    columns = slice(0, point.all)
-    efforts = point.slopes([p.effort for p in ports])[:, columns] @ full
-    flows = point.slopes([p.flow for p in ports])[:, columns] @ full
+    efforts = point.sparse_slopes([p.effort for p in ports])[:, : point.all] @ full
+    flows = point.sparse_slopes([p.flow for p in ports])[:, : point.all] @ full
     moving = np.abs(values) > STILL * np.abs(values).max(initial=0.0)
     rate = np.where(moving, values, 1.0)
     found: dict[str, Any] = {}
@@ -181,6 +203,8 @@ def _is_displacement(point: OperatingPoint, port: Any) -> bool:
 
 def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:
     """Amplitudes of states and unknowns."""
+    if point.all == point.count:
+        return shapes
     return np.concatenate([shapes, point.reduced.unknowns[:, : point.count] @ shapes])
 
 

@@ -94,25 +94,26 @@ class OperatingPoint:
 
     # ------------------------------------------------------------ slopes
     def slopes(self, variables: Sequence[int]) -> Any:
-        """Of variables by states, unknowns and `by`, (len(variables), n + m + k). Raises `RunFailed`."""
+        """Of variables by states, unknowns and `by`, (len(variables), n + m + k), dense. Raises `RunFailed`."""
+        return self.sparse_slopes(variables).toarray()
+
+    def sparse_slopes(self, variables: Sequence[int]) -> Any:
+        """The same, sparse by rows."""
+        from scipy.sparse import csr_array
+
         rows = [self.lowered.slopes.get(v, {}) for v in variables]
-        values = iter(Tape([x for row in rows for x in row.values()]).values(self.lookup))
-        result = np.zeros((len(rows), self.all + len(self.by)))
+        values = np.array(Tape([x for row in rows for x in row.values()]).values(self.lookup), dtype=float)
+        numbers = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            name = self.compilation.state_space.variables[variables[numbers[bad[0]]]].name
+            raise RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
         columns = [*range(self.all), *(self.all + self.by.index(self._name(v)) for v in self.lowered.by)]
-        for i, row in enumerate(rows):
-            for column in row:
-                result[i, columns[column]] = next(values)
-        self._check(result, variables)
-        return result
+        places = np.array([columns[c] for row in rows for c in row], dtype=int)
+        return csr_array((values, (numbers, places)), shape=(len(rows), self.all + len(self.by)))
 
     def _name(self, variable: int) -> str:
         return next(n for n in self.by if self.compilation.state_space.quantities.get(n) == variable)
-
-    def _check(self, slopes: Any, variables: Sequence[int]) -> None:
-        bad = np.flatnonzero(~np.isfinite(slopes).all(axis=1))
-        if len(bad):
-            name = self.compilation.state_space.variables[variables[bad[0]]].name
-            raise RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -135,11 +136,23 @@ class Reduced:
     following: Any
     unknowns: Any
 
+    @property
+    def tied(self) -> bool:
+        """Whether some coordinates follow others."""
+        return len(self.chosen) < len(self.directions)
+
+    def whole(self, amplitudes: Any) -> Any:
+        """All states from the free coordinates."""
+        return self.directions @ amplitudes if self.tied else amplitudes
+
     def through(self, slopes: Any) -> tuple[Any, Any]:
         """From columns of states, unknowns and `by` to columns of free coordinates, and of `by`."""
         n, (m, width) = len(self.directions), self.unknowns.shape
-        whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1) + slopes[:, n : n + m] @ self.unknowns
+        whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
+        whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
         states = whole[:, :n]
+        if not self.tied:
+            return states, whole[:, n:width]
         return states @ self.directions, states @ self.following + whole[:, n:width]
 
 

@@ -23,7 +23,9 @@ LARGEST = 1e100  # what has gone so far has no rest
 SINGULAR = 1e-12  # of the largest singular value
 CLOSE = 1e-9  # of the magnitude of a state: the last correction
 ROUNDING = 1e-12  # of the terms in a rate: less of it is what rounding leaves where they cancel
-FIRST = 0.1  # of the time in which the first rates make a magnitude: where nothing brings back, eigenvalues tell no time
+FIRST = (
+    0.1  # of the time in which the first rates make a magnitude: where nothing brings back, eigenvalues tell no time
+)
 
 
 def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
