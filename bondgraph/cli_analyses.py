@@ -1,4 +1,4 @@
-"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes`."""
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .cli import _file, _load, _model, _outputs, _setting, _told, commands
+from .cli import _check_target, _file, _load, _model, _outputs, _setting, _told, commands
 
 _experiment = click.option(
     "-e", "--experiment", default="none", metavar="NAME", help="With what this experiment sets and starts; none if left out."
@@ -101,3 +101,45 @@ def modes(
     with _told():
         found = _load(file, model).modes(_named(experiment), dict(map(_setting, settings)), state, _seconds(time))
         _echo(found, as_json)
+
+
+@commands.command()
+@_file
+@_inputs
+@_outputs
+@click.option(
+    "--over", metavar='"LOW .. HIGH"', help="Frequencies, as `100 Hz .. 10 kHz`; a decade around the modes if left out."
+)
+@click.option("--points", default=400, metavar="N", help="How many frequencies, besides those of resonances (400).")
+@_state
+@_experiment
+@_settings
+@_time
+@click.option("--plot", metavar="B.png", help="Draw magnitude and phase (.png, .svg or .pdf).")
+@_json
+@_model
+def bode(
+    file: str, inputs: Sequence[str], outputs: Sequence[str], over: str | None, points: int, state: str, experiment: str,
+    settings: Sequence[str], time: str | None, plot: str | None, as_json: bool, model: str | None,
+) -> None:  # fmt: skip
+    """Print the frequency response of the linear model at rest or at the start."""
+    with _told():
+        if plot is not None:
+            _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        low, high = (None, None) if over is None else _range(over)
+        found = _load(file, model).response(
+            tuple(inputs) or None, tuple(outputs) or None, low, high, points, _named(experiment),
+            dict(map(_setting, settings)), state, _seconds(time),
+        )  # fmt: skip
+        if plot is not None:
+            found.plot(plot)
+        _echo(found, as_json)
+
+
+def _range(text: str) -> tuple[float, float]:
+    from .quantities import quantity
+
+    low, dots, high = text.partition("..")
+    if not dots:
+        raise click.UsageError(f"--over takes a range, as in `100 Hz .. 10 kHz`; this is `{text}`")
+    return quantity(low, "Hz", "--over"), quantity(high, "Hz", "--over")

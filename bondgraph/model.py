@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
+    from .analysis.response import Measured, Response
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
     from .prepared import Prepared
     from .results import Result
@@ -265,6 +266,27 @@ class Model:
 
         return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
 
+    def response(
+        self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,
+        low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+    ) -> Response:  # fmt: skip
+        """The frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes)."""
+        from .analysis.response import response
+
+        linear = self.linearize(_names(inputs), _names(outputs), experiment, settings, state, time)
+        return response(linear, low, high, points)
+
+    def excite(
+        self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, rtol: float = 1e-9,
+    ) -> Measured:  # fmt: skip
+        """One point of a frequency response as an experimenter finds it: `given` moves harmonically about its value, by `amplitude` in
+        SI, until all transients are gone, and `seen` is taken apart into harmonics. Raises as `simulate`, and `UsageError` if it never settles."""
+        from .analysis.excitation import excite
+
+        return excite(self, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
+
     # ------------------------------------------------------------ runs
     def scene(
         self,
@@ -292,6 +314,11 @@ class Model:
         from .simulation.run import simulate
 
         return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target)
+
+
+def _names(names: tuple[str, ...] | str | None) -> tuple[str, ...] | None:
+    """One name, or several."""
+    return (names,) if isinstance(names, str) else names
 
 
 def _override(name: str, value: str | float) -> Override:

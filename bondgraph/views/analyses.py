@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .tables import aligned, short, visible
@@ -11,9 +11,11 @@ if TYPE_CHECKING:
     from ..analysis.equilibrium import Equilibrium
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
+    from ..analysis.response import Response
 
 WIDEST = 12  # columns of a matrix that are shown
 LONGEST = 60  # rows
+PEAKS = 5  # of a response
 SHARES = 3  # elements of a mode that are named
 
 
@@ -80,6 +82,22 @@ def _unit(unit: str) -> str:
     return "" if unit == "1" else visible(unit)
 
 
-def lines(parts: Iterable[str]) -> str:
-    """Paragraphs."""
-    return "\n\n".join(parts)
+def response_text(found: Response) -> str:
+    """For each way from an input to an output: at the ends, and the peaks in between."""
+    size, phase = found.magnitude, found.phase
+    rows = [("from", "to", "frequency", "magnitude", "phase", "")]
+    for j, given in enumerate(found.inputs):
+        for i, seen in enumerate(found.outputs):
+            column, unit = size[:, i, j], found.unit(given, seen)
+            last = len(column) - 1
+            peaks = [k for k in range(1, last) if column[k - 1] < column[k] >= column[k + 1]]
+            chosen = sorted(sorted(peaks, key=lambda k: -column[k])[:PEAKS])
+            for k in (0, *chosen, last):
+                note = "peak" if k in chosen else ""
+                numbers = (
+                    f"{found.frequencies[k]:.6g} Hz",
+                    f"{column[k]:.6g} {_unit(unit)}".rstrip(),
+                    f"{phase[k, i, j]:.4g} deg",
+                )
+                rows.append((short(given, 24), short(seen, 24), *numbers, note))
+    return f"{title(found.model, found.experiment, 'frequency response')}\n\n{aligned(rows, '<<>>><')}"
