@@ -33,7 +33,7 @@ def _figure(found: Response) -> Any:
     phase = found.phase
     for i, seen in enumerate(shown):
         above, below = panels[2 * i], panels[2 * i + 1]
-        for j, given in enumerate(found.inputs):
+        for j in range(len(found.inputs)):
             look = {"color": COLOURS[j % len(COLOURS)], "linestyle": DASHES[j % len(DASHES)], "linewidth": 1.4}
             above.loglog(found.frequencies, found.magnitude[:, i, j], **look)
             below.semilogx(found.frequencies, phase[:, i, j], **look)
