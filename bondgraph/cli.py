@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|certificate|run|explain|causality|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|certificate|run|explain|causality|show|equations|compile|fmt|new`; analyses in `cli_analyses.py`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -383,3 +383,8 @@ def new(file: str) -> None:
             raise click.UsageError(f"`{file}` exists already; choose another name")
         write_text(path, starter_text(path.stem))
         click.echo(f"wrote {_harmless(file)}; try: bondgraph run {_harmless(file)}")
+
+
+from . import cli_analyses  # noqa: E402  (its commands join those above)
+
+__all__ = ["cli_analyses", "commands", "main"]

@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
-    from compiler.algebra.derivative import derivative
+    from compiler.algebra.derivative import NoSlope, derivative
     from compiler.algebra.expression import Apply, Expression, Symbol, depends_on, evaluate, symbols
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
     from compiler.codegen.cost import Cost, cost
+    from compiler.codegen.limits import Leaf
     from compiler.codegen.llvm.described import Described, bind
+    from compiler.codegen.lower import Lowered
     from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
+    from compiler.codegen.tape import Tape
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
@@ -69,14 +72,16 @@ _HOMES = {
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
+    "Leaf": "codegen.limits", "Lowered": "codegen.lower", "NoSlope": "algebra.derivative", "Tape": "codegen.tape",
 }  # fmt: skip
 
 __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",
-    "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
+    "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "NoSlope", "Override",
+    "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol",
+    "Tape", "Unknown", "Unsupported",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
     "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",

@@ -156,8 +156,10 @@ class Compilation:
 
     @cached_property
     def lowered(self) -> Lowered:
+        space = self.state_space
+        known = [space.quantities[name] for name in self.scene.by if name in space.quantities]
         with self._instances():
-            return lower(self.state_space)
+            return lower(space, by=tuple(dict.fromkeys(known)))
 
     @cached_property
     def certificate(self) -> Certificate:

@@ -39,6 +39,9 @@ class Scene:
     preferences: tuple[
         tuple[str, str], ...
     ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
+    by: tuple[
+        str, ...
+    ] = ()  # quantities by which everything is differentiated as well; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
 
 
