@@ -1,7 +1,8 @@
 """Loops that have strokes but no solution at the values of this run: a gain of exactly 1, storages that sum to nothing.
 
 What this scene fixes has its value, what a run may change takes several at random: only a loop that is singular at all of them
-is refused. Each number is carried with the size of what it was summed from, so that what cancels is told from what is small.
+is refused. Each number is carried with what rounding may have done to it (a running error analysis, Wilkinson 1986), so that what
+cancels is told from what is small.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ DECADES = (-6.0, 3.0)
 
 
 class Sized(NamedTuple):
-    """A value, and the size of the terms that it was summed from."""
+    """A value, and a measure of its rounding errors, in units of the last place of 1: the size of the terms of a sum."""
 
     value: float
     size: float
@@ -150,21 +151,34 @@ def _sized(x: Expression, known: Sequence[Sized]) -> Sized:
         return Sized(value, abs(value))
     parts = [_sized(o, known) for o in x.operands]
     value = value_of(x.operator, [p.value for p in parts])
-    return Sized(value, _SIZES[x.operator](parts) if x.operator in _SIZES else abs(value))
+    return Sized(value, _SIZES.get(x.operator, _size_of_value)(parts, value))
 
 
-def _product(parts: list[Sized]) -> float:
-    size = 1.0
-    for part in parts:
-        size *= part.size
-    return size
+def _size_of_sum(parts: list[Sized], value: float) -> float:
+    return sum(p.size for p in parts)
 
 
-_SIZES: Mapping[str, Callable[[list[Sized]], float]] = {
-    "add": lambda parts: sum(p.size for p in parts),
-    "multiply": _product,
-    "divide": lambda parts: parts[0].size * parts[1].size / parts[1].value ** 2,
-}
+def _size_of_product(parts: list[Sized], value: float) -> float:
+    """Relative errors add up; a factor of zero leaves its error times the others."""
+    total = abs(value)
+    for i, part in enumerate(parts):
+        total += part.size * math.prod(abs(p.value) for j, p in enumerate(parts) if j != i)
+    return total
+
+
+def _size_of_quotient(parts: list[Sized], value: float) -> float:
+    above, below = parts
+    return abs(value) + (above.size + abs(value) * below.size) / abs(below.value)
+
+
+def _size_of_value(parts: list[Sized], value: float) -> float:
+    """Of a function that is nowhere steep."""
+    return abs(value) * (1 + sum(p.size / abs(p.value) for p in parts if p.value))
+
+
+_SIZES: Mapping[str, Callable[[list[Sized], float], float]] = {
+    "add": _size_of_sum, "multiply": _size_of_product, "divide": _size_of_quotient,
+}  # fmt: skip
 
 
 def _is_singular(rows: list[list[Sized]]) -> bool:
@@ -180,17 +194,18 @@ def _is_singular(rows: list[list[Sized]]) -> bool:
         for row in rows:
             if row is best:
                 continue
-            factor = row[column].value / pivot.value
-            size = row[column].size * pivot.size / pivot.value**2
-            rest.append(
-                [
-                    Sized(x.value - factor * y.value, x.size + size * y.size)
-                    for j, (x, y) in enumerate(zip(row, best, strict=True))
-                    if j != column
-                ]
-            )
+            value = row[column].value / pivot.value
+            factor = Sized(-value, _size_of_quotient([row[column], pivot], value))
+            pairs = [pair for j, pair in enumerate(zip(row, best, strict=True)) if j != column]
+            rest.append([_less(x, factor, y) for x, y in pairs])
         rows = rest
     return False
+
+
+def _less(x: Sized, factor: Sized, y: Sized) -> Sized:
+    """x + factor*y."""
+    product = factor.value * y.value
+    return Sized(x.value + product, x.size + _size_of_product([factor, y], product))
 
 
 def _pivot_of(row: list[Sized]) -> float:
