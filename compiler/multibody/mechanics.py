@@ -30,7 +30,8 @@ def mechanism_equations(
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
-    tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting)
+    read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
+    tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting, read)
     return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
 
 

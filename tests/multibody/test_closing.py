@@ -58,6 +58,8 @@ IN_SPACE = {
     "cylinder": f"cylinder j : a to b {{ at = (1 m, 0, 0.1 m), along = {AXIS} }}",
     "ball": "ball j : a to b { at = (1 m, 0, 0.1 m) }",
     "universal": f"universal j : a to b {{ at = (1 m, 0, 0.1 m), about = {AXIS}, then = (1, 0, -0.6) }}",
+    "screw": f"screw j : a to b {{ at = (1 m, 0, 0.1 m), along = {AXIS}, lead = 60 mm }}",
+    "weld": "weld j : a to b",
     "planar": "planar j : a to b { at = (1 m, 0, 0.1 m), turn = (0.3, 0.4, 0) }",
     "rod": "rod j : p to q",
 }
@@ -80,7 +82,10 @@ CASES = {
     **{f"{kind} in the plane": PLANE % text for kind, text in IN_PLANE.items()},
     **{f"{kind} in space": SPACE % f"{TWO}\n    {text}" for kind, text in IN_SPACE.items()},
 }
-LOST = {"hinge": 5, "slide": 5, "cylinder": 4, "ball": 3, "universal": 4, "planar": 3, "rod": 1}
+CASES["weld in the plane"] = PLANE % ("hinge two : ground to b { at = (2 m, 0) }", "weld j : a to b")
+for name in ("weld in the plane", "weld in space"):  # a weld that is asked for its reaction is a joint of its own
+    CASES[name] = CASES[name].replace("output x", "output r = m.j.reaction.x, x")
+LOST = {"weld": 6, "screw": 5, "hinge": 5, "slide": 5, "cylinder": 4, "ball": 3, "universal": 4, "planar": 3, "rod": 1}
 
 
 class Anywhere:
@@ -168,7 +173,7 @@ model Crank {
     frame end : rod { at = (r + l, 0) }
   }
   output phi = m.crank.phi, w = m.crank.phi.omega, x = m.piston.x, open_x = m.end.x - m.piston.x, open_y = m.end.y
-  output slip_x = m.end.x.v - m.piston.x.v, slip_y = m.end.y.v, fx = m.wrist.reaction.x, fy = m.wrist.reaction.y, ay = m.wrist.phi
+  output slip_x = m.end.x.v - m.piston.x.v, slip_y = m.end.y.v, fx = m.wrist.reaction.x, fy = m.wrist.reaction.y
 }
 """
 

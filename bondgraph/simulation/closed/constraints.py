@@ -101,6 +101,16 @@ class Constraints:
         whole[self.rows, self.columns] = entries * self.reach[self.columns]
         return whole[: self.gaps][:, self.positions], whole[self.gaps :][:, self.speeds]
 
+    def length(self, time: float, state: Any, mode: Any) -> float:
+        """That of the mechanism, m: the longest arm with which an angle opens a gap; 0 if there is none."""
+        entries = np.asarray(self.program.invariant_slopes(time, state, self.inputs, self.constants, mode))
+        arms = [
+            abs(entry)
+            for entry, row, column in zip(entries, self.rows, self.columns, strict=True)
+            if row < self.gaps and self.lengths[row] and self.program.states.units[column] == "1"
+        ]
+        return float(max(arms, default=0.0))
+
     def sizes(self, slopes: Any) -> Any:
         """How large a gap of each row can be: rows of one unit share the largest, as one that loses its slopes is still a length."""
         norms = np.linalg.norm(slopes, axis=1)
