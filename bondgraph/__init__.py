@@ -16,16 +16,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .builder import Graph
+    from .ensembles import Ensemble
     from .errors import RunFailed, UsageError
     from .model import Model, check, load
     from .results import Result
 
-__all__ = ["CompilationFailed", "Graph", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
+__all__ = ["CompilationFailed", "Ensemble", "Graph", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
 _HOMES = {
     "load": "model",
     "check": "model",
     "Model": "model",
     "Graph": "builder",
+    "Ensemble": "ensembles",
     "Result": "results",
     "RunFailed": "errors",
     "UsageError": "errors",

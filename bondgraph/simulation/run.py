@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
+from .settings import Settings, refused_with_values, settle, with_zeros
 from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
@@ -24,31 +25,77 @@ if TYPE_CHECKING:
     from .events.impulse import Jump
 
 DEFAULT_RTOL = 1e-6
+RTOL = 1e-13, 0.1
 DEFAULT_POINTS = 501
 MOST_CHOICES = 1000  # of states in one run
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """How runs are to be made; what is not None overrides the experiment."""
+
+    to: str | float | None = None
+    points: int | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    energy: bool = False
+    target: str | None = None
+
+
+def check_wanted(wanted: Wanted) -> None:
+    """Raises `UsageError` for what no run can be made with."""
+    chosen_target(wanted.target)
+    if isinstance(wanted.to, str):
+        seconds(wanted.to)
+    if wanted.rtol is not None:
+        _checked("rtol", wanted.rtol, *RTOL)
+    if wanted.points is not None:
+        _count(wanted.points)
+
+
 def simulate(
-    model: Model,
-    scene: Scene,
-    to: str | float | None,
-    points: int | None,
-    rtol: float | None,
-    atol: float | None,
-    energy: bool,
-    target: str | None = None,
+    model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: Wanted
 ) -> Result:
-    """Run a scene of a model; arguments that are not None override the experiment."""
+    """Run a model with some settings."""
+    target = chosen_target(wanted.target)
+    wanted = replace(wanted, target=target)
+    settled = settle(model, experiment, settings, outputs, wanted.energy, target)
+    try:
+        return run(model, settled.scene, settled.values, wanted)
+    except RunFailed:
+        scene = with_zeros(model, experiment, settings, outputs)
+        found = None if scene is None else _with_zeros(model, scene, wanted)
+        if found is not None:
+            return found
+        if settled.values:
+            refused_with_values(model, experiment, settings, outputs)
+        raise
+
+
+def _with_zeros(model: Model, scene: Scene, wanted: Wanted) -> Result | None:
+    """The run in which zeros are as good as written in the text; None if that fails as well."""
+    from ..door import CompilationFailed
+
+    try:
+        found = run(model, scene, {}, wanted)
+    except (CompilationFailed, RunFailed):
+        return None
+    names = ", ".join(f"`{n} = 0`" for n in sorted(scene.fixed))
+    note = f"{names}: the equations are others than with values that are not zero, and were made for this run"
+    return replace(found, notes=(*found.notes, note))
+
+
+def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted) -> Result:
+    """Run a scene of a model; `values` are set when it begins."""
     began = clock.perf_counter()
-    made = partial(model.prepared, target=chosen_target(target))
+    to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy
+    made = partial(model.prepared, target=chosen_target(wanted.target))
     prepared = made(scene, energy)
     plan = prepared.plan
     _check_supported(plan)
     stop = _stop(plan, to)
-    rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
-    count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
-    if count < 2 or count > 10_000_000:
-        raise UsageError("--points is a whole number from 2 to 10 000 000")
+    rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
+    count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
     instants = left = np.linspace(plan.start, stop, count)
@@ -59,7 +106,7 @@ def simulate(
         begin: Handover | None = None
         while not legs or begin is not None:
             chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
-            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin)
+            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin, values)
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
                 scene = replace(scene, off=leg.begins_without)
@@ -188,6 +235,12 @@ def seconds(text: str) -> float:
     except CompilationFailed:
         pass  # no expression, or no unit: the same answer as for a number of anything but seconds
     raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
+
+
+def _count(points: int) -> int:
+    if points < 2 or points > 10_000_000:
+        raise UsageError("--points is a whole number from 2 to 10 000 000")
+    return points
 
 
 def _checked(name: str, value: float, low: float, high: float) -> float:

@@ -29,6 +29,7 @@ from ..algebra.expression import (
 )
 from ..algebra.formula import Formula
 from ..equations.system import Assignment
+from ..errors import ValuesNeeded
 from ..reduction import LinearLoop, StateSpace
 from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME, dependence_of
@@ -101,10 +102,12 @@ class Lowered:
 
     def parameter_values(self, leaf: Leaf) -> float:
         """The value that a parameter has if nobody changes it. Raises `ValueError` for what is no parameter."""
-        value = self.space.variables[self.parameters[leaf.position]].value if leaf.role == "parameter" else None
-        if value is None:
+        if leaf.role != "parameter":
             raise ValueError(leaf.role)
-        return value
+        variable = self.space.variables[self.parameters[leaf.position]]
+        if variable.value is None:
+            raise ValuesNeeded([variable.name])
+        return variable.value
 
     _bits: dict[Expression, int] = field(default_factory=dict)
 

@@ -3,7 +3,7 @@
 from ..certificate import Certificate, Loop
 from .certificate import certify
 from .reduce import reduce_equations
-from .singular import refuse_singular_loops
+from .singular import behind_loops, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, Unknown
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Loop",
     "StateSpace",
     "Unknown",
+    "behind_loops",
     "certify",
     "reduce_equations",
     "refuse_singular_loops",

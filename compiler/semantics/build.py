@@ -46,6 +46,7 @@ class Built:
     graph: BondGraph
     plan: Plan
     files: tuple[Source, ...] = ()  # that were read besides the text itself
+    positive: tuple[tuple[str, Bound], ...] = ()  # what is never negative, but only a run can tell
 
 
 def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -> Built:
@@ -208,6 +209,7 @@ class _Opened:
         delays = elaborator.delays()
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)
+        elaborator.need_no_values()
         graph = BondGraph(
             self.definition.name,
             tuple(starts.nodes(nodes.nodes)),
@@ -225,7 +227,7 @@ class _Opened:
         )
         if not elaborator.part and not elaborator.structure_broken:
             elaborator.diagnostics += unconnected(graph)
-        return Built(graph, plan)
+        return Built(graph, plan, positive=tuple(elaborator.positive))
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:

@@ -148,9 +148,12 @@ class QuantityResolver(Resolver):
         override = self.overrides.get(pending.name)
         value, scope, is_default = pending.value, pending.scope, pending.is_default
         number: float | None = None
+        later = False
         if override is not None and pending.role in ("parameter", "input"):
             self.used_overrides.add(pending.name)
-            if isinstance(override.value, float):
+            if override.value is None:
+                later = True
+            elif isinstance(override.value, float):
                 number = override.value
             else:
                 value, scope, is_default = override.value, self.root, False
@@ -159,12 +162,14 @@ class QuantityResolver(Resolver):
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
         declared = None if unit is None else unit.dimension
         if (
-            declared is None and (not is_default or number is not None) and item.value is not None
+            declared is None and (not is_default or number is not None or later) and item.value is not None
         ):  # the default tells the dimension
             found = self._dimension(self.template(item.value, pending.owner, unit).value)
             declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
         if number is not None:
             return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
+        if later:
+            return self._enter_later(pending, "", declared, item.span)
         if value is None:
             if not self.part:
                 role = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}.get(
@@ -346,6 +351,8 @@ class QuantityResolver(Resolver):
         if suffix and name in self.overrides and role == "parameter":
             self.used_overrides.add(name)
             override = self.overrides[name].value
+            if override is None:
+                return self._enter_later(pending, suffix, dimension, span)
             if isinstance(override, float):
                 bound = Bound(_constant(override), ())
             else:
@@ -362,13 +369,22 @@ class QuantityResolver(Resolver):
                         )
                     )
                 bound = self.bind(template, template.formulas[0], self.root)
-        value = self.value_of(bound, span) if role in ("parameter", "constant") else None
+        value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
         if role == "constant" and value is not None and _reads_nothing(bound):
             return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
         self.quantities[name] = Named(
             name, role, str(dimension or ONE), bound, value, pending.item.span, pending.item.description or ""
         )
         return Scalar(Quantity(name), dimension, role, name)
+
+    def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
+        """A number that only a run knows: an argument of the program, whether it was a parameter or an input."""
+        name = pending.name + suffix
+        if name in self.overrides:
+            self.used_overrides.add(name)
+        description = pending.item.description or ""
+        self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
+        return Scalar(Quantity(name), dimension, pending.role, name)
 
 
 def _constant(value: float) -> Formula:
