@@ -196,6 +196,9 @@ def run(
         write = _writer(out)
         if plot is not None:
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        from . import native
+
+        native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen = _load(file, model)
         result = chosen.simulate(
             None if experiment == "none" else experiment,
