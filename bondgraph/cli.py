@@ -201,6 +201,9 @@ def run(
             _check_target(out, (".csv", ".npz"), "--out")
         if plot is not None:
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        from . import native
+
+        native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen = _load(file, model)
         named = None if experiment == "none" else experiment
         given = dict(map(_setting, settings))

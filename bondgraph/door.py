@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
-    from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
+    from compiler.errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.mechanism import Mechanism, freedoms_of
     from compiler.graph.network import Element, Junction, Kind, MechanismNode
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from compiler.source import Source, Span, read_text
     from compiler.syntax import parse_expression, parse_law
     from compiler.syntax.format import format_text
-    from compiler.syntax.tree import Literal, Path
+    from compiler.syntax.tree import Literal, Negative, Path
     from compiler.writing import write_text
     from compiler.writing.literals import bond_lines, braces, number_text
 
@@ -59,13 +59,13 @@ _HOMES = {
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
     "EventNote": "codegen.program", "Hybrid": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
-    "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
+    "InternalError": "errors", "ValuesNeeded": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "read_text": "source",
     "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
-    "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
+    "Negative": "syntax.tree", "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
     "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
@@ -79,9 +79,9 @@ __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "NoSlope", "Override",
-    "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol",
-    "Tape", "Unknown", "Unsupported",
+    "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope",
+    "Override", "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
+    "Symbol", "Tape", "Unknown", "Unsupported", "ValuesNeeded",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
     "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",

@@ -36,6 +36,9 @@ class RateNotFinite(RunFailed):
         super().__init__(what)
         self.time, self.state = time, state
 
+    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[str, float, Any]]:
+        return type(self), (str(self), self.time, self.state)  # as it goes from one process to another
+
 
 class MissingPackage(ImportError):
     """An optional package is not installed; the message says how to get it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,8 @@ from . import door
 from .errors import UsageError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import networkx
 
     from .analysis.equilibrium import Equilibrium
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from .ensembles import Ensemble
     from .prepared import Prepared
     from .results import Result
 
@@ -314,12 +317,29 @@ class Model:
         the `result` up to then.
         """
         from .results import read_result
-        from .simulation.run import simulate
+        from .simulation.run import Wanted, simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
-        return simulate(
-            self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target, before
-        )
+        wanted = Wanted(to, points, rtol, atol, energy, target)
+        return simulate(self, experiment, settings or {}, outputs, wanted, before)
+
+    def simulate_many(
+        self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,
+        points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
+        outputs: tuple[str, ...] | None = None, target: str | None = None, workers: int | None = None,
+        executor: Executor | None = None, progress: Callable[[int, int], None] | None = None,
+    ) -> Ensemble:  # fmt: skip
+        """Run an experiment once for each of several settings; all else as in `simulate`, and so is each result, to the last bit.
+
+        The model is compiled once. What goes wrong in a run is kept with it; the others go on. `workers`: how many at once (default: as many
+        as there are cores), or an `executor` of your own, of the interface of `concurrent.futures`. `progress` is told how many are done, and of how
+        many. Raises `UsageError` for what no run can be made with.
+        """
+        from .simulation.many import simulate_many
+        from .simulation.run import Wanted
+
+        wanted = Wanted(to, points, rtol, atol, energy, target)
+        return simulate_many(self, experiment, settings, outputs, wanted, workers, executor, progress)
 
 
 def _names(names: tuple[str, ...] | str | None) -> tuple[str, ...] | None:

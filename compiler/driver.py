@@ -23,6 +23,7 @@ from .memory import uncollected
 from .reduction import (
     Certificate,
     StateSpace,
+    behind_loops,
     certify,
     reduce_equations,
     refuse_idle_coordinates,
@@ -33,6 +34,7 @@ from .reduction.errors import DerivativeWithoutEnd
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
+from .semantics.later import over_arguments
 from .source import Source, Span
 from .syntax import SyntaxTree, parse, parse_what_can_be_read
 
@@ -80,8 +82,13 @@ class Compilation:
     @cached_property
     def zeros(self) -> frozenset[str]:
         """Quantities that are zero whatever this run does."""
-        overridden = {o.path for o in self.scene.overrides if o.role == "set"}
+        overridden = {o.path for o in self.scene.overrides if o.role == "set"} - self.scene.fixed
         return known_zeros(self.whole_graph, self.scene.free | overridden)
+
+    @property
+    def later(self) -> frozenset[str]:
+        """What is set when a run begins: no stage may depend on its value."""
+        return frozenset(o.path for o in self.scene.overrides if o.value is None)
 
     @cached_property
     def graph(self) -> BondGraph:
@@ -181,7 +188,17 @@ class Compilation:
         kinds = [(n.name, n.kind.value) for n in self.graph.nodes]
         mechanisms = tuple(name for name, kind in kinds if kind == "multibody")
         storages = tuple(name for name, kind in kinds if kind in ("C", "I"))
-        return Facts(mechanisms, storages, bool(space.claims), shown, identity(self.lowered))
+        quantities = self.whole_graph.quantities
+        units = {name: quantities[name].unit for name in sorted(self.later)}
+        positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
+        looped = frozenset() if not self.later else behind_loops(space) & self.later
+        return Facts(mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self.lowered))
+
+    def refuse_values(self, values: Mapping[str, float]) -> None:
+        """Raises `CompilationFailed` where a linear loop has no solution with these values of what is set when a run begins."""
+        space = self.state_space
+        known = tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
+        refuse_singular_loops(replace(space, variables=known), self.equations, self.scene.free)
 
     @cached_property
     def program(self) -> Program:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -42,9 +42,11 @@ class Leg:
         atol: float | None,
         energy: bool,
         begin: Handover | None,
+        values: Mapping[str, float] | None = None,
         off: tuple[str, ...] = (),
     ) -> None:
         self.compilation, self.plan, self.begin = compilation, plan, begin
+        self.set = values or {}  # what is set when a run begins
         self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
@@ -79,10 +81,14 @@ class Leg:
     def _history(self, program: Program) -> History | None:
         from .events.history import history_of
 
-        return history_of(program, None if self.begin is None else self.begin.past)
+        return history_of(program, self._given(program), None if self.begin is None else self.begin.past)
+
+    def _given(self, program: Program) -> Any:
+        """The parameters of this run, shape (P,)."""
+        return np.array([self.set.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)])
 
     def _constraints(self, program: Program) -> Constraints:
-        return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
+        return Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
 
     def _start(
         self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]

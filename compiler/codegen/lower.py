@@ -29,6 +29,7 @@ from ..algebra.expression import (
 )
 from ..algebra.formula import Formula
 from ..equations.system import Assignment
+from ..errors import ValuesNeeded
 from ..reduction import LinearLoop, StateSpace
 from ..reduction.state_space import Step
 from ..source import Span
@@ -106,10 +107,12 @@ class Lowered:
 
     def parameter_values(self, leaf: Leaf) -> float:
         """The value that a parameter has if nobody changes it. Raises `ValueError` for what is no parameter."""
-        value = self.space.variables[self.parameters[leaf.position]].value if leaf.role == "parameter" else None
-        if value is None:
+        if leaf.role != "parameter":
             raise ValueError(leaf.role)
-        return value
+        variable = self.space.variables[self.parameters[leaf.position]]
+        if variable.value is None:
+            raise ValuesNeeded([variable.name])
+        return variable.value
 
     _bits: dict[Expression, int] = field(default_factory=dict)
 

@@ -5,7 +5,7 @@ from .cancel import without_what_cancels
 from .certificate import certify
 from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
-from .singular import refuse_singular_loops
+from .singular import behind_loops, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, Unknown
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Loop",
     "StateSpace",
     "Unknown",
+    "behind_loops",
     "certify",
     "reduce_equations",
     "refuse_idle_coordinates",

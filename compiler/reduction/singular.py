@@ -92,6 +92,20 @@ def _evaluated(steps: Sequence[Assignment], known: Mapping[int, Sized]) -> Mappi
     return values
 
 
+def behind_loops(space: StateSpace) -> frozenset[str]:
+    """The parameters that the matrices of linear loops depend on."""
+    steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
+    loops = [s for s in space.steps if isinstance(s, LinearLoop)]
+    work = [e for loop in loops for row in loop.matrix for e in row if not isinstance(e, float)]
+    seen = set(work)
+    for number in work:  # grows
+        for argument in steps[number].arguments if number in steps else ():
+            if not isinstance(argument, float) and argument not in seen:
+                seen.add(argument)
+                work.append(argument)
+    return frozenset(space.variables[v].name for v in seen if space.variables[v].role == "parameter")
+
+
 def _members(space: StateSpace, loop: LinearLoop) -> str:
     """The elements of a loop, and the parameters that its matrix depends on."""
     steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}

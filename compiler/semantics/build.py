@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.network import BondGraph
 from ..scene import Plan, Scene
@@ -36,6 +37,7 @@ class Built:
     graph: BondGraph
     plan: Plan
     files: tuple[Source, ...] = ()  # that were read besides the text itself
+    positive: tuple[tuple[str, Bound], ...] = ()  # what is never negative, but only a run can tell
 
 
 def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -> Built:
@@ -198,6 +200,7 @@ class _Opened:
         delays = elaborator.delays()
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)
+        elaborator.need_no_values()
         graph = BondGraph(
             self.definition.name,
             tuple(starts.nodes(nodes.nodes)),
@@ -215,7 +218,7 @@ class _Opened:
         )
         if not elaborator.part and not elaborator.structure_broken:
             elaborator.diagnostics += unconnected(graph)
-        return Built(graph, plan)
+        return Built(graph, plan, positive=tuple(elaborator.positive))
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:

@@ -161,6 +161,8 @@ class QuantityResolver(Resolver):
             declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
         if override is None:
             return self._valued(pending, pending.value, pending.scope, declared, unit if pending.is_default else None)
+        if override.value is None:
+            return self._enter_later(pending, "", declared, item.span)
         if isinstance(override.value, float):
             return self._enter_quantity(pending, "", Bound(_constant(override.value), ()), declared, item.span)
         return self._valued(pending, override.value, self.root, declared, None)
@@ -357,6 +359,8 @@ class QuantityResolver(Resolver):
         if suffix and name in self.overrides and role == "parameter":
             self.used_overrides.add(name)
             override = self.overrides[name].value
+            if override is None:
+                return self._enter_later(pending, suffix, dimension, span)
             if isinstance(override, float):
                 bound = Bound(_constant(override), ())
             else:
@@ -373,13 +377,22 @@ class QuantityResolver(Resolver):
                         )
                     )
                 bound = self.bind(template, template.formulas[0], self.root)
-        value = self.value_of(bound, span) if role in ("parameter", "constant") else None
+        value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
         if role == "constant" and value is not None and _reads_nothing(bound):
             return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
         self.quantities[name] = Named(
             name, role, str(dimension or ONE), bound, value, pending.item.span, pending.item.description or ""
         )
         return Scalar(Quantity(name), dimension, role, name)
+
+    def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
+        """A number that only a run knows: an argument of the program, whether it was a parameter or an input."""
+        name = pending.name + suffix
+        if name in self.overrides:
+            self.used_overrides.add(name)
+        description = pending.item.description or ""
+        self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
+        return Scalar(Quantity(name), dimension, pending.role, name)
 
 
 def _constant(value: float) -> Formula:
