@@ -226,7 +226,8 @@ class Leg:
         if self.constraints:
             from .closed.singular import told_of
 
-            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
+            assembled = self.constraints.assembled if self.begin is None else None  # others take part from there on
+            self.notes += told_of(assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         self.values = self._outputs()
         if not np.isfinite(self.values).all():
