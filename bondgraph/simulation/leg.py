@@ -278,7 +278,8 @@ class Leg:
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import told_of
 
-            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
+            assembled = self.constraints.assembled if self.begin is None else None  # others take part from there on
+            self.notes += told_of(assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
 
     def end(self, until: float) -> End | None:

@@ -142,12 +142,14 @@ class _Reduction:
         """The constraints whose multipliers this run needs, and other invariants of its states."""
         kept = []
         states = {s.variable for s in self.system.states}
+        behind: set[int] = set()
         for invariant in self.system.invariants:
             values = [v for v in (invariant.position, invariant.velocity) if v is not None]
             bound = invariant.multiplier
             if bound in used if bound is not None else needed(values, inputs) & states & used:
                 kept.append(invariant)
-                used |= needed(values, reach)
+                if not behind.issuperset(values):
+                    used |= needed(values, reach, behind)
         return tuple(kept)
 
     def _index(self, used: set[int], steps: Sequence[Step]) -> int:
