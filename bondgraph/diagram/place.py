@@ -1,0 +1,234 @@
+"""A place for everything: each connected part by itself as a tree, what closes its rings routed afterwards, the parts in rows."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from .box import Boxed
+from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved
+from .route import Ground, routed
+from .subject import Node, Subject
+from .tree import Block, Branch, grow_tree
+
+APART = 46.0  # between two parts
+WIDEST = 1500.0  # a row of parts
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where everything is; y grows downwards."""
+
+    places: Mapping[int, Point]
+    labels: Mapping[int, tuple[str, float, float, str]]
+    boxes: Mapping[int, Boxed]
+    bonds: Mapping[int, tuple[Point, ...]]  # line -> the corners of its way, from tail to head
+    signals: Mapping[int, tuple[Point, ...]]
+    texts: Mapping[int, Point]  # signal from outside -> the middle of its name
+    taken: Rectangles
+
+
+@dataclass(frozen=True, slots=True)
+class _Web:
+    """The nodes with those that a layout adds: the ends of bent bonds, the names of signals from outside."""
+
+    nodes: list[Node]
+    stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
+    names: dict[int, int]  # signal -> node of its name
+
+
+def place(subject: Subject) -> Layout:
+    """The layout of a subject: no two things overlap, bonds are straight where no ring forbids it."""
+    blocks = [_part(subject, part) for part in _parts(subject)]
+    return _in_rows(blocks)
+
+
+def _parts(subject: Subject) -> Iterator[list[int]]:
+    """The connected parts, in the order of their first nodes; signals from one to another keep parts together."""
+    around: dict[int, list[int]] = {n: [] for n in range(len(subject.nodes))}
+    for line in subject.lines:
+        around[line.tail].append(line.head)
+        around[line.head].append(line.tail)
+    seen: set[int] = set()
+    for start in around:
+        if start not in seen:
+            part = _reached(around, start)
+            seen.update(part)
+            yield sorted(part)
+
+
+def _reached(around: Mapping[int, Sequence[int]], start: int) -> list[int]:
+    found, waiting = {start: None}, deque([start])
+    while waiting:
+        for other in around[waiting.popleft()]:
+            if other not in found:
+                found[other] = None
+                waiting.append(other)
+    return list(found)
+
+
+# ---------------------------------------------------------------- one part
+
+
+def _part(subject: Subject, part: Sequence[int]) -> Layout:
+    around = _around(subject, part)
+    roots = _roots(subject, part, around)
+    made = [_rooted(subject, part, around, root) for root in roots]
+    return min(made, key=lambda item: item[0])[1]
+
+
+def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
+    """For each node its lines, each with the node at the other end."""
+    around: dict[int, list[tuple[int, int]]] = {n: [] for n in part}
+    for number, line in enumerate(subject.lines):
+        if line.tail in around:
+            around[line.tail].append((number, line.head))
+            around[line.head].append((number, line.tail))
+    return around
+
+
+def _roots(
+    subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]
+) -> list[int]:
+    """The box with most bonds; else both ends and the middle of a longest way through what is no end."""
+    boxes = [n for n in part if subject.nodes[n].shape == "box"]
+    if boxes:
+        return [max(boxes, key=lambda n: len(around[n]))]
+    inner = [n for n in part if len({o for _, o in around[n]}) > 1] or list(part[:1])
+    kept = set(inner)
+    beside = {n: [o for _, o in around[n] if o in kept] for n in inner}
+    first = _reached(beside, inner[0])[-1]
+    before: dict[int, int | None] = {first: None}
+    waiting = deque([first])
+    last = first
+    while waiting:
+        last = waiting.popleft()
+        for other in beside[last]:
+            if other not in before:
+                before[other] = last
+                waiting.append(other)
+    way = [last]
+    while (step := before[way[-1]]) is not None:
+        way.append(step)
+    return list(dict.fromkeys([way[0], way[-1], way[len(way) // 2]]))
+
+
+def _rooted(
+    subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int
+) -> tuple[float, Layout]:
+    """The part as a tree from that root, with what closes its rings; and how good that is."""
+    carried, closing = _spanning(around, root)
+    web = _web(subject, closing)
+    branches = _branches(subject, web, part, carried)
+    for roomy in (0.0, 24.0, 60.0, 120.0):
+        block = grow_tree(web.nodes, subject.lines, branches, root, roomy)
+        layout = _with_ways(subject, web, part, block, closing)
+        if layout is not None:
+            break
+    else:
+        raise AssertionError("a bond found no way")
+    bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
+    left, top, right, bottom = bounds(block.taken)
+    return round(block.cost + 40 * bends + 0.15 * (right - left) + 0.25 * (bottom - top), 3), layout
+
+
+def _spanning(
+    around: Mapping[int, Sequence[tuple[int, int]]], root: int
+) -> tuple[dict[int, tuple[int, int]], list[int]]:
+    """For each node but the root the line that carries it and the node at its other end, breadth first; and the lines left."""
+    carried: dict[int, tuple[int, int]] = {}
+    used: set[int] = set()
+    waiting = deque([root])
+    while waiting:
+        node = waiting.popleft()
+        for number, other in around[node]:
+            if other != root and other not in carried:
+                carried[other] = (number, node)
+                used.add(number)
+                waiting.append(other)
+    return carried, sorted({n for lines in around.values() for n, _ in lines} - used)
+
+
+def _web(subject: Subject, closing: Sequence[int]) -> _Web:
+    nodes = list(subject.nodes)
+    stubs, names = {}, {}
+    for number in closing:
+        for end in subject.lines[number].ends:
+            stubs[number, end] = len(nodes)
+            nodes.append(Node("", "", "", "stub", (), "", ""))
+    for number, signal in enumerate(subject.signals):
+        if signal.source is None:
+            names[number] = len(nodes)
+            nodes.append(Node("", "", signal.label, "signal", (), "", ""))
+    return _Web(nodes, stubs, names)
+
+
+def _branches(
+    subject: Subject, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
+) -> dict[int, list[Branch]]:
+    carrying = {parent for _, parent in carried.values()} | {end for _, end in web.stubs}
+    branches: dict[int, list[Branch]] = {n: [] for n in range(len(web.nodes))}
+    for child, (number, parent) in sorted(carried.items(), key=lambda item: item[1][0]):
+        branches[parent].append(Branch(number, child, subject.lines[number].tail == parent, child in carrying))
+    for (number, end), stub in web.stubs.items():
+        branches[end].append(Branch(number, stub, subject.lines[number].tail == end, False))
+    kept = set(part)
+    for number, name in web.names.items():
+        if (target := subject.signals[number].target) in kept:
+            branches[target].append(Branch(len(subject.lines) + number, name, False, False))
+    return branches
+
+
+def _with_ways(
+    subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int]
+) -> Layout | None:
+    """The layout with the ways of what closes rings, and of signals; None if one of these bonds finds no way."""
+    ground = Ground(block.taken)
+    bonds: dict[int, tuple[Point, ...]] = {}
+    for (number, end), point in block.ends.items():
+        if number < len(subject.lines) and number not in closing and subject.lines[number].tail == end:
+            bonds[number] = (point, block.ends[number, subject.lines[number].head])
+    for number in closing:
+        tail, head = subject.lines[number].ends
+        feet = [(block.ends[number, n], block.ends[number, web.stubs[number, n]]) for n in (tail, head)]
+        way = routed(ground, *feet[0], *reversed(feet[1]))
+        if way is None:
+            return None
+        bonds[number] = way
+        ground.take(way)
+    texts, signals = {}, {}
+    for number, name in web.names.items():
+        if name in block.places:
+            line = len(subject.lines) + number
+            texts[number] = block.places[name]
+            signals[number] = (block.ends[line, name], block.ends[line, subject.signals[number].target])
+    places = {n: p for n, p in block.places.items() if n < len(subject.nodes)}
+    labels = {n: t for n, t in block.labels.items() if n < len(subject.nodes) and n not in block.boxes}
+    taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in zip(bonds[n], bonds[n][1:], strict=False)))
+    return Layout(places, labels, block.boxes, bonds, signals, texts, taken)
+
+
+# ---------------------------------------------------------------- all parts
+
+
+def _in_rows(parts: Sequence[Layout]) -> Layout:
+    """The parts side by side, as many as a row holds, then the next row."""
+    places, labels, boxes, bonds, signals, texts = {}, {}, {}, {}, {}, {}
+    taken = []
+    x = y = depth = 0.0
+    for part in parts:
+        left, top, right, bottom = bounds(part.taken)
+        if x and x + right - left > WIDEST:
+            x, y, depth = 0.0, y + depth + APART, 0.0
+        dx, dy = round(x - left), round(y - top)
+        places |= {n: (a + dx, b + dy) for n, (a, b) in part.places.items()}
+        labels |= {n: (t, a + dx, b + dy, s) for n, (t, a, b, s) in part.labels.items()}
+        boxes |= {n: b.at(dx, dy) for n, b in part.boxes.items()}
+        bonds |= {n: tuple((a + dx, b + dy) for a, b in way) for n, way in part.bonds.items()}
+        signals |= {n: tuple((a + dx, b + dy) for a, b in way) for n, way in part.signals.items()}
+        texts |= {n: (a + dx, b + dy) for n, (a, b) in part.texts.items()}
+        taken.append(moved(part.taken, dx, dy))
+        x, depth = x + right - left + APART, max(depth, bottom - top)
+    return Layout(places, labels, boxes, bonds, signals, texts, joined(NOTHING, *taken))
+
