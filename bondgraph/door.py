@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
     from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.mechanism import Mechanism, freedoms_of
-    from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode
+    from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
     from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
@@ -50,7 +50,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
-    "PowerPort": "equations.system", "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
+    "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
+    "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
@@ -77,7 +78,7 @@ __all__ = [
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
     "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",
-    "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
+    "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
     "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .compose import compose
+from .picture import write_figure
 from .place import place
 from .subject import subject_of
 from .svg import svg_text
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from ..door import Compilation
     from .figure import Figure
 
-__all__ = ["draw", "svg_text"]
+__all__ = ["draw", "svg_text", "write_figure"]
 
 
 def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from .box import port_of
 from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
-from .glyphs import NAME, PORT, STROKE
+from .glyphs import PORT, STROKE
 from .lettering import text_width
 from .place import Layout
 from .room import Point, bounds
@@ -48,7 +48,11 @@ def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
 def _lines(subject: Subject, layout: Layout, numbers: bool) -> Iterator[Group]:
     for number, line in enumerate(subject.lines):
         way = layout.bonds[number]
-        shapes = [*_shaft(way, len(line.bonds) > 1), _barb(way, len(line.bonds) > 1), _stroke(way, line.stroke)]
+        shapes: list[Shape] = [
+            *_shaft(way, len(line.bonds) > 1),
+            _barb(way, len(line.bonds) > 1),
+            _stroke(way, line.stroke),
+        ]
         if numbers:
             shapes.append(_number(way, line))
         tail, head = (subject.nodes[n].name for n in line.ends)
@@ -59,9 +63,7 @@ def _lines(subject: Subject, layout: Layout, numbers: bool) -> Iterator[Group]:
 
 
 def _words_of_line(subject: Subject, line: Line) -> str:
-    ends = [
-        f"{subject.nodes[n].name}{'.' * bool(p)}{p}" for n, p in zip(line.ends, line.ports, strict=True)
-    ]
+    ends = [f"{subject.nodes[n].name}{'.' * bool(p)}{p}" for n, p in zip(line.ends, line.ports, strict=True)]
     effort, flow = ends if line.stroke != TAIL else ends[::-1]
     many = f"{len(line.bonds)} bonds, " if len(line.bonds) > 1 else ""
     return f"{ends[0]} -> {ends[1]} ({many}{line.domain}; {line.place}): effort from {effort}, flow from {flow}"
@@ -175,7 +177,9 @@ def _signals(subject: Subject, layout: Layout) -> Iterator[Group]:
 
 def _full_arrow(way: Sequence[Point]) -> Stroke:
     (x, y), (u, v) = way[-1], _unit(way[-2], way[-1])
-    return Stroke(((x, y), (x - 8 * u - 3 * v, y - 8 * v + 3 * u), (x - 8 * u + 3 * v, y - 8 * v - 3 * u)), "point", True)
+    return Stroke(
+        ((x, y), (x - 8 * u - 3 * v, y - 8 * v + 3 * u), (x - 8 * u + 3 * v, y - 8 * v - 3 * u)), "point", True
+    )
 
 
 # ---------------------------------------------------------------- legend
@@ -183,7 +187,7 @@ def _full_arrow(way: Sequence[Point]) -> Stroke:
 
 def _legend(subject: Subject, left: float, top: float) -> tuple[list[Group], float, float]:
     """One line for each colour that is used, and what was left out; its height and width."""
-    marks = {_mark(item) for item in (*subject.nodes, *subject.lines)} - {""}
+    marks = {*map(_mark, subject.nodes), *map(_mark, subject.lines)} - {""}
     groups, y, width = [], top, 0.0
     for mark in (m for m in MEANINGS if m in marks):
         sample = Stroke(((left, y - 4), (left + 22, y - 4)), "line")
@@ -218,6 +222,3 @@ def _at(shape: Shape, dx: float, dy: float) -> Shape:
             return Frame(left + dx, top + dy, width, height, look, rounding)
         case Text(text, x, y, look, anchor):
             return Text(text, x + dx, y + dy, look, anchor)
-
-
-__all__ = ["NAME", "compose"]

@@ -74,3 +74,9 @@ class Figure:
     height: float
     title: str
     groups: tuple[Group, ...]
+
+    def _repr_svg_(self) -> str:
+        """As SVG, for notebooks."""
+        from .svg import svg_text
+
+        return svg_text(self)

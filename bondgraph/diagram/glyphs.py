@@ -54,9 +54,7 @@ def above(node: Node) -> tuple[str, float, float, str]:
     return node.label, -9.5, -12.5, "end"
 
 
-def text_rectangle(
-    text: str, x: float, y: float, anchor: str, size: float = NAME
-) -> tuple[float, float, float, float]:
+def text_rectangle(text: str, x: float, y: float, anchor: str, size: float = NAME) -> tuple[float, float, float, float]:
     """What a line of text takes: `x` and `y` of its baseline's start, middle or end."""
     width = text_width(text, size)
     left = x - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * width

@@ -7,13 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from .box import Boxed
-from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved
-from .route import Ground, routed
+from .glyphs import letter_rectangle, text_rectangle
+from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
+from .route import HARD, Ground, between, routed
 from .subject import Node, Subject
 from .tree import Block, Branch, grow_tree
 
 APART = 46.0  # between two parts
 WIDEST = 1500.0  # a row of parts
+NARROW = 4.0  # what a signal needs at each side
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +90,7 @@ def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, 
     return around
 
 
-def _roots(
-    subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]
-) -> list[int]:
+def _roots(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
     """The box with most bonds; else both ends and the middle of a longest way through what is no end."""
     boxes = [n for n in part if subject.nodes[n].shape == "box"]
     if boxes:
@@ -180,15 +180,17 @@ def _branches(
     return branches
 
 
-def _with_ways(
-    subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int]
-) -> Layout | None:
+def _with_ways(subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int]) -> Layout | None:
     """The layout with the ways of what closes rings, and of signals; None if one of these bonds finds no way."""
     ground = Ground(block.taken)
+    ground.block(_things(web.nodes, block), HARD)
     bonds: dict[int, tuple[Point, ...]] = {}
     for (number, end), point in block.ends.items():
         if number < len(subject.lines) and number not in closing and subject.lines[number].tail == end:
             bonds[number] = (point, block.ends[number, subject.lines[number].head])
+            ground.take(bonds[number])
+    for number, end in web.stubs:
+        ground.block(lane(block.ends[number, end], block.ends[number, web.stubs[number, end]]), HARD)
     for number in closing:
         tail, head = subject.lines[number].ends
         feet = [(block.ends[number, n], block.ends[number, web.stubs[number, n]]) for n in (tail, head)]
@@ -197,16 +199,50 @@ def _with_ways(
             return None
         bonds[number] = way
         ground.take(way)
-    texts, signals = {}, {}
+    texts, signals = dict[int, Point](), dict[int, tuple[Point, ...]]()
     for number, name in web.names.items():
         if name in block.places:
             line = len(subject.lines) + number
             texts[number] = block.places[name]
             signals[number] = (block.ends[line, name], block.ends[line, subject.signals[number].target])
+            ground.take(signals[number], NARROW)
+    for number, signal in enumerate(subject.signals):
+        if signal.source is not None and signal.source in block.places and signal.target in block.places:
+            source, target = (_outline(web.nodes[n], block, n) for n in (signal.source, signal.target))
+            found = between(ground, source, target)
+            if found is not None:
+                signals[number] = found
+                ground.take(found, NARROW)
     places = {n: p for n, p in block.places.items() if n < len(subject.nodes)}
     labels = {n: t for n, t in block.labels.items() if n < len(subject.nodes) and n not in block.boxes}
     taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in zip(bonds[n], bonds[n][1:], strict=False)))
     return Layout(places, labels, block.boxes, bonds, signals, texts, taken)
+
+
+def _outline(node: Node, block: Block, number: int) -> tuple[float, float, float, float]:
+    """The border of a letter or a box."""
+    if number in block.boxes:
+        box = block.boxes[number]
+        return box.left, box.top, box.right, box.bottom
+    x, y = block.places[number]
+    left, top, right, bottom = letter_rectangle(node)
+    return x + left - 3, y + top - 3, x + right + 3, y + bottom + 3
+
+
+def _things(nodes: Sequence[Node], block: Block) -> Rectangles:
+    """Letters, labels and boxes: what no line may touch."""
+    items = []
+    for number, (x, y) in block.places.items():
+        if nodes[number].shape == "stub":
+            continue
+        if number in block.boxes:
+            items.append(_outline(nodes[number], block, number))
+            continue
+        left, top, right, bottom = letter_rectangle(nodes[number])
+        items.append((x + left, y + top, x + right, y + bottom))
+        if nodes[number].label and nodes[number].shape != "signal":
+            items.append(text_rectangle(*block.labels[number]))
+    return rectangles(items)
 
 
 # ---------------------------------------------------------------- all parts
@@ -214,7 +250,9 @@ def _with_ways(
 
 def _in_rows(parts: Sequence[Layout]) -> Layout:
     """The parts side by side, as many as a row holds, then the next row."""
-    places, labels, boxes, bonds, signals, texts = {}, {}, {}, {}, {}, {}
+    places, texts = dict[int, Point](), dict[int, Point]()
+    labels, boxes = dict[int, tuple[str, float, float, str]](), dict[int, Boxed]()
+    bonds, signals = dict[int, tuple[Point, ...]](), dict[int, tuple[Point, ...]]()
     taken = []
     x = y = depth = 0.0
     for part in parts:
@@ -231,4 +269,3 @@ def _in_rows(parts: Sequence[Layout]) -> Layout:
         taken.append(moved(part.taken, dx, dy))
         x, depth = x + right - left + APART, max(depth, bottom - top)
     return Layout(places, labels, boxes, bonds, signals, texts, joined(NOTHING, *taken))
-

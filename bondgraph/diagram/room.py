@@ -18,6 +18,7 @@ Vector = tuple[float, float]
 
 NOTHING: Rectangles = np.empty((0, 4))
 MARGIN = 5.0
+FAR = 20000.0
 LANE = 8.0  # what a bond needs at each side of its line: half a stroke, a half arrow
 
 
@@ -29,7 +30,8 @@ def rectangles(items: Iterable[tuple[float, float, float, float]]) -> Rectangles
 
 def moved(items: Rectangles, x: float, y: float) -> Rectangles:
     """The same rectangles elsewhere."""
-    return items + np.array((x, y, x, y))
+    shifted: Rectangles = items + np.array((x, y, x, y))
+    return shifted
 
 
 def joined(*parts: Rectangles) -> Rectangles:
@@ -69,6 +71,12 @@ def lane(start: Point, end: Point, width: float = LANE) -> Rectangles:
     half = 0.6 * width
     middles = [(x0 + (x1 - x0) * i / count, y0 + (y1 - y0) * i / count) for i in range(count + 1)]
     return rectangles((x - half, y - half, x + half, y + half) for x, y in middles)
+
+
+def corridor(along: Vector, start: float) -> Rectangles:
+    """What the bond that carries a part may need, however long it becomes; it arrives `along` a direction."""
+    x, y = along
+    return lane((-x * (start + MARGIN + 4), -y * (start + MARGIN + 4)), (-x * FAR, -y * FAR))
 
 
 def push(still: Rectangles, moving: Rectangles, along: Vector, least: float) -> float:

@@ -7,28 +7,32 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 
-from .room import Point, Rectangles, bounds, lane
+from .room import LANE, Point, Rectangles, bounds, lane
 
 STEP = 6.0
+END = 14.0  # px at the end of a bond
 CLEAR = 2.0  # px around what is taken
 BEND = 5.0  # in steps
 CROSSING = 14.0
 AROUND = 10  # steps of free ground around everything
 FREE, SOFT, HARD = 0, 1, 2
+Rectangle = tuple[float, float, float, float]
+State = tuple[int, int, int]  # column, row, heading
 
 
 class Ground:
-    """What is taken, on a grid; it fills with every way that is found."""
+    """What is taken, on a grid; it fills with every way that is found. Nothing passes through what is hard, and what is soft, the
+    middles of bonds, is crossed at a price."""
 
-    def __init__(self, taken: Rectangles) -> None:
-        left, top, right, bottom = bounds(taken)
+    def __init__(self, whole: Rectangles) -> None:
+        left, top, right, bottom = bounds(whole)
         self.left, self.top = left - AROUND * STEP, top - AROUND * STEP
         self.columns = math.ceil((right - left) / STEP) + 2 * AROUND + 1
         self.rows = math.ceil((bottom - top) / STEP) + 2 * AROUND + 1
         self.cells = bytearray(self.columns * self.rows)
-        self.block(taken, HARD)
 
     def block(self, items: Rectangles, how: int) -> None:
         """Take the cells of some rectangles."""
@@ -42,10 +46,14 @@ class Ground:
     def _inside(low: float, high: float, count: int) -> tuple[int, int]:
         return max(0, math.ceil(low / STEP)), min(count, math.floor(high / STEP) + 1)
 
-    def take(self, way: Sequence[Point]) -> None:
-        """A way that has been found is taken; its middle can be crossed."""
-        for start, end in zip(way, way[1:], strict=False):
-            self.block(lane(start, end), HARD)
+    def take(self, way: Sequence[Point], width: float = LANE) -> None:
+        """Put a way in: its ends, where strokes and half arrows are, are hard."""
+        for start, end in pairwise(way):
+            self.block(lane(start, end, width), SOFT)
+        for end, towards in ((way[0], way[1]), (way[-1], way[-2])):
+            share = min(1.0, END / math.dist(end, towards))
+            middle = tuple(a + share * (b - a) for a, b in zip(end, towards, strict=True))
+            self.block(lane(end, (middle[0], middle[1]), width), HARD)
 
     def cell(self, point: Point) -> tuple[int, int]:
         """The cell nearest to a point."""
@@ -58,16 +66,48 @@ class Ground:
 
 def routed(ground: Ground, foot: Point, start: Point, end: Point, tip: Point) -> tuple[Point, ...] | None:
     """A way from `foot` over `start` and `end` to `tip`, its first and last part straight; None if there is none."""
-    first, last = ground.cell(start), ground.cell(end)
-    cells = _shortest(ground, first, last, _heading(foot, start), _heading(end, tip))
+    first = (*ground.cell(start), _heading(foot, start))
+    last = (*ground.cell(end), _heading(end, tip))
+    cells = _shortest(ground, [first], {last})
     if cells is None:
         return None
-    corners = _corners([ground.point(*c) for c in cells])[1:-1]
+    corners = _corners([foot, *(ground.point(*c[:2]) for c in cells), tip])[1:-1]
     slanted = [all(abs(a - b) > 0.5 for a, b in zip(*pair, strict=True)) for pair in ((foot, start), (end, tip))]
     way = _aligned(
         start if slanted[0] else foot, corners, end if slanted[1] else tip, _heading(foot, start), _heading(end, tip)
     )
     return (*((foot,) if slanted[0] else ()), *way, *((tip,) if slanted[1] else ()))
+
+
+def between(ground: Ground, source: Rectangle, target: Rectangle) -> tuple[Point, ...] | None:
+    """A way for a signal from the border of one rectangle to that of another, wherever both are free."""
+    starts, ends = _gates(ground, source), _gates(ground, target)
+    goals = {(*ground.cell(start), (heading + 2) % 4): (foot, heading) for foot, start, heading in ends}
+    feet = {(*ground.cell(start), heading): foot for foot, start, heading in starts}
+    cells = _shortest(ground, list(feet), set(goals), tight=True)
+    if cells is None:
+        return None
+    foot, (tip, into) = feet[cells[0]], goals[cells[-1]]
+    corners = _corners([foot, *(ground.point(*c[:2]) for c in cells), tip])[1:-1]
+    return _aligned(foot, corners, tip, cells[0][2], (into + 2) % 4)
+
+
+def _gates(ground: Ground, rectangle: Rectangle) -> list[tuple[Point, Point, int]]:
+    """Where a signal can leave a rectangle: on the border, a few steps out, and the heading; only where that is free."""
+    left, top, right, bottom = rectangle
+    x, y = (left + right) / 2, (top + bottom) / 2
+    asides = [0.0] if right - left < 30 else [0.0, (left - right) / 4, (right - left) / 4]
+    found = []
+    for heading, (u, v) in enumerate(HEADINGS):
+        for aside in asides if v else [0.0]:
+            foot = (x + aside if v else (right if u > 0 else left), (bottom if v > 0 else top) if v else y)
+            start = (foot[0] + 3 * STEP * u, foot[1] + 3 * STEP * v)
+            steps = [ground.cell((foot[0] + k * STEP * u, foot[1] + k * STEP * v)) for k in (1, 2, 3)]
+            if all(0 <= c < ground.columns and 0 <= r < ground.rows for c, r in steps) and not any(
+                ground.cells[r * ground.columns + c] for c, r in steps[1:]
+            ):
+                found.append((foot, start, heading))
+    return found
 
 
 HEADINGS = ((1, 0), (0, 1), (-1, 0), (0, -1))
@@ -80,32 +120,42 @@ def _heading(start: Point, end: Point) -> int:
 
 
 def _shortest(
-    ground: Ground, first: tuple[int, int], last: tuple[int, int], out: int, into: int
-) -> list[tuple[int, int]] | None:
-    """The cells of a cheapest way that leaves and arrives with given headings (A*, Manhattan distance)."""
-    start = (*first, out)
-    costs, before = {start: 0.0}, dict[tuple[int, int, int], tuple[int, int, int]]()
-    waiting = [(float(abs(first[0] - last[0]) + abs(first[1] - last[1])), 0, start)]
-    count = 0
+    ground: Ground, starts: Sequence[State], goals: Collection[State], tight: bool = False
+) -> list[State] | None:
+    """The cells of a cheapest way from one of the starts to one of the goals, each with its heading (A*, Manhattan distance).
+    `tight`: nothing hard may be passed, not even beside the ends."""
+    costs, before = dict.fromkeys(starts, 0.0), dict[State, State]()
+    low, high = [min(g[i] for g in goals) for i in (0, 1)], [max(g[i] for g in goals) for i in (0, 1)]
+    ends = [s[:2] for s in (*starts, *goals)]
+
+    def rest(column: int, row: int) -> float:
+        return max(low[0] - column, column - high[0], 0) + max(low[1] - row, row - high[1], 0)
+
+    waiting = [(rest(*s[:2]), n, s) for n, s in enumerate(starts)]
+    heapq.heapify(waiting)
+    count, done = len(waiting), set[State]()
     while waiting:
         _, _, state = heapq.heappop(waiting)
-        column, row, heading = state
-        if (column, row) == last and heading == into:
+        if state in done:
+            continue
+        done.add(state)
+        if state in goals:
             return _followed(before, state)
+        column, row, heading = state
         for turn in (0, 1, 3):
             towards = (heading + turn) % 4
             x, y = column + HEADINGS[towards][0], row + HEADINGS[towards][1]
             if not (0 <= x < ground.columns and 0 <= y < ground.rows):
                 continue
             how = ground.cells[y * ground.columns + x]
-            if how == HARD and not (_near((x, y), first) or _near((x, y), last)):
+            if how == HARD and (tight or not any(_near((x, y), end) for end in ends)):
                 continue
             cost = costs[state] + 1 + BEND * (turn != 0) + CROSSING * (how == SOFT)
             after = (x, y, towards)
             if cost < costs.get(after, math.inf):
                 costs[after], before[after] = cost, state
                 count += 1
-                heapq.heappush(waiting, (cost + abs(x - last[0]) + abs(y - last[1]), count, after))
+                heapq.heappush(waiting, (cost + rest(x, y), count, after))
     return None
 
 
@@ -113,13 +163,11 @@ def _near(cell: tuple[int, int], place: tuple[int, int]) -> bool:
     return abs(cell[0] - place[0]) <= 2 and abs(cell[1] - place[1]) <= 2
 
 
-def _followed(
-    before: dict[tuple[int, int, int], tuple[int, int, int]], state: tuple[int, int, int]
-) -> list[tuple[int, int]]:
-    way = [state[:2]]
+def _followed(before: Mapping[State, State], state: State) -> list[State]:
+    way = [state]
     while state in before:
         state = before[state]
-        way.append(state[:2])
+        way.append(state)
     return way[::-1]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..door import Element
+from ..door import Element, Quantity, Reading
 
 if TYPE_CHECKING:
     from ..door import BondGraph
@@ -44,7 +44,7 @@ def signals_of(graph: BondGraph, of: Mapping[int, int]) -> Iterator[Signal]:
 
 def _names(graph: BondGraph, node: Element) -> list[str]:
     """The named quantities that a law reads, without what does not change."""
-    names = [a.name for a in node.arguments if not isinstance(a, float) and hasattr(a, "name")]
+    names = [a.name for a in node.arguments if isinstance(a, Quantity)]
     quantities = {**graph.outputs, **graph.quantities}
     return [n for n in dict.fromkeys(names) if n in quantities and quantities[n].role not in OUTSIDE]
 
@@ -55,15 +55,13 @@ def _read(graph: BondGraph, node: Element, numbers: Mapping[str, int]) -> list[i
     waiting, done, found = list(node.arguments), set[str](), dict[int, None]()
     while waiting:
         item = waiting.pop(0)
-        if isinstance(item, float):
-            continue
-        if hasattr(item, "node"):
+        if isinstance(item, Reading):
             number = numbers.get(item.node)
             if number is None and (item.node, item.port) in graph.walls:  # a port of a model: what stands inside
                 number = graph.bonds[graph.walls[item.node, item.port]].head.node
             if number is not None:
                 found[number] = None
-        elif item.name in quantities and item.name not in done:
+        elif isinstance(item, Quantity) and item.name in quantities and item.name not in done:
             done.add(item.name)
             definitions = [quantities[item.name].definition]
             if item.name in graph.integrals:

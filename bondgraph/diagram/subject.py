@@ -81,7 +81,7 @@ def subject_of(compilation: Compilation, closed: bool = False) -> Subject:
     derivative = frozenset(end.node for end in causal.derivative)
     nodes = tuple(_node(graph, group, instances, derivative, looping, closed) for group in groups)
     lines = tuple(_lines(causal, of, nodes, compilation.whole_graph.walls))
-    signals = tuple(signals_of(graph, of))
+    signals = tuple(s for s in signals_of(graph, of) if s.source is not None or nodes[s.target].shape != "box")
     kept = {node.name for node in graph.nodes}
     left_out = tuple(n.name for n in compilation.whole_graph.nodes if n.name not in kept)
     return Subject(graph.name, nodes, lines, signals, left_out, instances)
@@ -201,10 +201,14 @@ def _lines(
         if tail != head:
             whole = "" if _bundled(nodes[tail], nodes[head], graph, number) else str(number)
             alike[tail, head, causal.effort_from[number], whole].append(number)
-    doors = {bond: port.partition(".")[2] for (port, _), bond in reversed(walls.items())} if walls else {}
+    doors: dict[int, str] = {}
+    for (port, _), bond in walls.items():
+        if port.count(".") == 1:
+            doors.setdefault(bond, port.partition(".")[2])
     for (tail, head, effort_from, _), bonds in alike.items():
         ports = tuple(
-            _stem([_port(graph, b, side, nodes[number], doors) for b in bonds]) for side, number in enumerate((tail, head))
+            _stem([_port(graph, b, side, nodes[number], doors) for b in bonds])
+            for side, number in enumerate((tail, head))
         )
         first = graph.bonds[bonds[0]]
         place = f"{PurePath(first.span.source.name).name}:{first.span.line}"
@@ -238,4 +242,4 @@ def _stem(names: Iterable[str]) -> str:
     if len(names) == 1:
         return names[0]
     stems = list(dict.fromkeys(n.rpartition(".")[0] for n in names))
-    return ", ".join(stems) if all(stems) else ", ".join(names)
+    return ", ".join(stems if all(stems) else dict.fromkeys(names))

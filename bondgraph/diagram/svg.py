@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
-from .looks import GROUND, LOOKS, MARKS, Look
+from .looks import LOOKS, MARKS, Look
 
 FACES = {
     "serif": "'STIX Two Text','Times New Roman',Times,'Liberation Serif','DejaVu Serif',serif",
@@ -20,7 +20,9 @@ def svg_text(figure: Figure) -> str:
 
 
 def _lines(figure: Figure) -> Iterator[str]:
-    size = f'width="{_n(figure.width)}" height="{_n(figure.height)}" viewBox="0 0 {_n(figure.width)} {_n(figure.height)}"'
+    size = (
+        f'width="{_n(figure.width)}" height="{_n(figure.height)}" viewBox="0 0 {_n(figure.width)} {_n(figure.height)}"'
+    )
     yield f'<svg xmlns="http://www.w3.org/2000/svg" class="bondgraph" {size} role="img">'
     yield f"<title>{_words(figure.title)}</title>"
     yield f"<style>{''.join(_rules())}</style>"
@@ -91,6 +93,3 @@ def _plain(text: str) -> str:
 
 def _words(text: str) -> str:
     return escape(_plain(text))
-
-
-__all__ = ["GROUND", "svg_text"]

@@ -12,9 +12,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 
+import numpy as np
+
 from .box import Boxed, box_around
 from .glyphs import GAP, half_width, letter_and_label, reach, shortest
-from .room import Point, Rectangles, Vector, bounds, joined, lane, moved, push, touches
+from .room import Point, Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
 from .subject import Line, Node
 
 RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
@@ -26,7 +28,7 @@ LIKES: Mapping[str, tuple[Vector, ...]] = {
     "Se": (LEFT, UP, DOWN, RIGHT), "Sf": (LEFT, UP, DOWN, RIGHT), "I": (UP, DOWN, RIGHT, LEFT), "C": (UP, DOWN, RIGHT, LEFT),
     "R": (DOWN, UP, RIGHT, LEFT), "": (UP, DOWN, LEFT, RIGHT),
 }  # fmt: skip
-TURN, AGAINST, DISLIKE = 30.0, 45.0, 8.0  # what a bond costs that turns off, that brings power from the right, in px
+TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0  # what a bond costs that turns off, that brings power from the right, in px
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +90,11 @@ class Draft:
 
 
 def grow_tree(
-    nodes: Sequence[Node], lines: Sequence[Line], branches: Mapping[int, Sequence[Branch]], root: int, roomy: float = 0.0
+    nodes: Sequence[Node],
+    lines: Sequence[Line],
+    branches: Mapping[int, Sequence[Branch]],
+    root: int,
+    roomy: float = 0.0,
 ) -> Block:
     """Places for everything that hangs on a root, which stands at the origin."""
     order = [root]
@@ -134,7 +140,9 @@ def _by_price(
             _price(nodes[b.child], b, s) + shortest(nodes[b.child]) for b, s in sides
         )
         wide = [bounds(b.taken) for b in blocks]
-        size = 0.15 * max((w[2] - w[0] for w in wide), default=0.0) + 0.25 * max((w[3] - w[1] for w in wide), default=0.0)
+        size = 0.15 * max((w[2] - w[0] for w in wide), default=0.0) + 0.25 * max(
+            (w[3] - w[1] for w in wide), default=0.0
+        )
         priced.append((least + size, sides))
     return sorted(priced, key=lambda item: item[0])
 
@@ -152,7 +160,9 @@ def _slanted(
     if branches[node] or nodes[node].shape == "box":
         block = finished[node, RIGHT if along[0] > 0 else LEFT]
         far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if nodes[node].shape == "box" else 0.0
-        return Block(block.places, block.labels, block.boxes, block.ends, block.taken, block.cost + 60, max(far, block.reach))
+        return Block(
+            block.places, block.labels, block.boxes, block.ends, block.taken, block.cost + 60, max(far, block.reach)
+        )
     taken, label = letter_and_label(nodes[node], along, alone=True)
     return Block({node: (0.0, 0.0)}, {node: label}, {}, {}, taken, 0.0, reach(nodes[node], along))
 
@@ -168,6 +178,9 @@ def _arrangements(
     heavy = [b for b in branches if b.heavy]
     light = sorted((b for b in branches if not b.heavy), key=lambda b: nodes[b.child].letter in ("I", "C"))
     wanted = heavy[: len(free)]
+    through = nodes[node].shape == "element" and sum(nodes[b.child].shape != "signal" for b in branches) == (
+        2 if along is None else 1
+    )
     named = bool(nodes[node].label)  # a label stands left above
     open_to = [s for s in (*CORNERS, *BETWEEN) if not (named and s[0] < 0 and s[1] < 0)]
     for sides in permutations(free, len(wanted)):
@@ -175,6 +188,9 @@ def _arrangements(
         left, slanted = [s for s in free if s not in sides], list(open_to)
         for branch in (*light, *heavy[len(free) :]):
             likes = [s for s in LIKES.get(nodes[branch.child].letter.lstrip("M"), SIDES) if s in left]
+            ahead = along if along is not None or not sides else (-sides[0][0], -sides[0][1])
+            if ahead in left and through and nodes[branch.child].shape != "signal":
+                likes = [ahead]  # straight on behind a transformer and its like
             side = likes[0] if likes else slanted.pop(0) if slanted else RIGHT
             if likes:
                 left.remove(side)
@@ -196,14 +212,17 @@ def _arranged(
 ) -> Block:  # fmt: skip
     """A letter with its branches at given sides, each as near as nothing touches."""
     own, label = letter_and_label(nodes[node], along, alone=all(nodes[b.child].shape == "signal" for b, _ in sides))
-    draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, {}, own)
+    behind = corridor(along, reach(nodes[node], along)) if along is not None and sides else own[:0]
+    draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, {}, joined(own, behind))
     assert draft.taken is not None
     for branch, side in sides:
         block = finished[branch.child, side]
         start = _foot(nodes[node], side)
         least = start + shortest(nodes[branch.child]) + roomy * branch.heavy + GAP + block.reach
         x, y = side
-        free = start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))  # slanted bonds part from the others there
+        free = (
+            start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
+        )  # slanted bonds part from the others there
         distance = _clear(draft.taken, block, side, free, least)
         draft.cost += 5000.0 * (distance == math.inf)
         distance = least if distance == math.inf else distance
@@ -212,7 +231,8 @@ def _arranged(
         draft.ends[branch.line, node], draft.ends[branch.line, branch.child] = foot, tip
         draft.cost += distance + _price(nodes[branch.child], branch, side)
     back = reach(nodes[node], along) if along is not None else half_width(nodes[node])
-    return Block(draft.places, draft.labels, draft.boxes, draft.ends, draft.taken, draft.cost, back)
+    taken = np.delete(draft.taken, range(len(own), len(own) + len(behind)), axis=0)
+    return Block(draft.places, draft.labels, draft.boxes, draft.ends, taken, draft.cost, back)
 
 
 def _foot(node: Node, side: Vector) -> float:
@@ -225,12 +245,12 @@ def _clear(taken: Rectangles, block: Block, side: Vector, start: float, least: f
     """How far out a part has to be so that neither it nor its bond touches what is there; infinite if that is nowhere."""
     x, y = side
     distance = push(taken, block.taken, side, least)
-    for _ in range(30):
+    for attempt in range(40):
         tip = distance - block.reach - GAP
         bond = lane((x * start, y * start), (x * tip, y * tip))
         if not touches(taken[1:], bond, 1.0) and not touches(
             moved(block.taken[1:], x * distance, y * distance), bond, 1.0
         ):
             return distance
-        distance = push(taken, block.taken, side, distance + 12)
+        distance = push(taken, block.taken, side, distance + 12 + attempt**2)
     return math.inf
