@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from .box import Boxed
 from .glyphs import letter_rectangle, text_rectangle
@@ -15,6 +17,9 @@ from .tree import Block, Branch, grow_tree
 
 APART = 46.0  # between two parts
 WIDEST = 1500.0  # a row of parts
+TURNED = 3  # times that the ends of what is routed are turned
+TRIED = 3  # trees of which the rings are closed, to see which is best
+ROOMIER = (24.0, 60.0, 120.0)
 NARROW = 4.0  # what a signal needs at each side
 
 
@@ -38,6 +43,18 @@ class _Web:
     nodes: list[Node]
     stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
     names: dict[int, int]  # signal -> node of its name
+
+
+@dataclass(frozen=True, slots=True)
+class _Tree:
+    """A part grown from one root, its rings still open; the smaller `worth`, the better."""
+
+    root: int
+    closing: list[int]
+    web: _Web
+    branches: Mapping[int, Sequence[Branch]]
+    block: Block
+    worth: float
 
 
 def place(subject: Subject) -> Layout:
@@ -75,9 +92,18 @@ def _reached(around: Mapping[int, Sequence[int]], start: int) -> list[int]:
 
 def _part(subject: Subject, part: Sequence[int]) -> Layout:
     around = _around(subject, part)
-    roots = _roots(subject, part, around)
-    made = [_rooted(subject, part, around, root) for root in roots]
-    return min(made, key=lambda item: item[0])[1]
+    trees = sorted((_rooted(subject, part, around, r) for r in _roots(subject, part, around)), key=lambda t: t.worth)
+    best: tuple[float, Layout] | None = None
+    for tree in trees[:TRIED]:
+        for _ in range(TURNED if tree.closing else 1):
+            worth, layout = _finished(subject, part, tree)
+            if best is None or worth < best[0]:
+                best = worth, layout
+            tree = _turned(subject, tree)
+        if not tree.closing:
+            break
+    assert best is not None
+    return best[1]
 
 
 def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
@@ -111,26 +137,71 @@ def _roots(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[
     way = [last]
     while (step := before[way[-1]]) is not None:
         way.append(step)
-    return list(dict.fromkeys([way[0], way[-1], way[len(way) // 2]]))
+    spaced = way[:: max(1, len(way) // 8)] if len(inner) <= 40 and _ringed(around) else []
+    return list(dict.fromkeys([way[0], way[-1], way[len(way) // 2], *spaced]))
 
 
-def _rooted(
-    subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int
-) -> tuple[float, Layout]:
-    """The part as a tree from that root, with what closes its rings; and how good that is."""
+def _ringed(around: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
+    return sum(map(len, around.values())) // 2 >= len(around)
+
+
+def _rooted(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int) -> _Tree:
+    """The part as a tree from that root."""
     carried, closing = _spanning(around, root)
     web = _web(subject, closing)
     branches = _branches(subject, web, part, carried)
-    for roomy in (0.0, 24.0, 60.0, 120.0):
-        block = grow_tree(web.nodes, subject.lines, branches, root, roomy)
-        layout = _with_ways(subject, web, part, block, closing)
-        if layout is not None:
-            break
-    else:
-        raise AssertionError("a bond found no way")
-    bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
+    block = grow_tree(web.nodes, subject.lines, branches, root)
+    return _Tree(root, closing, web, branches, block, _worth(subject, web, closing, block))
+
+
+def _turned(subject: Subject, tree: _Tree) -> _Tree:
+    """The tree grown anew, the ends of what is routed turned to where the other ends are."""
+    other = {tree.web.stubs[n, e]: tree.web.stubs[n, sum(subject.lines[n].ends) - e] for n, e in tree.web.stubs}
+    places = tree.block.places
+    branches = {
+        node: [
+            replace(b, towards=_between(places[node], places[other[b.child]])) if b.child in other else b
+            for b in around
+        ]
+        for node, around in tree.branches.items()
+    }
+    block = grow_tree(tree.web.nodes, subject.lines, branches, tree.root)
+    return replace(tree, branches=branches, block=block, worth=_worth(subject, tree.web, tree.closing, block))
+
+
+def _between(start: Point, end: Point) -> Point:
+    return end[0] - start[0], end[1] - start[1]
+
+
+def _worth(subject: Subject, web: _Web, closing: Sequence[int], block: Block) -> float:
     left, top, right, bottom = bounds(block.taken)
-    return round(block.cost + 40 * bends + 0.15 * (right - left) + 0.25 * (bottom - top), 3), layout
+    far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in subject.lines[n].ends)) for n in closing)
+    return block.cost + far + 0.15 * (right - left) + 0.25 * (bottom - top)
+
+
+def _finished(subject: Subject, part: Sequence[int], tree: _Tree) -> tuple[float, Layout]:
+    """The tree with what closes its rings, roomier if that finds no way otherwise; and how good it is."""
+    layout = _with_ways(subject, tree.web, part, tree.block, tree.closing)
+    for roomy in ROOMIER:
+        if layout is None:
+            block = grow_tree(tree.web.nodes, subject.lines, tree.branches, tree.root, roomy)
+            layout = _with_ways(subject, tree.web, part, block, tree.closing, last=roomy == ROOMIER[-1])
+    assert layout is not None
+    bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
+    return round(tree.worth + 30 * bends + 150 * _crossings(list(layout.bonds.values())), 3), layout
+
+
+def _crossings(ways: Sequence[Sequence[Point]]) -> int:
+    """How often bonds cross."""
+    parts = [(n, a, b) for n, way in enumerate(ways) for a, b in pairwise(way)]
+    return sum(n != m and _cross(a, b, c, d) for i, (n, a, b) in enumerate(parts) for m, c, d in parts[i + 1 :])
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    def side(p: Point, q: Point, r: Point) -> float:
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
 
 
 def _spanning(
@@ -180,8 +251,11 @@ def _branches(
     return branches
 
 
-def _with_ways(subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int]) -> Layout | None:
-    """The layout with the ways of what closes rings, and of signals; None if one of these bonds finds no way."""
+def _with_ways(
+    subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
+) -> Layout | None:
+    """The layout with the ways of what closes rings, and of signals; None if one of these bonds finds no way, which in the `last`
+    attempt goes straight across."""
     ground = Ground(block.taken)
     ground.block(_things(web.nodes, block), HARD)
     bonds: dict[int, tuple[Point, ...]] = {}
@@ -195,8 +269,9 @@ def _with_ways(subject: Subject, web: _Web, part: Sequence[int], block: Block, c
         tail, head = subject.lines[number].ends
         feet = [(block.ends[number, n], block.ends[number, web.stubs[number, n]]) for n in (tail, head)]
         way = routed(ground, *feet[0], *reversed(feet[1]))
-        if way is None:
+        if way is None and not last:
             return None
+        way = way or (feet[0][0], feet[1][0])
         bonds[number] = way
         ground.take(way)
     texts, signals = dict[int, Point](), dict[int, tuple[Point, ...]]()
@@ -215,7 +290,7 @@ def _with_ways(subject: Subject, web: _Web, part: Sequence[int], block: Block, c
                 ground.take(found, NARROW)
     places = {n: p for n, p in block.places.items() if n < len(subject.nodes)}
     labels = {n: t for n, t in block.labels.items() if n < len(subject.nodes) and n not in block.boxes}
-    taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in zip(bonds[n], bonds[n][1:], strict=False)))
+    taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in pairwise(bonds[n])))
     return Layout(places, labels, block.boxes, bonds, signals, texts, taken)
 
 

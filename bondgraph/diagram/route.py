@@ -123,47 +123,64 @@ def _shortest(
     ground: Ground, starts: Sequence[State], goals: Collection[State], tight: bool = False
 ) -> list[State] | None:
     """The cells of a cheapest way from one of the starts to one of the goals, each with its heading (A*, Manhattan distance).
-    `tight`: nothing hard may be passed, not even beside the ends."""
-    costs, before = dict.fromkeys(starts, 0.0), dict[State, State]()
-    low, high = [min(g[i] for g in goals) for i in (0, 1)], [max(g[i] for g in goals) for i in (0, 1)]
-    ends = [s[:2] for s in (*starts, *goals)]
-
-    def rest(column: int, row: int) -> float:
-        return max(low[0] - column, column - high[0], 0) + max(low[1] - row, row - high[1], 0)
-
-    waiting = [(rest(*s[:2]), n, s) for n, s in enumerate(starts)]
+    `tight`: nothing hard may be passed, not even at the ends. Prices and states are flat numbers: this is where time goes."""
+    if not starts or not goals:
+        return None
+    columns = ground.columns
+    prices = _prices(ground, [] if tight else [s[:2] for s in (*starts, *goals)])
+    rest = _rest(ground, goals)
+    steps = (1, columns, -1, -columns)
+    turns = tuple(tuple((t % 4, steps[t % 4], BEND * (t != h)) for t in (h, h + 1, h + 3)) for h in range(4))
+    ends = {4 * (row * columns + column) + heading for column, row, heading in goals}
+    costs, before = [math.inf] * (4 * len(prices)), dict[int, int]()
+    waiting = []
+    for column, row, heading in starts:
+        state = 4 * (row * columns + column) + heading
+        costs[state] = 0.0
+        waiting.append((float(rest[state >> 2]), state))
     heapq.heapify(waiting)
-    count, done = len(waiting), set[State]()
     while waiting:
-        _, _, state = heapq.heappop(waiting)
-        if state in done:
-            continue
-        done.add(state)
-        if state in goals:
-            return _followed(before, state)
-        column, row, heading = state
-        for turn in (0, 1, 3):
-            towards = (heading + turn) % 4
-            x, y = column + HEADINGS[towards][0], row + HEADINGS[towards][1]
-            if not (0 <= x < ground.columns and 0 <= y < ground.rows):
-                continue
-            how = ground.cells[y * ground.columns + x]
-            if how == HARD and (tight or not any(_near((x, y), end) for end in ends)):
-                continue
-            cost = costs[state] + 1 + BEND * (turn != 0) + CROSSING * (how == SOFT)
-            after = (x, y, towards)
-            if cost < costs.get(after, math.inf):
-                costs[after], before[after] = cost, state
-                count += 1
-                heapq.heappush(waiting, (cost + rest(x, y), count, after))
+        bound, state = heapq.heappop(waiting)
+        if state in ends:
+            return [_unpacked(s, columns) for s in _followed(before, state)]
+        cell, cost = state >> 2, costs[state]
+        if bound > cost + rest[cell]:
+            continue  # found again, at a better price
+        for towards, step, bend in turns[state & 3]:
+            place = cell + step
+            price = prices[place]
+            if price:
+                after, dearer = 4 * place + towards, cost + price + bend
+                if dearer < costs[after]:
+                    costs[after], before[after] = dearer, state
+                    heapq.heappush(waiting, (dearer + rest[place], after))
     return None
 
 
-def _near(cell: tuple[int, int], place: tuple[int, int]) -> bool:
-    return abs(cell[0] - place[0]) <= 2 and abs(cell[1] - place[1]) <= 2
+def _unpacked(state: int, columns: int) -> State:
+    row, column = divmod(state >> 2, columns)
+    return column, row, state & 3
 
 
-def _followed(before: Mapping[State, State], state: State) -> list[State]:
+def _prices(ground: Ground, ends: Sequence[tuple[int, int]]) -> list[float]:
+    """What it costs to enter each cell, 0 where that cannot be: what is hard, if it is not an end itself, and the outermost cells."""
+    columns, rows = ground.columns, ground.rows
+    prices = [(1.0, 1.0 + CROSSING, 0.0)[how] for how in ground.cells]
+    for column, row in ends:
+        prices[row * columns + column] = 1.0
+    prices[:columns] = prices[-columns:] = [0.0] * columns
+    prices[::columns] = prices[columns - 1 :: columns] = [0.0] * rows
+    return prices
+
+
+def _rest(ground: Ground, goals: Collection[State]) -> list[int]:
+    """For each cell the least number of steps to the rectangle around the goals."""
+    low, high = [min(g[i] for g in goals) for i in (0, 1)], [max(g[i] for g in goals) for i in (0, 1)]
+    across = [max(low[0] - x, x - high[0], 0) for x in range(ground.columns)]
+    return [a + max(low[1] - y, y - high[1], 0) for y in range(ground.rows) for a in across]
+
+
+def _followed(before: Mapping[int, int], state: int) -> list[int]:
     way = [state]
     while state in before:
         state = before[state]

@@ -202,9 +202,9 @@ def _lines(
             whole = "" if _bundled(nodes[tail], nodes[head], graph, number) else str(number)
             alike[tail, head, causal.effort_from[number], whole].append(number)
     doors: dict[int, str] = {}
-    for (port, _), bond in walls.items():
+    for (port, _), crossing in walls.items():
         if port.count(".") == 1:
-            doors.setdefault(bond, port.partition(".")[2])
+            doors.setdefault(crossing, port.partition(".")[2])
     for (tail, head, effort_from, _), bonds in alike.items():
         ports = tuple(
             _stem([_port(graph, b, side, nodes[number], doors) for b in bonds])

@@ -62,6 +62,7 @@ class Branch:
     child: int
     outwards: bool  # whether the arrow points to the child
     heavy: bool  # whether more hangs on the child
+    towards: Vector | None = None  # of what is routed later: where its other end was when last seen
 
 
 Arrangement = Sequence[tuple[Branch, Vector]]
@@ -176,7 +177,9 @@ def _arrangements(
     """Ways to put branches at sides: heavy ones in every order, the ends of bonds where they like to stand."""
     free = [s for s in SIDES if along is None or s != (-along[0], -along[1])]
     heavy = [b for b in branches if b.heavy]
-    light = sorted((b for b in branches if not b.heavy), key=lambda b: nodes[b.child].letter in ("I", "C"))
+    light = sorted(
+        (b for b in branches if not b.heavy), key=lambda b: (b.towards is None, nodes[b.child].letter in ("I", "C"))
+    )
     wanted = heavy[: len(free)]
     through = nodes[node].shape == "element" and sum(nodes[b.child].shape != "signal" for b in branches) == (
         2 if along is None else 1
@@ -187,7 +190,7 @@ def _arrangements(
         taken: list[tuple[Branch, Vector]] = list(zip(wanted, sides, strict=True))
         left, slanted = [s for s in free if s not in sides], list(open_to)
         for branch in (*light, *heavy[len(free) :]):
-            likes = [s for s in LIKES.get(nodes[branch.child].letter.lstrip("M"), SIDES) if s in left]
+            likes = [s for s in _likes(nodes[branch.child], branch) if s in left]
             ahead = along if along is not None or not sides else (-sides[0][0], -sides[0][1])
             if ahead in left and through and nodes[branch.child].shape != "signal":
                 likes = [ahead]  # straight on behind a transformer and its like
@@ -198,12 +201,20 @@ def _arrangements(
         yield sorted(taken, key=lambda item: (item[0].heavy, item[1] not in SIDES))
 
 
+def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
+    """The sides at which the end of a bond likes to stand, best first."""
+    if branch.towards is None:
+        return LIKES.get(node.letter.lstrip("M"), SIDES)
+    x, y = branch.towards
+    return sorted(SIDES, key=lambda s: -(s[0] * x + s[1] * y))
+
+
 def _price(node: Node, branch: Branch, side: Vector) -> float:
     """What it costs that a branch goes to a side."""
     power = side[0] if branch.outwards else -side[0]
     if branch.heavy:
         return TURN * (side[1] != 0) + AGAINST * (power < 0)
-    likes = LIKES.get(node.letter.lstrip("M"), SIDES)
+    likes = _likes(node, branch)
     return DISLIKE * (likes.index(side) if side in likes else 3)
 
 
