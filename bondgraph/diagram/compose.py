@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from .box import port_of
 from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
-from .glyphs import PORT, STROKE
+from .glyphs import PORT, STROKE, text_rectangle
 from .lettering import text_width
+from .looks import LOOKS
 from .place import Layout
-from .room import Point, bounds
+from .room import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches
 from .subject import TAIL, Line, Node, Subject
 
 BARB, SPREAD = 11.0, 7.0  # the half arrow along and across the bond
@@ -26,11 +28,13 @@ MEANINGS = {"derivative": "storage in derivative form", "loop": "in an algebraic
 def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
     """The figure. `numbers`: with the numbers of the bonds."""
     groups = [
-        *_lines(subject, layout, numbers),
+        *_lines(subject, layout),
         *_signals(subject, layout),
         *(_node(node, number, layout) for number, node in enumerate(subject.nodes)),
         *_ports(subject, layout),
     ]
+    if numbers:
+        groups += _numbers(subject, layout, groups)
     left, top, right, bottom = bounds(layout.taken) if len(layout.taken) else (0.0, 0.0, 200.0, 20.0)
     for way in layout.signals.values():
         left, right = min(left, *(x for x, _ in way)), max(right, *(x for x, _ in way))
@@ -45,7 +49,7 @@ def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
 # ---------------------------------------------------------------- bonds
 
 
-def _lines(subject: Subject, layout: Layout, numbers: bool) -> Iterator[Group]:
+def _lines(subject: Subject, layout: Layout) -> Iterator[Group]:
     for number, line in enumerate(subject.lines):
         way = layout.bonds[number]
         shapes: list[Shape] = [
@@ -53,8 +57,6 @@ def _lines(subject: Subject, layout: Layout, numbers: bool) -> Iterator[Group]:
             _barb(way, len(line.bonds) > 1),
             _stroke(way, line.stroke),
         ]
-        if numbers:
-            shapes.append(_number(way, line))
         tail, head = (subject.nodes[n].name for n in line.ends)
         facts = {
             "bonds": " ".join(map(str, line.bonds)), "tail": tail, "head": head, "stroke": "tail" if line.stroke == TAIL else "head",
@@ -110,16 +112,48 @@ def _stroke(way: Sequence[Point], where: int) -> Stroke:
     return Stroke(((x - STROKE * -v, y - STROKE * u), (x + STROKE * -v, y + STROKE * u)), "stroke")
 
 
-def _number(way: Sequence[Point], line: Line) -> Text:
-    first, last = line.bonds[0] + 1, line.bonds[-1] + 1
-    i = max(range(len(way) - 1), key=lambda j: math.dist(way[j], way[j + 1]))
-    along = _unit(way[i], way[i + 1])
-    x, y = (way[i][0] + way[i + 1][0]) / 2, (way[i][1] + way[i + 1][1]) / 2
-    across = _flow_side(along)
-    text = str(first) if first == last else f"{first}-{last}"
-    if abs(across[1]) > abs(across[0]):
-        return Text(text, x - 4 * along[0], y + 12.5, "number", "middle")
-    return Text(text, x + 5, y + 3.5, "number", "start")
+def _numbers(subject: Subject, layout: Layout, groups: Sequence[Group]) -> Iterator[Group]:
+    """The number of each bond beside its longest part, on the side of the flow if there is room, else where there is."""
+    taken = joined(NOTHING, *(_taken(shape) for group in groups for shape in group.shapes))
+    for number, line in enumerate(subject.lines):
+        first, last = line.bonds[0] + 1, line.bonds[-1] + 1
+        text = str(first) if first == last else f"{first}-{last}"
+        spots = list(_spots(text, layout.bonds[number]))
+        areas = [rectangles([text_rectangle(t.text, t.x, t.y, t.anchor, LOOKS["number"].size)]) for t in spots]
+        free = [n for n, area in enumerate(areas) if not touches(taken, area, 0.5)]
+        chosen = free[0] if free else 0
+        taken = joined(taken, areas[chosen])
+        yield Group("number", (spots[chosen],), {"bonds": " ".join(map(str, line.bonds))})
+
+
+def _spots(text: str, way: Sequence[Point]) -> Iterator[Text]:
+    """Places for a number, best first: in the middle of the free part of a bond, nearer to one end, on the other side."""
+    parts = sorted(pairwise(way), key=lambda part: -math.dist(*part))
+    for side in (1, -1):
+        for start, end in parts:
+            along = _unit(start, end)
+            across = _flow_side(along)
+            for share in (0.42, 0.5, 0.3, 0.6, 0.2, 0.75):
+                x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+                if abs(across[1]) > abs(across[0]):
+                    yield Text(text, x, y + (12.5 if side > 0 else -7.5), "number", "middle")
+                else:
+                    yield Text(text, x + 6 * side, y + 3.5, "number", "start" if side > 0 else "end")
+
+
+def _taken(shape: Shape) -> Rectangles:
+    """What a shape takes of the page."""
+    match shape:
+        case Stroke(points):
+            parts = [sorted(axis) for a, b in pairwise(points) for axis in zip(a, b, strict=True)]
+            return rectangles(
+                (x[0] - 1, y[0] - 1, x[1] + 1, y[1] + 1) for x, y in zip(parts[::2], parts[1::2], strict=True)
+            )
+        case Frame(left, top, width, height):
+            return rectangles([(left, top, left + width, top + height)])
+        case Text(text, x, y, look, anchor):
+            return rectangles([text_rectangle(text, x, y, anchor, LOOKS[look].size)])
+    return NOTHING
 
 
 def _mark(item: Line | Node) -> str:

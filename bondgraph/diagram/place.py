@@ -18,7 +18,7 @@ from .tree import Block, Branch, grow_tree
 APART = 46.0  # between two parts
 WIDEST = 1500.0  # a row of parts
 TURNED = 3  # times that the ends of what is routed are turned
-TRIED = 3  # trees of which the rings are closed, to see which is best
+ROUTES = 24  # ways that are looked for, in all that is tried
 ROOMIER = (24.0, 60.0, 120.0)
 NARROW = 4.0  # what a signal needs at each side
 
@@ -94,14 +94,14 @@ def _part(subject: Subject, part: Sequence[int]) -> Layout:
     around = _around(subject, part)
     trees = sorted((_rooted(subject, part, around, r) for r in _roots(subject, part, around)), key=lambda t: t.worth)
     best: tuple[float, Layout] | None = None
-    for tree in trees[:TRIED]:
-        for _ in range(TURNED if tree.closing else 1):
+    open_ = len(trees[0].closing)
+    turns = min(TURNED, max(1, ROUTES // open_)) if open_ else 1
+    for tree in trees[: max(1, ROUTES // (turns * open_)) if open_ else 1]:
+        for _ in range(turns):
             worth, layout = _finished(subject, part, tree)
             if best is None or worth < best[0]:
                 best = worth, layout
             tree = _turned(subject, tree)
-        if not tree.closing:
-            break
     assert best is not None
     return best[1]
 
@@ -137,7 +137,7 @@ def _roots(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[
     way = [last]
     while (step := before[way[-1]]) is not None:
         way.append(step)
-    spaced = way[:: max(1, len(way) // 8)] if len(inner) <= 40 and _ringed(around) else []
+    spaced = way[:: max(1, len(way) // 4)] if len(inner) <= 40 and _ringed(around) else []
     return list(dict.fromkeys([way[0], way[-1], way[len(way) // 2], *spaced]))
 
 

@@ -10,6 +10,8 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from .room import LANE, Point, Rectangles, bounds, lane
 
 STEP = 6.0
@@ -18,14 +20,14 @@ CLEAR = 2.0  # px around what is taken
 BEND = 5.0  # in steps
 CROSSING = 14.0
 AROUND = 10  # steps of free ground around everything
-FREE, SOFT, HARD = 0, 1, 2
+FREE, LYING, STANDING, HARD = 0, 1, 2, 3  # bits: a bond lies there, one stands there, or nothing may pass
 Rectangle = tuple[float, float, float, float]
 State = tuple[int, int, int]  # column, row, heading
 
 
 class Ground:
-    """What is taken, on a grid; it fills with every way that is found. Nothing passes through what is hard, and what is soft, the
-    middles of bonds, is crossed at a price."""
+    """What is taken, on a grid; it fills with every way that is found. Nothing passes through what is hard; the
+    middles of bonds are crossed, at right angles, at a price."""
 
     def __init__(self, whole: Rectangles) -> None:
         left, top, right, bottom = bounds(whole)
@@ -40,7 +42,7 @@ class Ground:
             first, last = self._inside(left - CLEAR - self.left, right + CLEAR - self.left, self.columns)
             for row in range(*self._inside(top - CLEAR - self.top, bottom + CLEAR - self.top, self.rows)):
                 for place in range(row * self.columns + first, row * self.columns + last):
-                    self.cells[place] = max(self.cells[place], how)
+                    self.cells[place] |= how
 
     @staticmethod
     def _inside(low: float, high: float, count: int) -> tuple[int, int]:
@@ -49,7 +51,8 @@ class Ground:
     def take(self, way: Sequence[Point], width: float = LANE) -> None:
         """Put a way in: its ends, where strokes and half arrows are, are hard."""
         for start, end in pairwise(way):
-            self.block(lane(start, end, width), SOFT)
+            level, upright = abs(start[1] - end[1]) < 0.5, abs(start[0] - end[0]) < 0.5
+            self.block(lane(start, end, width), LYING if level else STANDING if upright else HARD)
         for end, towards in ((way[0], way[1]), (way[-1], way[-2])):
             share = min(1.0, END / math.dist(end, towards))
             middle = tuple(a + share * (b - a) for a, b in zip(end, towards, strict=True))
@@ -127,12 +130,15 @@ def _shortest(
     if not starts or not goals:
         return None
     columns = ground.columns
-    prices = _prices(ground, [] if tight else [s[:2] for s in (*starts, *goals)])
+    ends_of = [] if tight else [s[:2] for s in (*starts, *goals)]
+    prices = (_prices(ground, ends_of, LYING), _prices(ground, ends_of, STANDING))
     rest = _rest(ground, goals)
     steps = (1, columns, -1, -columns)
-    turns = tuple(tuple((t % 4, steps[t % 4], BEND * (t != h)) for t in (h, h + 1, h + 3)) for h in range(4))
+    turns = tuple(
+        tuple((t % 4, steps[t % 4], BEND * (t != h), prices[t % 2]) for t in (h, h + 1, h + 3)) for h in range(4)
+    )
     ends = {4 * (row * columns + column) + heading for column, row, heading in goals}
-    costs, before = [math.inf] * (4 * len(prices)), dict[int, int]()
+    costs, before = [math.inf] * (4 * len(rest)), dict[int, int]()
     waiting = []
     for column, row, heading in starts:
         state = 4 * (row * columns + column) + heading
@@ -146,9 +152,9 @@ def _shortest(
         cell, cost = state >> 2, costs[state]
         if bound > cost + rest[cell]:
             continue  # found again, at a better price
-        for towards, step, bend in turns[state & 3]:
+        for towards, step, bend, entry in turns[state & 3]:
             place = cell + step
-            price = prices[place]
+            price = entry[place]
             if price:
                 after, dearer = 4 * place + towards, cost + price + bend
                 if dearer < costs[after]:
@@ -162,10 +168,13 @@ def _unpacked(state: int, columns: int) -> State:
     return column, row, state & 3
 
 
-def _prices(ground: Ground, ends: Sequence[tuple[int, int]]) -> list[float]:
-    """What it costs to enter each cell, 0 where that cannot be: what is hard, if it is not an end itself, and the outermost cells."""
+def _prices(ground: Ground, ends: Sequence[tuple[int, int]], along: int) -> list[float]:
+    """What it costs to enter each cell on the level (`along` LYING) or up and down (STANDING), 0 where that cannot be: what is hard,
+    what a bond takes in the same direction, the outermost cells; the ends themselves are always free."""
     columns, rows = ground.columns, ground.rows
-    prices = [(1.0, 1.0 + CROSSING, 0.0)[how] for how in ground.cells]
+    prices: list[float] = np.array(
+        (1.0, 0.0, 1.0 + CROSSING, 0.0) if along == LYING else (1.0, 1.0 + CROSSING, 0.0, 0.0)
+    )[np.frombuffer(ground.cells, np.uint8)].tolist()
     for column, row in ends:
         prices[row * columns + column] = 1.0
     prices[:columns] = prices[-columns:] = [0.0] * columns
@@ -176,8 +185,11 @@ def _prices(ground: Ground, ends: Sequence[tuple[int, int]]) -> list[float]:
 def _rest(ground: Ground, goals: Collection[State]) -> list[int]:
     """For each cell the least number of steps to the rectangle around the goals."""
     low, high = [min(g[i] for g in goals) for i in (0, 1)], [max(g[i] for g in goals) for i in (0, 1)]
-    across = [max(low[0] - x, x - high[0], 0) for x in range(ground.columns)]
-    return [a + max(low[1] - y, y - high[1], 0) for y in range(ground.rows) for a in across]
+    x, y = np.arange(ground.columns), np.arange(ground.rows)
+    across = np.maximum(np.maximum(low[0] - x, x - high[0]), 0)
+    down = np.maximum(np.maximum(low[1] - y, y - high[1]), 0)
+    listed: list[int] = np.add.outer(down, across).ravel().tolist()
+    return listed
 
 
 def _followed(before: Mapping[int, int], state: int) -> list[int]:

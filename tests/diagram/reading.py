@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
@@ -75,8 +76,8 @@ def read(svg: str) -> Read:
         if "node" in kind:
             name = group.get("data-name", "")
             nodes[name] = group
-            boxes |= {name: _box(r) for r in group.iter(f"{SVG}rect")}
-            letters |= {name: measured(t) for t in group.iter(f"{SVG}text") if t.get("class") == "letter"}
+            boxes.update((name, _box(r)) for r in group.iter(f"{SVG}rect"))
+            letters.update((name, measured(t)) for t in group.iter(f"{SVG}text") if t.get("class") == "letter")
         texts += [(t.get("class", ""), t.text or "", measured(t)) for t in group.iter(f"{SVG}text")]
     return Read(
         tuple(bonds), nodes, tuple(texts), letters, boxes, tuple(signals), (float(root.get("width", 0)), float(root.get("height", 0)))
@@ -134,7 +135,7 @@ def segments(read: Read) -> Iterator[tuple[int, Point, Point]]:
     """Every straight part of every bond's lines, half arrow and stroke, with the bond's place in the list."""
     for number, bond in enumerate(read.bonds):
         for way in (*bond.ways, bond.barb, bond.stroke):
-            for start, end in zip(way, way[1:], strict=False):
+            for start, end in pairwise(way):
                 yield number, start, end
 
 
