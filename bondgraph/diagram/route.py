@@ -8,6 +8,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -62,6 +63,12 @@ class Ground:
         """The cell nearest to a point."""
         return round((point[0] - self.left) / STEP), round((point[1] - self.top) / STEP)
 
+    def how(self, cell: tuple[int, int]) -> int:
+        """What a cell is; what lies outside is hard."""
+        column, row = cell
+        inside = 0 <= column < self.columns and 0 <= row < self.rows
+        return self.cells[row * self.columns + column] if inside else HARD
+
     def point(self, column: int, row: int) -> Point:
         """The middle of a cell."""
         return self.left + column * STEP, self.top + row * STEP
@@ -82,21 +89,35 @@ def routed(ground: Ground, foot: Point, start: Point, end: Point, tip: Point) ->
     return (*((foot,) if slanted[0] else ()), *way, *((tip,) if slanted[1] else ()))
 
 
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Where a signal can leave a letter or box: a point of the border, the cell outside, the heading from there on."""
+
+    foot: Point
+    cell: tuple[int, int]
+    heading: int
+    corner: bool
+
+
 def between(ground: Ground, source: Rectangle, target: Rectangle) -> tuple[Point, ...] | None:
     """A way for a signal from the border of one rectangle to that of another, wherever both are free."""
-    starts, ends = _gates(ground, source), _gates(ground, target)
-    goals = {(*ground.cell(start), (heading + 2) % 4): (foot, heading) for foot, start, heading in ends}
-    feet = {(*ground.cell(start), heading): foot for foot, start, heading in starts}
+    feet = {(*gate.cell, gate.heading): gate for gate in _gates(ground, source)}
+    goals = {(*gate.cell, (gate.heading + 2) % 4): gate for gate in _gates(ground, target)}
     cells = _shortest(ground, list(feet), set(goals), tight=True)
     if cells is None:
         return None
-    foot, (tip, into) = feet[cells[0]], goals[cells[-1]]
-    corners = _corners([foot, *(ground.point(*c[:2]) for c in cells), tip])[1:-1]
-    return _aligned(foot, corners, tip, cells[0][2], (into + 2) % 4)
+    first, last = feet[cells[0]], goals[cells[-1]]
+    points = [ground.point(*c[:2]) for c in cells]
+    if first.corner and last.corner and len(points) == 1:
+        return (first.foot, points[0], last.foot)
+    start, end = points[0] if first.corner else first.foot, points[-1] if last.corner else last.foot
+    corners = _corners([start, *points[first.corner :][: -1 if last.corner else None], end])[1:-1]
+    way = _aligned(start, corners, end, cells[0][2], cells[-1][2])
+    return (*((first.foot,) if first.corner else ()), *way, *((last.foot,) if last.corner else ()))
 
 
-def _gates(ground: Ground, rectangle: Rectangle) -> list[tuple[Point, Point, int]]:
-    """Where a signal can leave a rectangle: on the border, a few steps out, and the heading; only where that is free."""
+def _gates(ground: Ground, rectangle: Rectangle) -> list[Gate]:
+    """Where a signal can leave a rectangle: in the middle of a free side; if there is none, at a corner, between two bonds."""
     left, top, right, bottom = rectangle
     x, y = (left + right) / 2, (top + bottom) / 2
     asides = [0.0] if right - left < 30 else [0.0, (left - right) / 4, (right - left) / 4]
@@ -104,12 +125,18 @@ def _gates(ground: Ground, rectangle: Rectangle) -> list[tuple[Point, Point, int
     for heading, (u, v) in enumerate(HEADINGS):
         for aside in asides if v else [0.0]:
             foot = (x + aside if v else (right if u > 0 else left), (bottom if v > 0 else top) if v else y)
-            start = (foot[0] + 3 * STEP * u, foot[1] + 3 * STEP * v)
-            steps = [ground.cell((foot[0] + k * STEP * u, foot[1] + k * STEP * v)) for k in (1, 2, 3)]
-            if all(0 <= c < ground.columns and 0 <= r < ground.rows for c, r in steps) and not any(
-                ground.cells[r * ground.columns + c] for c, r in steps[1:]
-            ):
-                found.append((foot, start, heading))
+            steps = [ground.cell((foot[0] + k * STEP * u, foot[1] + k * STEP * v)) for k in (2, 3)]
+            if not any(map(ground.how, steps)):
+                found.append(Gate(foot, steps[-1], heading, False))
+    if found:
+        return found
+    for u, v in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        foot = (right - 2 if u > 0 else left + 2, bottom - 2 if v > 0 else top + 2)
+        for far in (7.0, 9.0, 12.0):
+            cell = ground.cell((foot[0] + far * u, foot[1] + far * v))
+            if not ground.how(cell):
+                found += [Gate(foot, cell, 0 if u > 0 else 2, True), Gate(foot, cell, 1 if v > 0 else 3, True)]
+                break
     return found
 
 

@@ -12,6 +12,7 @@ import pytest
 
 import bondgraph
 from bondgraph.diagram import svg_text
+from bondgraph.diagram.subject import subject_of
 from bondgraph.door import Scene
 from bondgraph.model import Model
 from compiler.causality.assign import CausalGraph
@@ -167,6 +168,23 @@ def test_signals() -> None:
     assert [(s, t) for s, t, _ in motor.signals] == [("", "supply")]
     assert ("kind", "volt") in [(look, t) for look, t, _ in motor.texts]
     assert drawn(MODELS / "oscillator.bg").signals == ()
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_every_signal_has_a_way(path: Path) -> None:
+    """It begins and ends at its own nodes, and passes through no text and no box."""
+    picture = drawn(path)
+    wanted = subject_of(loaded(path).compilation(Scene(None, None, free=EVERYTHING))).signals
+    assert len(picture.signals) == len(wanted)
+    borders = picture.letters | picture.boxes
+    for source, target, way in picture.signals:
+        assert not source or distance(way[0], borders[source]) < 8
+        assert distance(way[-1], borders[target]) < 8
+        for start, end in pairwise(way):
+            for _, text, box in picture.texts:
+                assert not through(start, end, box), (source, target, text)
+            for title, box in picture.boxes.items():
+                assert not through(start, end, box), (source, target, title)
 
 
 def test_instances_as_boxes() -> None:
