@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.mechanism import Mechanism, freedoms_of
-    from compiler.graph.network import Element, Junction, Kind, MechanismNode
+    from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
+    from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
     from compiler.native.arrays import Floats, Ints, Record
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
+    "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
@@ -76,11 +78,11 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "BondGraph", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
-    "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
+    "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
     "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope",
-    "Override", "Path", "Plan", "PowerPort", "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
+    "Override", "Path", "Plan", "PowerPort", "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
     "Symbol", "Tape", "Unknown", "Unsupported", "ValuesNeeded",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .analysis.operating_point import Asked, OperatingPoint
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
+    from .diagram.figure import Figure
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
     from .ensembles import Ensemble
     from .prepared import Prepared
@@ -145,6 +146,26 @@ class Model:
     def graph(self) -> networkx.MultiDiGraph:
         """The bond graph in networkx; nodes carry `node=`, edges (half arrows) `bond=`."""
         return self.compilation().whole_graph.network
+
+    def draw(
+        self, path: str | Path | None = None, experiment: str | None = None, closed: bool = False, numbers: bool = False
+    ) -> Figure:
+        """The bond graph in a textbook's notation, into a .svg, .png or .pdf file if a path is given.
+
+        Drawn is everything that the text says; with an experiment what is left of it in that run. `closed`: instances are
+        boxes. `numbers`: with the numbers of the bonds. Raises `CompilationFailed`, `UsageError`, `MissingPackage`, OSError.
+        """
+        from .diagram import draw, write_figure
+
+        free = frozenset({"*"}) if experiment is None else frozenset[str]()  # nothing counts as zero
+        figure = draw(self.compilation(door.Scene(self.model, experiment, free=free)), closed, numbers)
+        if path is not None:
+            write_figure(figure, path)
+        return figure
+
+    def _repr_svg_(self) -> str:
+        """The diagram, for notebooks."""
+        return self.draw()._repr_svg_()
 
     # ------------------------------------------------------------ equations and stages
     def state_equations(self) -> Any:
