@@ -193,12 +193,14 @@ NO_JOB = {
 }
 
 
-def measured(scene: Scene) -> tuple[dict[str, Curve], dict[str, str]]:
+def measured(scene: Scene, wanted: Sequence[str] = tuple(PEERS)) -> tuple[dict[str, Curve], dict[str, str]]:
     """All curves of a scene, and a word for each program that has none or an unfinished one."""
     right = reference(scene)
     found: dict[str, Curve] = {k: v for k, v in ours(scene, scene.tolerances, right).items() if v}
     words: dict[str, str] = {}
     for name, make in PEERS.items():
+        if name not in wanted:
+            continue
         package = next((p for word, p in PACKAGES.items() if name.startswith(word)), None)
         if (package is not None and not peers.there(package)) or (name == "ngspice" and not ngspice.there()):
             words[name] = "not installed"
