@@ -297,14 +297,23 @@ def show(file: str, stage: str, experiment: str, model: str | None) -> None:
 )
 @click.option("--closed", is_flag=True, help="Instances of the model as boxes.")
 @click.option("--numbers", is_flag=True, help="With the numbers of the bonds.")
+@click.option("--mechanism", metavar="NAME", help="This mechanism instead, with bodies, joints, springs.")
+@click.option("--at", metavar="TIME", help="The mechanism at this time of a run; else as it is described.")
 @_model
-def draw(file: str, out: str, experiment: str | None, closed: bool, numbers: bool, model: str | None) -> None:
-    """Draw the bond graph: half arrows, causal strokes, signals, mechanisms as boxes."""
+def draw(
+    file: str, out: str, experiment: str | None, closed: bool, numbers: bool, mechanism: str | None, at: str | None, model: str | None
+) -> None:  # fmt: skip
+    """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
     with _told():
         from .diagram.picture import ENDINGS
 
         _check_target(out, ENDINGS, "--out")
-        _load(file, model).draw(out, experiment, closed, numbers)
+        if at is not None and mechanism is None:
+            raise click.UsageError("--at is for a mechanism: name it with --mechanism")
+        if mechanism is not None:
+            _load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
+        else:
+            _load(file, model).draw(out, experiment, closed, numbers)
 
 
 @commands.command()
