@@ -235,7 +235,7 @@ def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summ
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=2))
     elif summary and len(result.time):
-        click.echo(result.summary())
+        click.echo(result.summary(_has_bars()))
 
 
 def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
@@ -247,6 +247,17 @@ def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
     if not out.endswith(".npz") or result.end is None:
         return written
     return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
+
+
+def _has_bars() -> bool:
+    """Whether what is printed goes to a terminal that has bars among its letters; a file or a pipe gets plain tables."""
+    if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
+        return False
+    try:
+        "▁█".encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
 
 
 def _load(file: str, model: str | None) -> Model:
