@@ -49,6 +49,7 @@ D = P @ np.array([1.0, 2.0, 3.0])
 NEWTON_ITERATIONS = 6
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 STUBBORN = 8  # rejected tries after which shorter steps must have helped
+PATIENT = 3  # rejected tries after which steps get shorter at once
 
 
 class Factorised(Protocol):
@@ -163,7 +164,8 @@ class Radau:
             if not norm <= 1:
                 reason = "error"
                 factor = 0.1 if not np.isfinite(norm) else self._factor(size, norm)
-                size *= max(SMALLEST, safety * factor)
+                # What a stiff mode rings with errs alike at all steps that are longer than its period: those are left behind quickly.
+                size *= max(SMALLEST, safety * factor) if len(norms) < PATIENT else SMALLEST
                 self.rejected += 1
                 norms.append(norm)
                 self.error = error

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
-NEWTON_ITERATIONS, STUBBORN = radau.NEWTON_ITERATIONS, radau.STUBBORN
+NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
@@ -63,7 +63,8 @@ def step(s: Stepper) -> int:
         if norm <= 1.0:
             break
         reason = ERROR
-        size *= max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
+        wish = max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
+        size *= wish if rejected < PATIENT else SMALLEST
         s.rejected += 1
         s.norms[rejected % STUBBORN] = norm
         rejected += 1
