@@ -109,6 +109,7 @@ class Stepper:
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
+        self.whole = float(instants[-1] - instants[0])  # how long the run is
         self.traffic = 0.0  # the work at all ports so far, whatever its sign
         self.position = 0  # the next instant to be reported
         self.result = into if into is not None else empty(program, instants)
@@ -390,10 +391,13 @@ class Stepper:
         from .steps.factorise import dense, is_large, sparse
 
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
-        follows = follower(program, self.inputs, self.constants, stretch)
+        follows = follower(program, self.inputs, self.constants, stretch, self.whole)
         problem = Problem(
             derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
         )
+        if program.bends is not None:
+            bends = program.bends
+            problem.bends = lambda time, scaled: bends(time, scaled * magnitude, *fixed)
         if self.constraints:
 
             def hold(time: float, scaled: Any) -> Any:

@@ -12,9 +12,15 @@ class JumpsWithoutEnd(Diagnostic):
     """BG601."""
 
     code = "BG601"
-    title = "`{function}` of an expression of time jumps at instants that this version does not find"
-    advice = "Write the signal with step, pulse, ramp or `if` on time."
+    title = "`{function}` of an expression of {what} jumps at instants that this version does not find"
     function: str
+    what: str = "time"
+
+    @property
+    def help(self) -> str:
+        if self.what == "time":
+            return "Write the signal with step, pulse, ramp or `if` on time."
+        return "Keep the count in a `mode` and let a `when` move it on, or sample it: `every 1 ms { n = floor(x) }`."
 
 
 @dataclass(frozen=True, slots=True)
