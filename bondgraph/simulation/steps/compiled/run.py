@@ -305,7 +305,7 @@ def _values(
     stretch: Segment,
     state: Any,
     longest: float,
-    whole: float,
+    length: float,
 ) -> dict[str, Any]:
     """All fields of a `Stepper` where the stretch begins."""
     n, differential = len(state), len(program.states.names)
