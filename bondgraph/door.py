@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
     from compiler.algebra.derivative import derivative
-    from compiler.algebra.expression import Apply, Expression, Symbol, depends_on, evaluate, symbols
+    from compiler.algebra.expression import Apply, Expression, Number, Symbol, depends_on, evaluate, symbols, value_of
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
+    "Number": "algebra.expression", "value_of": "algebra.expression",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
@@ -75,12 +76,12 @@ __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",
+    "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Number", "Override", "Path", "Plan", "PowerPort",
     "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
     "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",
-    "uncollected", "write_text",
+    "uncollected", "value_of", "write_text",
 ]  # fmt: skip
 
 

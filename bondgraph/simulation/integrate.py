@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RunFailed
+from ..errors import RunFailed, StepsCollapsed
 from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from .events.history import History
     from .events.locate import Flip, StateAt
     from .steps.compiled.run import CompiledRadau
+
+# How far to look for what makes steps collapse: shares of what moves a state by its magnitude, and of the run.
+REACHES = (1e-15, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1e-1, 1.0)
+SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
@@ -222,7 +226,8 @@ class Stepper:
         steps = 0
         try:
             while not solver.finished:
-                self._step(solver, steps, stretch.mode)
+                if not self._step(solver, steps, stretch):
+                    break
                 steps += 1
                 stretch = self._passed(solver, stretch)
                 if self.flip is not None:
@@ -412,17 +417,25 @@ class Stepper:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            raise not_finite(self.program, start, slope, x)
+            raise not_finite(self.program, start, slope, x, mode)
 
-    def _step(self, solver: Radau, steps: int, mode: Any) -> None:
-        """One accepted step."""
+    def _step(self, solver: Radau, steps: int, stretch: Segment) -> bool:
+        """One accepted step; false where none leads on, but an event just ahead does."""
         try:
             solver.step()
         except StepFailed as failed:
-            raise self.failed(solver, failed.what, mode) from None
+            told = self.failed(solver, failed.what, stretch.mode)
+            if isinstance(told, StepsCollapsed) and self.flips_just_ahead(told, stretch):
+                return False
+            raise told from None
         self.steps += 1
         if steps >= MOST_STEPS or self.steps > self.most_steps:
-            raise self.failed(solver, "steps", mode)
+            raise self.failed(solver, "steps", stretch.mode)
+        return True
+
+    def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
+        """Whether an event stepper sees an event where steps collapse: beyond it the law of this side may have no value."""
+        return False
 
     def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
@@ -431,8 +444,23 @@ class Stepper:
         if what != "steps":
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            return not_finite(self.program, solver.time, slope, state)
-        return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
+            return not_finite(self.program, solver.time, slope, state, mode)
+        told = stuck(self.program, solver, what, state, slope, self.tolerances)
+        if what in ("newton", "error"):
+            return StepsCollapsed(told, solver.time, state, self._ahead(solver.time, state, slope), mode)
+        return RunFailed(told)
+
+    def _ahead(self, time: float, state: Any, slope: Any) -> tuple[tuple[float, Any], ...]:
+        """Where the slope leads from a state, ever further: what makes steps collapse lies there."""
+        count = len(self.program.states.names)
+        step = np.where(np.arange(len(state)) < count, slope, 0.0)
+        size = np.maximum(self.tolerances.magnitude, np.abs(state))
+        speed = float((np.abs(step) / size).max(initial=0.0))
+        reach = min(self.whole, 1 / speed if speed > 0 else np.inf)
+        least = 10 * float(np.spacing(max(abs(time), 1e-300)))
+        spans = sorted({max(least, x) for x in (*(r * reach for r in REACHES), *(s * self.whole for s in SHARES))})
+        spans = [span for span in spans if span <= max(reach, 1e-9 * self.whole, least)]
+        return tuple((time + span, state + span * step) for span in spans)
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""

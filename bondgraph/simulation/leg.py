@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..ended import End
-from ..errors import RateNotFinite, RunFailed, UsageError
+from ..errors import RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .integrate import empty, integrate
@@ -236,8 +236,11 @@ class Leg:
         except RateNotFinite as failed:
             from .watch.finite import cause_of
 
-            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
+            modes = self._modes(failed.mode)
+            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters, modes)
             raise RunFailed(f"{failed}: {cause}") from None
+        except StepsCollapsed as failed:
+            raise self._explained(failed) from None
         self._finish()
         self.values = self._outputs()
         self.whole = True
@@ -247,6 +250,22 @@ class Leg:
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def _modes(self, mode: Any) -> dict[str, float]:
+        """What only events change, by name."""
+        hybrid = self.program.hybrid
+        return {} if hybrid is None or mode is None else dict(zip(hybrid.modes.names, map(float, mode), strict=False))
+
+    def _explained(self, failed: StepsCollapsed) -> RunFailed:
+        """Why steps collapsed, if something a little ahead has no value."""
+        from .watch.finite import cause_ahead
+
+        space, here = self.compilation.state_space, (failed.time, failed.state)
+        for ahead in failed.ahead:
+            cause = cause_ahead(self.program, space, here, ahead, self.parameters, self._modes(failed.mode))
+            if cause is not None:
+                return RunFailed(f"no step leads on from t = {failed.time:.9g} s: just ahead {cause}")
+        return RunFailed(str(failed))
 
     def cut(self) -> None:
         """Keep what is sure: up to the last accepted step, or if only an output is no number, up to there."""

@@ -22,12 +22,12 @@ def _names(program: Program) -> tuple[str, ...]:
     return (*program.states.names, *program.unknowns.names)
 
 
-def not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNotFinite:
+def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any) -> RateNotFinite:
     names = _names(program)
     bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
     rates = " and ".join(f"`{b}`" for b in bad)
-    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state)
+    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state, mode)
 
 
 def stuck(
