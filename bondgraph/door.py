@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from compiler.certificate import Certificate
     from compiler.codegen.cost import Cost, cost
     from compiler.codegen.llvm.described import Described, bind
+    from compiler.codegen.lower import Lowered
     from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
@@ -55,7 +56,7 @@ _HOMES = {
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
-    "EventNote": "codegen.program", "Hybrid": "codegen.program",
+    "Lowered": "codegen.lower", "EventNote": "codegen.program", "Hybrid": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
@@ -76,7 +77,7 @@ __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Number", "Override", "Path", "Plan", "PowerPort",
+    "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "Number", "Override", "Path", "Plan", "PowerPort",
     "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",

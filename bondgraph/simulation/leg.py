@@ -23,7 +23,7 @@ from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from ..door import Plan, Program, Scene
+    from ..door import Plan, Program, Scene, StateSpace
     from ..prepared import Prepared
     from .events.events import Events
     from .events.history import History
@@ -362,8 +362,24 @@ class Leg:
         held, self.held = self.held, held_in(space, after)
         arguments = self._arguments()
         found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps)
+        self._audit(space, found)
         passed = None if held is None else impulse_loss(space, held, before, arguments)
         return found if passed is None else added([passed, found]) or found
+
+    def _audit(self, space: StateSpace, found: EnergyBalance) -> None:
+        """Name the laws that create energy: resistors that give power, storages whose work is not what they store."""
+        from .watch.energy import givers, unexplained
+
+        turnover = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
+        powers = []
+        for stretch in self.trajectory.pieces or self.stretches:
+            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
+            if chosen.any():
+                powers.append(self._powers(self.instants[chosen], self.trajectory.states[chosen], stretch.mode))
+        if powers:
+            watts = np.concatenate(powers)
+            self.notes += tuple(givers(space, self.instants[: len(watts)], watts, turnover))
+        self.notes += tuple(unexplained(found, turnover, self.rtol))
 
     def _arguments(self) -> dict[int, float]:
         """The values of the storages' parameters."""
