@@ -66,9 +66,9 @@ def test_what_happens_at_instants_is_listed() -> None:
 }
 """
     told = explain(compiled(text))
-    assert told.certificate.events == ("every 0.1 s (text:8)", "when s.x > 1 m (text:9)")
+    assert told.certificate.events == ("every 0.1 s (text.bg:8)", "when s.x > 1 m (text.bg:9)")
     lines = told.text().split("what happens at instants\n")[1].splitlines()
-    assert lines[:2] == ["  every 0.1 s (text:8)", "  when s.x > 1 m (text:9)"]
-    assert lines[2] == "  a condition on states in `s` (text:3)" and lines[3].startswith("  1 bend of laws")
+    assert lines[:2] == ["  every 0.1 s (text.bg:8)", "  when s.x > 1 m (text.bg:9)"]
+    assert lines[2] == "  a condition on states in `s` (text.bg:3)" and lines[3].startswith("  1 bend of laws")
     assert told.to_json()["certificate"]["events"] == list(told.certificate.events)
     assert "2 events" in told.certificate.line
