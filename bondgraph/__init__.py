@@ -16,18 +16,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .builder import Graph
+    from .ensembles import Ensemble
     from .errors import RunFailed, RunInterrupted, UsageError
     from .model import Model, check, load
     from .results import Result, read_result
 
 __all__ = [
-    "CompilationFailed", "Graph", "Model", "Result", "RunFailed", "RunInterrupted", "UsageError", "check", "load", "read_result",
+    "CompilationFailed", "Ensemble", "Graph", "Model", "Result", "RunFailed", "RunInterrupted", "UsageError", "check", "load", "read_result",
 ]  # fmt: skip
 _HOMES = {
     "load": "model",
     "check": "model",
     "Model": "model",
     "Graph": "builder",
+    "Ensemble": "ensembles",
     "Result": "results",
     "read_result": "results",
     "RunFailed": "errors",

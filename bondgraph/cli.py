@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|certificate|run|explain|causality|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|certificate|run|explain|causality|draw|show|equations|compile|fmt|new`; analyses in `cli_analyses.py`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -201,6 +201,9 @@ def run(
             _check_target(out, (".csv", ".npz"), "--out")
         if plot is not None:
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        from . import native
+
+        native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen = _load(file, model)
         named = None if experiment == "none" else experiment
         given = dict(map(_setting, settings))
@@ -284,6 +287,24 @@ def show(file: str, stage: str, experiment: str, model: str | None) -> None:
     """Print one stage of the compiler."""
     with _told():
         click.echo(_load(file, model).show(stage, None if experiment == "none" else experiment))
+
+
+@commands.command()
+@_file
+@click.option("-o", "--out", required=True, metavar="X.svg|X.png|X.pdf", help="The file to write.")
+@click.option(
+    "-e", "--experiment", metavar="NAME", help="As this experiment runs it; else everything that the text says."
+)
+@click.option("--closed", is_flag=True, help="Instances of the model as boxes.")
+@click.option("--numbers", is_flag=True, help="With the numbers of the bonds.")
+@_model
+def draw(file: str, out: str, experiment: str | None, closed: bool, numbers: bool, model: str | None) -> None:
+    """Draw the bond graph: half arrows, causal strokes, signals, mechanisms as boxes."""
+    with _told():
+        from .diagram.picture import ENDINGS
+
+        _check_target(out, ENDINGS, "--out")
+        _load(file, model).draw(out, experiment, closed, numbers)
 
 
 @commands.command()
@@ -383,3 +404,8 @@ def new(file: str) -> None:
             raise click.UsageError(f"`{file}` exists already; choose another name")
         write_text(path, starter_text(path.stem))
         click.echo(f"wrote {_harmless(file)}; try: bondgraph run {_harmless(file)}")
+
+
+from . import cli_analyses  # noqa: E402  (its commands join those above)
+
+__all__ = ["cli_analyses", "commands", "main"]

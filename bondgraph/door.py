@@ -10,22 +10,25 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
-    from compiler.algebra.derivative import derivative
+    from compiler.algebra.derivative import NoSlope, derivative
     from compiler.algebra.expression import Apply, Expression, Number, Symbol, depends_on, evaluate, symbols, value_of
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
     from compiler.codegen.cost import Cost, cost
+    from compiler.codegen.limits import Leaf
     from compiler.codegen.llvm.described import Described, bind
     from compiler.codegen.lower import Lowered
     from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
+    from compiler.codegen.tape import Tape
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
-    from compiler.errors import CompilationFailed, Diagnostic, InternalError, render
+    from compiler.errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from compiler.graph.domains import BUNDLES, DOMAINS
     from compiler.graph.mechanism import Mechanism, freedoms_of
-    from compiler.graph.network import Element, Junction, Kind, MechanismNode
+    from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
+    from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
     from compiler.native.arrays import Floats, Ints, Record
@@ -44,7 +47,7 @@ if TYPE_CHECKING:
     from compiler.source import Source, Span, read_text
     from compiler.syntax import parse_expression, parse_law
     from compiler.syntax.format import format_text
-    from compiler.syntax.tree import Literal, Path
+    from compiler.syntax.tree import Literal, Negative, Path
     from compiler.writing import write_text
     from compiler.writing.literals import bond_lines, braces, number_text
 
@@ -52,33 +55,36 @@ _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
     "Number": "algebra.expression", "value_of": "algebra.expression",
+    "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
-    "Lowered": "codegen.lower", "EventNote": "codegen.program", "Hybrid": "codegen.program",
+    "EventNote": "codegen.program", "Hybrid": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
-    "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
+    "InternalError": "errors", "ValuesNeeded": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "read_text": "source",
     "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
-    "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
+    "Negative": "syntax.tree", "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
     "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
+    "Leaf": "codegen.limits", "Lowered": "codegen.lower", "NoSlope": "algebra.derivative", "Tape": "codegen.tape",
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "BondGraph", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
-    "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "Number", "Override", "Path", "Plan", "PowerPort",
-    "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported",
+    "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
+    "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number",
+    "Override", "Path", "Plan", "PowerPort", "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
+    "Symbol", "Tape", "Unknown", "Unsupported", "ValuesNeeded",
     "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
     "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
     "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",

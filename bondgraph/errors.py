@@ -36,6 +36,9 @@ class RateNotFinite(RunFailed):
         super().__init__(what)
         self.time, self.state, self.mode = time, state, mode
 
+    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[Any, ...]]:
+        return type(self), (str(self), self.time, self.state, self.mode)  # as it goes from one process to another
+
 
 class StepsCollapsed(RunFailed):
     """No step is short enough at a time and in a state; `ahead`: where the flow leads from there, ever further."""
@@ -43,6 +46,9 @@ class StepsCollapsed(RunFailed):
     def __init__(self, what: str, time: float, state: Any, ahead: tuple[tuple[float, Any], ...], mode: Any) -> None:
         super().__init__(what)
         self.time, self.state, self.ahead, self.mode = time, state, ahead, mode
+
+    def __reduce__(self) -> tuple[type[StepsCollapsed], tuple[Any, ...]]:
+        return type(self), (str(self), self.time, self.state, self.ahead, self.mode)
 
 
 class MissingPackage(ImportError):

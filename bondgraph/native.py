@@ -12,6 +12,7 @@ from .errors import RunFailed
 LONGEST_HERE = 400_000  # characters of text that are compiled in this process
 PATIENCE = 300  # s for a child
 
+announce: Callable[[str], None] | None = None  # whom to tell what takes some seconds
 _WORKING: set[str] = set()  # processors for which code has been made here
 
 _CHILD = """
@@ -56,6 +57,8 @@ def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
     kept = cache.fetch(key)
     if isinstance(kept, bytes):
         return kept
+    if announce is not None:
+        announce(f"making the machine code of the {name} for this machine, once (some seconds)")
     code = in_child(text(), level)
     cache.keep(key, code)
     return code

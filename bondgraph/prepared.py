@@ -84,18 +84,27 @@ class Prepared:
         key = self._key()
         kept = cache.fetch(key)
         if kept is not None and all(_unchanged(*file) for file in kept["files"]):
+            if "needed" in kept:
+                from .door import ValuesNeeded
+
+                raise ValuesNeeded(kept["needed"])
             from .door import bind
 
             return bind(kept["described"], kept["codes"]), kept["plan"], kept["facts"], kept["certificate"]
         return self._made(key)
 
     def _made(self, key: str) -> tuple[Program, Any, Any, Any]:
-        from .door import bind
+        from .door import ValuesNeeded, bind
         from .native import CannotCompile, compiled_safely
 
         made = self.compilation
-        if made.plan.unsupported:  # told before anything else is
-            return made.program, made.plan, made.facts, made.certificate
+        try:
+            if made.plan.unsupported:  # told before anything else is
+                return made.program, made.plan, made.facts, made.certificate
+            _ = made.lowered
+        except ValuesNeeded as needed:
+            cache.keep(key, {"needed": tuple(sorted(needed.names)), "files": ()})
+            raise
         if made.lowered.events.present or made.lowered.lags:  # what happens at instants is told by Python
             return made.program, made.plan, made.facts, made.certificate
         try:

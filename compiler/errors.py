@@ -57,6 +57,17 @@ class CompilationFailed(Exception):
         self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.start, d.code)))
         super().__init__("\n\n".join(render(item) for item in self.diagnostics))
 
+    def __reduce__(self) -> tuple[type[CompilationFailed], tuple[tuple[Diagnostic, ...]]]:
+        return type(self), (self.diagnostics,)  # as it goes from one process to another
+
+
+class ValuesNeeded(Exception):
+    """The stages ask for values that only a run knows: what these decide is more than numbers (a length, a choice)."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = frozenset(names)
+        super().__init__(", ".join(sorted(self.names)))
+
 
 class InternalError(Exception):
     """A defect of ours, not of the text."""

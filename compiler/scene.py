@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING
 from .source import Span
 
 if TYPE_CHECKING:
+    from .algebra.expression import Expression as Formula
     from .syntax.tree import Expression
 
 
 @dataclass(frozen=True, slots=True)
 class Override:
-    """A parameter or input set from outside: an expression of the text, or a number in SI."""
+    """A parameter or input set from outside: an expression of the text, a number in SI, or (None) a number that only a run knows.
+
+    The latter is an argument of the program: no stage may depend on its value, so one program serves all its values.
+    """
 
     path: str
-    value: Expression | float
-    span: Span
+    value: Expression | float | None
+    span: Span = field(compare=False)
     role: str = "set"  # set or start
 
 
@@ -39,7 +43,11 @@ class Scene:
     preferences: tuple[
         tuple[str, str], ...
     ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
+    by: tuple[
+        str, ...
+    ] = ()  # quantities by which everything is differentiated as well; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
+    fixed: frozenset[str] = frozenset()  # of what is set: a zero there is one for the whole run, as if the text said so
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,4 +82,7 @@ class Facts:
     storages: tuple[str, ...]
     claims: bool  # whether the author gave starts to what is computed
     shown: Mapping[str, int]  # outputs that are states or unknowns -> which
+    units: Mapping[str, str]  # of what is set when a run begins
+    positive: tuple[tuple[str, Formula], ...]  # what is never negative, over parameters by name
+    looped: frozenset[str]  # what is set when a run begins and decides whether a linear loop has a solution
     identity: str = ""  # of the equations: a run goes on only from what was computed with the same

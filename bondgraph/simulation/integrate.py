@@ -20,7 +20,7 @@ from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
 from .stuck import MOST_STEPS, not_finite, stuck
 from .trajectory import Kept, Tolerances, Trajectory
-from .watch.choice import Choice
+from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
@@ -247,6 +247,8 @@ class Stepper:
                         break
                 if self.constraints and not solver.finished:
                     solver = self._past_singular_pose(solver, stretch)
+                    if self.result.handover is not None:
+                        break
                 self.keep(solver.time, solver.state * magnitude, stretch.mode, stretch.start)
         finally:
             self.result.steps += steps
@@ -285,6 +287,8 @@ class Stepper:
         state = solver.state * tolerances.magnitude
         watcher.look(solver.time, state, mode)
         solver.problem.longest = min(self.longest, watcher.longest)
+        if self.chosen_anew(solver.time, state, mode, solver.wish):
+            return solver
         crossed = watcher.crossing(solver.time, state, mode, solver.wish, stretch.stop, tolerances.relative)
         if crossed is None:
             return solver
@@ -292,6 +296,13 @@ class Stepper:
         self.count(solver.evaluations)
         watcher.begin(end := crossed.start + crossed.size, after, mode)
         return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+
+    def chosen_anew(self, time: float, state: Any, mode: Any, step: float) -> bool:
+        """Whether to stop here, as other constraints should take part from now on: the next leg chooses them."""
+        if self.choice is None or not self.singular.other_rows(time, state, mode, step):
+            return False
+        self.result.handover = Handover(time, *self.choice.stored(time, state, mode))
+        return True
 
     def beyond(self, crossed: Crossed, state: Any, stretch: Segment) -> Any:
         """The state after a crossing; what the run keeps of it is kept. `state`: before."""

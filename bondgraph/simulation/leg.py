@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -42,9 +42,11 @@ class Leg:
         atol: float | None,
         energy: bool,
         begin: Handover | None,
+        values: Mapping[str, float] | None = None,
         off: tuple[str, ...] = (),
     ) -> None:
         self.compilation, self.plan, self.begin = compilation, plan, begin
+        self.set = values or {}  # what is set when a run begins
         self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
@@ -79,10 +81,14 @@ class Leg:
     def _history(self, program: Program) -> History | None:
         from .events.history import history_of
 
-        return history_of(program, None if self.begin is None else self.begin.past)
+        return history_of(program, self._given(program), None if self.begin is None else self.begin.past)
+
+    def _given(self, program: Program) -> Any:
+        """The parameters of this run, shape (P,)."""
+        return np.array([self.set.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)])
 
     def _constraints(self, program: Program) -> Constraints:
-        return Constraints(program, program.defaults, self.inputs, np.ones(len(program.states.names)))
+        return Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
 
     def _start(
         self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
@@ -145,7 +151,7 @@ class Leg:
         magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         held = np.full(len(self.state), self.atol is not None)
-        multipliers = [len(self.program.states.names) + m for m in self.program.multipliers if m >= 0]
+        multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
         absolute[multipliers] = np.inf  # they follow from the states, and grow without bound near a singular pose
         for index, value in self.told.items():
             absolute[index], held[index] = value, True
@@ -291,7 +297,8 @@ class Leg:
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import told_of
 
-            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
+            assembled = self.constraints.assembled if self.begin is None else None  # others take part from there on
+            self.notes += told_of(assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
 
     def end(self, until: float) -> End | None:

@@ -58,6 +58,8 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
         while answer := steps(solver, look, MOST_COMPILED):
             if answer != HANDOVER:
                 _near_singular_pose(stepper, solver, stretch)
+                if stepper.result.handover is not None:
+                    break
                 continue
             assert stepper.choice is not None
             state = solver.state * stepper.tolerances.magnitude
@@ -104,6 +106,8 @@ def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segmen
     watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
     watcher.check_redundant(solver.time, state, stretch.mode)
     wish = solver.size
+    if stepper.chosen_anew(solver.time, state, stretch.mode, wish):
+        return
     crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, stepper.tolerances.relative)
     if crossed is None:
         solver.note_tried(watcher.tried)

@@ -25,6 +25,7 @@ def resumed(
     before: Result,
     made: Callable[[Scene, bool], Prepared],
     scene: Scene,
+    values: Mapping[str, float],
     prepared: Prepared,
     energy: bool,
     instants: Any,
@@ -33,7 +34,7 @@ def resumed(
     end = before.end
     if end is None:
         raise UsageError("the result says nothing of where its run ended, so nothing goes on from it")
-    _check_model(before, end, prepared, energy)
+    _check_model(before, end, prepared, values, energy)
     scene = replace(scene, preferences=end.preferences)
     hybrid = prepared.program.hybrid
     if hybrid is not None and hybrid.junctions:
@@ -61,7 +62,7 @@ def resumed(
     return scene, begin, left
 
 
-def _check_model(before: Result, end: End, prepared: Prepared, energy: bool) -> None:
+def _check_model(before: Result, end: End, prepared: Prepared, values: Mapping[str, float], energy: bool) -> None:
     """Raises `UsageError` in words for a result of another model, other outputs or other parameters."""
     program, plan = prepared.program, prepared.plan
     if before.model != program.name:
@@ -77,7 +78,7 @@ def _check_model(before: Result, end: End, prepared: Prepared, energy: bool) -> 
         raise UsageError(
             "the result has no energy balance, so that of the whole cannot be told: run both with --energy, or none"
         )
-    now = dict(zip(program.parameters.names, program.defaults, strict=True))
+    now = {n: values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)}
     other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]
     if other:
         told = "; ".join(f"`{n}` was {end.parameters[n]:.9g} and is {now[n]:.9g}" for n in other[:SHOWN])

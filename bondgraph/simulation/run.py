@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
+from .settings import Settings, refused_with_values, settle, with_zeros
 from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
@@ -24,43 +25,92 @@ if TYPE_CHECKING:
     from .events.impulse import Jump
 
 DEFAULT_RTOL = 1e-6
+RTOL = 1e-13, 0.1
 DEFAULT_POINTS = 501
 MOST_CHOICES = 1000  # of states in one run
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """How runs are to be made; what is not None overrides the experiment."""
+
+    to: str | float | None = None
+    points: int | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    energy: bool = False
+    target: str | None = None
+
+
+def check_wanted(wanted: Wanted) -> None:
+    """Raises `UsageError` for what no run can be made with."""
+    chosen_target(wanted.target)
+    if isinstance(wanted.to, str):
+        seconds(wanted.to)
+    if wanted.rtol is not None:
+        _checked("rtol", wanted.rtol, *RTOL)
+    if wanted.points is not None:
+        _count(wanted.points)
+
+
 def simulate(
     model: Model,
-    scene: Scene,
-    to: str | float | None,
-    points: int | None,
-    rtol: float | None,
-    atol: float | None,
-    energy: bool,
-    target: str | None = None,
+    experiment: str | None,
+    settings: Settings,
+    outputs: tuple[str, ...] | None,
+    wanted: Wanted,
     start: Result | None = None,
 ) -> Result:
-    """Run a scene of a model; arguments that are not None override the experiment. `start`: a result that is gone on from.
+    """Run a model with some settings. `start`: a result that is gone on from.
 
     A `RunFailed` and a `RunInterrupted` carry the result up to where they were raised.
     """
+    energy = wanted.energy or (start is not None and start.energy is not None)
+    wanted = replace(wanted, target=chosen_target(wanted.target), energy=energy)
+    settled = settle(model, experiment, settings, outputs, energy, wanted.target or "")
+    try:
+        return run(model, settled.scene, settled.values, wanted, start)
+    except RunFailed:
+        scene = with_zeros(model, experiment, settings, outputs)
+        found = None if scene is None else _with_zeros(model, scene, wanted, start)
+        if found is not None:
+            return found
+        if settled.values:
+            refused_with_values(model, experiment, settings, outputs)
+        raise
+
+
+def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
+    """The run in which zeros are as good as written in the text; None if that fails as well."""
+    from ..door import CompilationFailed
+
+    try:
+        found = run(model, scene, {}, wanted, start)
+    except (CompilationFailed, RunFailed):
+        return None
+    names = ", ".join(f"`{n} = 0`" for n in sorted(scene.fixed))
+    note = f"{names}: the equations are others than with values that are not zero, and were made for this run"
+    return replace(found, notes=(*found.notes, note))
+
+
+def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted, start: Result | None = None) -> Result:
+    """Run a scene of a model; `values` are set when it begins."""
     began = clock.perf_counter()
-    made = partial(model.prepared, target=chosen_target(target))
-    energy = energy or (start is not None and start.energy is not None)
+    to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy
+    made = partial(model.prepared, target=chosen_target(wanted.target))
     prepared = made(scene, energy)
     plan = prepared.plan
     _check_supported(plan)
     stop = _stop(plan, to)
-    rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
-    count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
-    if count < 2 or count > 10_000_000:
-        raise UsageError("--points is a whole number from 2 to 10 000 000")
+    rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
+    count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
-    run = Run(made, scene, plan, stop, count, rtol, atol, energy, began)
+    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, began)
     if start is not None:
         from .resume import resumed
 
-        run.scene, run.begin, run.instants = resumed(start, made, scene, prepared, energy, run.instants)
+        run.scene, run.begin, run.instants = resumed(start, made, scene, values, prepared, energy, run.instants)
         run.before = start
     try:
         with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
@@ -82,10 +132,10 @@ class Run:
     """One run: its legs so far, and how it goes on."""
 
     def __init__(
-        self, made: Callable[[Scene, bool], Prepared], scene: Scene, plan: Plan, stop: float, count: int, rtol: float, atol: float | None,
-        energy: bool, began: float,
+        self, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], plan: Plan, stop: float, count: int,
+        rtol: float, atol: float | None, energy: bool, began: float,
     ) -> None:  # fmt: skip
-        self.made, self.scene, self.plan, self.stop = made, scene, plan, stop
+        self.made, self.scene, self.values, self.plan, self.stop = made, scene, values, plan, stop
         self.rtol, self.atol, self.energy, self.began = rtol, atol, energy, began
         self.instants = np.linspace(plan.start, stop, count)
         self.legs: list[Leg] = []
@@ -100,7 +150,9 @@ class Run:
         while not legs or begin is not None:
             self.leg = None
             chosen = replace(self.scene, preferences=tuple(sorted(wishes.items())))
-            leg = Leg(self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin)
+            leg = Leg(
+                self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values
+            )
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
                 self.scene = replace(self.scene, off=leg.begins_without)
@@ -260,6 +312,12 @@ def seconds(text: str) -> float:
     except CompilationFailed:
         pass  # no expression, or no unit: the same answer as for a number of anything but seconds
     raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
+
+
+def _count(points: int) -> int:
+    if points < 2 or points > 10_000_000:
+        raise UsageError("--points is a whole number from 2 to 10 000 000")
+    return points
 
 
 def _checked(name: str, value: float, low: float, high: float) -> float:

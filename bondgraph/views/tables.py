@@ -59,7 +59,7 @@ def summary(result: Result) -> str:
     ]
     parts = [f"{visible(result.title)}, {_span(result)}"]
     if rows:
-        parts.append(_table([("", "final", "minimum", "maximum", "unit"), *rows], "<>>><"))
+        parts.append(aligned([("", "final", "minimum", "maximum", "unit"), *rows], "<>>><"))
     if result.certificate is not None:
         notes = (f"note: {note}" for note in result.certificate.notes)
         parts.append("\n".join(map(visible, (result.certificate.line, *notes))))
@@ -100,10 +100,11 @@ def _energy(energy: EnergyBalance) -> str:
     ]
     told = f"{energy.stored:.6g}", f"{energy.supplied:.6g}", f"{energy.dissipated:.6g}", f"{energy.residual:.2g}"
     rows.append(("sum", "", *told))
-    return _table(rows, "<<>>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
+    return aligned(rows, "<<>>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
 
 
-def _table(rows: Sequence[tuple[str, ...]], sides: str) -> str:
+def aligned(rows: Sequence[tuple[str, ...]], sides: str) -> str:
+    """Rows as lines; `sides` has < or > for each column."""
     widths = [max(len(row[place]) for row in rows) for place in range(len(sides))]
     lines = ("  ".join(f"{t:{s}{w}}" for t, s, w in zip(row, sides, widths, strict=True)).rstrip() for row in rows)
     return "\n".join(lines)

@@ -180,6 +180,9 @@ class Program:
     parts: tuple[
         int, ...
     ]  # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
+    eliminated: tuple[
+        int, ...
+    ]  # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
     solved: Callable[[float, Array, Array, Array, Array], Array] | None
     # as derivative, whatever the multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative

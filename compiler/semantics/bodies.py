@@ -34,9 +34,11 @@ def read_body(reader: Attributes) -> Body:
 
 
 def _not_negative(reader: Attributes, word: str, bound: Bound) -> Bound:
-    value = reader.elaborator.value_of(bound, reader.part.entry.span)
-    if value is not None and value < 0:
-        name, span = reader.part.entry.name, reader.part.entry.span
+    name, span = reader.part.entry.name, reader.part.entry.span
+    value = reader.elaborator.value_of(bound, span, decides=False)
+    if value is None:
+        reader.elaborator.positive.append((f"{word} of {name}", bound))
+    elif value < 0:
         what = f"The {word} of `{name}` is negative: {value:g}"
         raise Wrong(WrongMechanism(span, what, "Masses and inertias are zero or positive."))
     return bound

@@ -14,7 +14,7 @@ from typing import Any
 from ..algebra.expression import Expression, Number, evaluate
 from ..algebra.formula import Bound, Formula, bind
 from ..algebra.interpolate import OutsideTable
-from ..errors import CompilationFailed, Diagnostic
+from ..errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ..graph.domains import DOMAINS, Domain
 from ..graph.mechanism import domain_of
 from ..graph.network import TIME, Named, Quantity, Reading
@@ -32,6 +32,7 @@ from .errors import (
     WrongType,
 )
 from .known import Known
+from .later import behind
 from .members import (
     element_member,
     group_member,
@@ -80,6 +81,9 @@ class Resolver(ABC):
         self.part = part
         self.overrides = {o.path: o for o in overrides if o.role == "set"}
         self.used_overrides: set[str] = set()
+        self.later = frozenset(o.path for o in self.overrides.values() if o.value is None)  # known when a run begins
+        self.asked: set[str] = set()  # quantities without a value whose value decides something
+        self.positive: list[tuple[str, Bound]] = []  # what is never negative, but only a run can tell
         self.diagnostics: list[Diagnostic] = []
         self.quantities: dict[str, Named] = {}
         self.pending: list[Pending] = []
@@ -145,17 +149,29 @@ class Resolver(ABC):
                 raise Wrong(NotStatic(slot.path.span, what, slot.words))
         value = self.value_of(self.bind(template, template.formulas[0], scope), expression.span)
         if value is None:
+            self.need_no_values()
             raise AlreadyTold
         return value
 
-    def value_of(self, bound: Bound, span: Span) -> float | None:
-        """The value of what does not change during a run; None where something has no value yet. Raises `Wrong`."""
+    def need_no_values(self) -> None:
+        """Raises `ValuesNeeded` if something was decided by values that only a run knows."""
+        needed = behind(self.asked, self.quantities) & self.later if self.later else frozenset()
+        if needed:
+            raise ValuesNeeded(needed)
+
+    def value_of(self, bound: Bound, span: Span, decides: bool = True) -> float | None:
+        """The value of what does not change during a run; None where something has no value yet. Raises `Wrong`.
+
+        `decides`: something is chosen or refused by it, so that it must be known before anything is compiled.
+        """
+        unknown: set[str] = set()
 
         def lookup(key: Any) -> float:
             reference = bound.arguments[key]
             if isinstance(reference, Quantity):
                 value = self.quantities[reference.name].value
                 if value is None:
+                    unknown.add(reference.name)
                     raise AlreadyTold
                 return value
             if isinstance(reference, float):
@@ -165,6 +181,8 @@ class Resolver(ABC):
         try:
             value = evaluate(bound.formula.expression, lookup)
         except AlreadyTold:
+            if decides:
+                self.asked |= unknown
             return None
         except (ArithmeticError, ValueError) as error:
             raise Wrong(NoValue(span, _why(error), self._values(bound))) from None

@@ -117,6 +117,13 @@ class TestEntries:
 
 
 class TestChildren:
+    def test_what_takes_seconds_is_told_once(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        told: list[str] = []
+        monkeypatch.setattr(native, "announce", told.append)
+        text = "define double @f(double %x) {\n  ret double %x\n}\n"
+        assert native.kernel("squares", lambda: text, 0) == native.kernel("squares", lambda: text, 0)
+        assert told == ["making the machine code of the squares for this machine, once (some seconds)"]
+
     def test_what_cannot_be_compiled_is_told_and_harms_nobody(self) -> None:
         with pytest.raises(native.CannotCompile, match="could not be made"):
             native.in_child("this is no module", 1)
@@ -157,6 +164,30 @@ def whole_run(folder: Path, *arguments: str) -> tuple[str, set[str]]:
     )
     text, _, loaded = done.stdout.rpartition("LOADED")
     return text.split("took")[0], set(loaded.split())
+
+
+def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
+    """What costs a tenth of the whole process each: masked arrays and random numbers, which numpy loads when somebody asks."""
+    whole_run(folder, "run", "models/manipulator.bg")
+    code = "import sys\nfrom bondgraph.cli import commands\ncommands.main(['run', 'models/manipulator.bg'], standalone_mode=False)\nprint('LOADED', *sys.modules)"
+    environment = {**os.environ, cache.VARIABLE: str(folder)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, env=environment
+    )
+    loaded = set(done.stdout.rpartition("LOADED")[2].split())
+    assert "numpy" in loaded and not loaded & {
+        "numpy.ma",
+        "numpy.random",
+        "rich",
+        "multiprocessing",
+        "subprocess",
+        *HEAVY,
+    }
+    assert not {m for m in loaded if m.startswith("compiler.")} & {
+        "compiler.driver",
+        "compiler.semantics",
+        "compiler.reduction",
+    }
 
 
 @pytest.mark.parametrize("model", ["manipulator.bg", "oscillator.bg", "drag.bg"])

@@ -27,11 +27,11 @@ ROUNDS = 50  # of signals that depend on one another's past at the start
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
-def history_of(program: Program, before: Past | None) -> History | None:
+def history_of(program: Program, parameters: Any, before: Past | None) -> History | None:
     """The history of a program; None if it has no delays."""
     if program.delays is None:
         return None
-    return History(program, program.constants(np.array(program.defaults, dtype=float)), before)
+    return History(program, program.constants(parameters), before)
 
 
 class History:

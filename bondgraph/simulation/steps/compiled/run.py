@@ -71,15 +71,12 @@ def machine_code() -> MachineCode:
 def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
     """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
     assert program.native is not None
-    fields: list[tuple[str, Any]] = []
     given: list[Any] = []
     kept: list[Any] = []
     for name, kind in record_of(noun).fields.items():
         if kind in ("double", "i64"):
-            fields.append((name, ctypes.c_double if kind == "double" else ctypes.c_int64))
             given.append(values[name])
             continue
-        fields.append((name, ctypes.c_void_p))
         if isinstance(kind, Fields):
             given.append(ctypes.addressof(values[name]))
             kept.append(values[name])
@@ -89,8 +86,16 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
             continue
         array = values[name] = np.ascontiguousarray(values[name], dtype=np.int64 if kind == INTS else float)
         kept.append(array)
-        given.append(array.ctypes.data)
-    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})(*given), kept
+        given.append(array.__array_interface__["data"][0])
+    return _layout(noun)(*given), kept
+
+
+@lru_cache
+def _layout(noun: type) -> type[ctypes.Structure]:
+    """How a record lies in memory."""
+    kinds = {"double": ctypes.c_double, "i64": ctypes.c_int64}
+    fields = [(n, kinds.get(k, ctypes.c_void_p) if isinstance(k, str) else ctypes.c_void_p) for n, k in record_of(noun).fields.items()]  # fmt: skip
+    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})
 
 
 class Ordered:

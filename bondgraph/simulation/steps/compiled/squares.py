@@ -24,7 +24,7 @@ def square(rows: Any, columns: Any, chosen: Any, lengths: Any) -> dict[str, Any]
     kept = [k for row in order for k in entries[row]]
     pairs = _pairs(order, entries, columns, below)
     count, own = len(order), np.array(kept, dtype=int)
-    fresh = np.random.default_rng(0).normal(size=count)
+    fresh = np.random.default_rng(0).normal(size=count) if count else np.zeros(0)  # random numbers take a while to load
     norm = float(np.linalg.norm(fresh)) or 1.0
     room = {name: np.zeros(count) for name in ("pivot", "own", "size", "right", "vector")}
     return room | {

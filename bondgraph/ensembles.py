@@ -1,0 +1,86 @@
+"""Runs of one model with many settings: what each of them found, or why it did not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from .errors import RunFailed, UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from .results import Result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble:
+    """Runs in the order of their settings.
+
+    `ensemble[3]` is the result of the fourth run (raises what went wrong in it), `ensemble["x"]` the output `x` of all of them,
+    shape (runs, points), NaN where a run failed. `failures` says which did, and why.
+    """
+
+    settings: tuple[Mapping[str, str | float], ...]
+    outcomes: tuple[Result | Exception, ...]
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failures)} of them failed" if self.failures else ""
+        return f"<Ensemble of {len(self)} runs{failed}>"
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __iter__(self) -> Iterator[Result | Exception]:
+        return iter(self.outcomes)
+
+    @cached_property
+    def failures(self) -> Mapping[int, Exception]:
+        """The number of each run that failed, and what went wrong."""
+        return {i: o for i, o in enumerate(self.outcomes) if isinstance(o, Exception)}
+
+    @cached_property
+    def _first(self) -> Result:
+        for outcome in self.outcomes:
+            if not isinstance(outcome, Exception):
+                return outcome
+        raise RunFailed(f"none of {len(self)} runs has a result" + (f"; the first: {self.outcomes[0]}" if self.outcomes else ""))  # fmt: skip
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """The instants of all runs, shape (points,), in s. Raises `UsageError` if they differ, `RunFailed` if no run has a result."""
+        import numpy as np
+
+        time = self._first.time
+        if any(not isinstance(o, Exception) and not np.array_equal(o.time, time) for o in self.outcomes):
+            raise UsageError("the runs are reported at different instants: `to` and `points` make them the same")
+        return time
+
+    def unit(self, name: str) -> str:
+        """The SI unit of an output."""
+        return self._first.unit(name)
+
+    def __getitem__(self, key: int | str) -> Any:
+        """A run by its number; or an output by its name, shape (runs, points), in SI."""
+        if not isinstance(key, str):
+            found = self.outcomes[key]
+            if isinstance(found, Exception):
+                raise found
+            return found
+        import numpy as np
+
+        values = np.full((len(self), len(self.time)), np.nan)
+        for number, outcome in enumerate(self.outcomes):
+            if not isinstance(outcome, Exception):
+                values[number] = outcome[key]
+        return values
+
+    def final(self, name: str) -> NDArray[np.float64]:
+        """The last value of an output in each run, shape (runs,), in SI; NaN where a run failed."""
+        import numpy as np
+
+        self._first.unit(name)
+        return np.array([np.nan if isinstance(o, Exception) else o.final(name) for o in self.outcomes])

@@ -1,0 +1,122 @@
+"""What is set from outside: numbers are arguments of one program for all their values; what decides more than numbers is compiled.
+
+A setting is compiled into the program where it is an expression (of time, of other quantities), where the model asks for its value before
+there is a program (a length, a choice between laws), or where it cannot be (the compiler then says why). Where a zero makes other equations
+of the model (a mass that divides), the run goes on with a program in which it is one, as if the text said so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ..door import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
+
+if TYPE_CHECKING:
+    from ..door import Facts
+    from ..model import Model
+
+Settings = Mapping[str, str | float]
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """A scene, and the numbers that are set when its run begins."""
+
+    scene: Scene
+    values: Mapping[str, float]
+
+
+def settle(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, everything: bool, target: str) -> Settled:  # fmt: skip
+    """How a run of a model with some settings is made. Raises `CompilationFailed` for what cannot be set."""
+    numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(name, x)) is not None}
+    later = frozenset(numbers)
+    while later:
+        written = {name: x for name, x in settings.items() if name.replace(" ", "") not in later}
+        scene = model.scene(experiment, written, (), outputs)
+        overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
+        scene = replace(scene, overrides=tuple(overrides))
+        try:
+            prepared = model.prepared(scene, everything, target)
+            facts = prepared.facts
+            values = {n: numbers[n].value for n in sorted(later)}
+            if _fits(facts, {n: numbers[n] for n in later}, values):
+                if any(n in facts.looped for n in later):
+                    prepared.compilation.refuse_values(values)
+                return Settled(scene, values)
+        except ValuesNeeded as needed:
+            if later & needed.names:
+                later -= needed.names
+                continue
+        except CompilationFailed:
+            pass  # told with the values, if it is wrong with them, too
+        break
+    return Settled(model.scene(experiment, settings, (), outputs), {})
+
+
+def with_zeros(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> Scene | None:  # fmt: skip
+    """The scene in which what is set to zero is so for the whole run; None if nothing is."""
+    zeros = frozenset(n.replace(" ", "") for n, x in settings.items() if (found := _number(n, x)) and found.value == 0)
+    if not zeros:
+        return None
+    return replace(model.scene(experiment, settings, (), outputs), fixed=zeros)
+
+
+def refused_with_values(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip
+    """Raises `CompilationFailed` if the compiler, which did not know the values, finds something wrong with them."""
+    from ..door import Compilation
+    from ..model import LIBRARY
+
+    _ = Compilation(model.source, model.scene(experiment, settings, (), outputs), LIBRARY).lowered
+
+
+@dataclass(frozen=True, slots=True)
+class _Number:
+    """A number in SI, and the text of its unit; None where any unit will do."""
+
+    value: float
+    unit: str | None
+
+
+def _number(name: str, given: str | float) -> _Number | None:
+    """A setting that is a number; None for any other expression."""
+    if not isinstance(given, str):
+        return _Number(float(given), None)
+    from ..door import Literal, Negative, parse_expression, read_unit
+
+    try:
+        tree = parse_expression(Source(f"setting of {name}", given))
+        sign, tree = (-1.0, tree.operand) if isinstance(tree, Negative) else (1.0, tree)
+        if not isinstance(tree, Literal):
+            return None
+        if tree.unit is None:
+            return _Number(sign * float(tree.number), None if tree.number == 0 else "1")
+        text = tree.unit.span.text.strip("[]")
+        scale = read_unit(Source("unit", text))
+        return None if sign < 0 and scale.offset else _Number(sign * scale.to_si(tree.number), text)
+    except CompilationFailed:
+        return None  # told where it is compiled
+
+
+def _argument(name: str) -> Override:
+    """What is set when a run begins: the same for all its values."""
+    return Override(name, None, Span(Source(f"setting of {name}", name), 0, len(name)))
+
+
+def _fits(facts: Facts, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
+    """Whether the units are right, the numbers are some, and what is never negative is not."""
+    from ..door import evaluate, read_unit
+
+    for name, number in numbers.items():
+        wanted = facts.units[name]
+        if not abs(number.value) < float("inf"):
+            return False
+        if number.unit is not None and number.unit != wanted:
+            one, other = (read_unit(Source("unit", u)).dimension for u in (number.unit, wanted))
+            if one != other:
+                return False
+    try:
+        return all(evaluate(x, values.__getitem__) >= 0 for _, x in facts.positive)
+    except (ArithmeticError, ValueError):
+        return False

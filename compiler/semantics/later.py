@@ -1,0 +1,53 @@
+"""What depends on numbers that only a run knows: arguments of a program, by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from ..algebra.expression import Expression, Number, Symbol, substitute
+from ..algebra.formula import Bound
+from ..graph.network import Named, Quantity
+
+
+def behind(names: Iterable[str], quantities: Mapping[str, Named]) -> frozenset[str]:
+    """Some quantities, and all that their definitions read."""
+    found, waiting = set[str](), list(names)
+    while waiting:
+        name = waiting.pop()
+        if name in found or name not in quantities:
+            continue
+        found.add(name)
+        definition = quantities[name].definition
+        if definition is not None:
+            waiting += [a.name for a in definition.arguments if isinstance(a, Quantity)]
+    return frozenset(found)
+
+
+def over_arguments(bound: Bound, quantities: Mapping[str, Named]) -> Expression:
+    """An expression with all definitions put in: its symbols are the names of what has none."""
+    known: dict[str, Expression] = {}
+
+    def put(definition: Bound) -> Expression:
+        def value(symbol: Symbol) -> Expression:
+            reference = definition.arguments[symbol.key]
+            return known[reference.name] if isinstance(reference, Quantity) else Number(reference)
+
+        return substitute(definition.formula.expression, value)
+
+    def read(definition: Bound) -> list[str]:
+        return [a.name for a in definition.arguments if isinstance(a, Quantity) and a.name not in known]
+
+    rows: list[tuple[str, Bound]] = [("", bound)]
+    while rows:  # not by recursion: a row of quantities may be longer than Python nests calls
+        name, definition = rows[-1]
+        missing = read(definition)
+        if missing:
+            inner = quantities[missing[0]].definition
+            if inner is None:
+                known[missing[0]] = Symbol(missing[0])
+            else:
+                rows.append((missing[0], inner))
+            continue
+        rows.pop()
+        known[name] = put(definition)
+    return known[""]

@@ -1,0 +1,168 @@
+"""Many runs at once: each the same, to the last bit, as by itself, in their order, whoever makes them; what fails stays with its settings."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+import tracemalloc
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.prepared import chosen_target
+from bondgraph.simulation import many
+from tests.compiling import MODELS
+
+TEXT = """
+model A {
+  parameter m = 1 kg, k: N/m = 100, r: N*s/m = 0.5
+  input push = 0 N
+  1 body
+  I mass : p = m*v
+  C spring : F = k*x + 2e4 [N/m^3]*x^3 { start x = 10 mm }
+  R damper : F = r*v
+  MSe drive : F = push
+  drive -> body -> mass, spring, damper
+  output x = spring.x, v = body.v
+  experiment e { simulate 0 .. 1 s { points = 51 } }
+}
+"""
+SETTINGS: list[dict[str, str | float]] = [{"m": 0.5 + 0.1 * i, "k": 80.0 + i, "push": f"{i} N"} for i in range(11)]
+
+
+@contextmanager
+def workers(kind: str) -> Iterator[Executor | None]:
+    if kind == "own":
+        yield None
+        return
+    with ThreadPoolExecutor(3) if kind == "threads" else ProcessPoolExecutor(2, get_context("spawn")) as executor:
+        yield executor
+
+
+@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("kind", ["own", "threads", "processes"])
+def test_each_is_what_it_is_by_itself(kind: str, target: str) -> None:
+    if target == "native" and chosen_target(None) != "native":
+        pytest.skip("there is no LLVM, or it is hidden")
+    if kind == "processes" and target == "numpy":
+        pytest.skip("seconds")
+    with workers(kind) as executor:
+        found = bondgraph.load(TEXT).simulate_many(SETTINGS, target=target, workers=2, executor=executor)
+    assert len(found) == len(SETTINGS) and found.failures == {} and found.settings == tuple(SETTINGS)
+    assert found["x"].shape == (11, 51) and found.unit("x") == "m" and len(found.time) == 51
+    for number in (0, 3, 10):
+        alone = bondgraph.load(TEXT).simulate(settings=SETTINGS[number], target=target)
+        np.testing.assert_array_equal(found[number].values, alone.values)
+        np.testing.assert_array_equal(found["v"][number], alone["v"])
+        assert found[number].steps == alone.steps and found.final("x")[number] == alone.final("x")
+    assert len(set(found.final("x"))) == 11
+
+
+def test_one_worker_and_many_find_the_same() -> None:
+    one, two = (bondgraph.load(TEXT).simulate_many(SETTINGS, workers=n) for n in (1, 2))
+    np.testing.assert_array_equal(one["x"], two["x"])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_fails_stays_with_its_settings(count: int) -> None:
+    """An explosion, a unit that does not fit, a negative number of steps: the others go on, in their places."""
+    blows_up = TEXT.replace("F = r*v", "F = r*v^3/(1 [m^2/s^2])")
+    given = [{"r": 0.1}, {"r": -1e9}, {"r": "1 kg"}, {"r": 0.2}, {"no_such": 1.0}, {"r": 0.3}]
+    found = bondgraph.load(blows_up).simulate_many(given, workers=count)
+    kinds = {i: type(problem) for i, problem in found.failures.items()}
+    assert kinds == {1: bondgraph.RunFailed, 2: bondgraph.CompilationFailed, 4: bondgraph.CompilationFailed}
+    assert "no_such" in str(found.failures[4]) and "t =" in str(found.failures[1])
+    assert list(np.isnan(found.final("x"))) == [False, True, True, False, True, False]
+    assert np.isnan(found["x"][1]).all() and repr(found) == "<Ensemble of 6 runs, 3 of them failed>"
+    with pytest.raises(bondgraph.CompilationFailed, match="no_such"):
+        found[4]
+    alone = bondgraph.load(blows_up).simulate(settings={"r": 0.3})
+    np.testing.assert_array_equal(found[5].values, alone.values)
+
+
+def test_what_is_wrong_in_all_is_told_at_once() -> None:
+    model = bondgraph.load(TEXT)
+    for wrong in ({"rtol": 2.0}, {"to": "3 kg"}, {"points": 1}, {"workers": 0}, {"target": "nothing"}):
+        with pytest.raises(bondgraph.UsageError):
+            model.simulate_many(SETTINGS, **wrong)  # type: ignore[arg-type]
+
+
+def test_nothing_to_run() -> None:
+    found = bondgraph.load(TEXT).simulate_many([])
+    assert len(found) == 0 and list(found) == []
+    with pytest.raises(bondgraph.RunFailed, match="none of 0 runs"):
+        found["x"]
+
+
+def test_settings_that_decide_more_than_numbers() -> None:
+    """Each length of the chain is a program of its own; the numbers are not."""
+    chain = "model B {\n  parameter n = 2, r: N*s/m = 4\n  Se pull : F = 1 N\n  1 top : translation\n  pull -> top\n  for i in 1..n { R drag[i] : F = r*v\n    top -> drag[i] }\n  output v = top.v\n}\n"
+    found = bondgraph.load(chain).simulate_many([{"n": n, "r": r} for n in (1, 3) for r in (1.0, 2.0)], to=1, points=2)
+    np.testing.assert_allclose(found.final("v"), [1, 1 / 2, 1 / 3, 1 / 6], rtol=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_progress(count: int) -> None:
+    told: list[tuple[int, int]] = []
+    bondgraph.load(TEXT).simulate_many(SETTINGS, workers=count, progress=lambda done, total: told.append((done, total)))
+    assert [total for _, total in told] == [11] * len(told) and told[-1] == (11, 11)
+    assert sorted(told) == told and len(set(told)) == len(told)
+
+
+def test_whoever_has_threads_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A copy of a process has only one of its threads; locks of the others would stay shut."""
+    stop = threading.Event()
+    other = threading.Thread(target=stop.wait)
+    other.start()
+    try:
+        with many._workers(2) as (own, copied):
+            assert isinstance(own, ThreadPoolExecutor) and not copied
+    finally:
+        stop.set()
+        other.join()
+
+
+def test_an_interruption_ends_it() -> None:
+    def stop(done: int, total: int) -> None:
+        if done > 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bondgraph.load(TEXT).simulate_many(SETTINGS * 20, workers=2, progress=stop)
+    assert many._MODELS == {}
+
+
+def test_memory_grows_with_what_is_kept() -> None:
+    """Runs leave their outputs: 51 instants of two, and what is said about them; no programs, no states."""
+    model = bondgraph.load(TEXT)
+    sizes = []
+    for count in (5, 25):
+        tracemalloc.start()
+        found: Any = model.simulate_many([{"k": 80.0 + i / count} for i in range(count)], workers=1)
+        sizes.append(tracemalloc.get_traced_memory()[0])
+        tracemalloc.stop()
+        del found
+    assert (sizes[1] - sizes[0]) / 20 < 6 * 51 * 2 * 8
+
+
+def test_problems_go_from_process_to_process() -> None:
+    for text, settings in ((TEXT, {"r": "1 kg"}), (TEXT.replace("r*v", "r*v^3/(1 [m^2/s^2])"), {"r": -1e9})):
+        with pytest.raises((bondgraph.CompilationFailed, bondgraph.RunFailed)) as caught:
+            bondgraph.load(text).simulate(settings=settings)  # type: ignore[arg-type]
+        again = pickle.loads(pickle.dumps(caught.value))
+        assert type(again) is type(caught.value) and str(again) == str(caught.value)
+
+
+def test_a_mechanism() -> None:
+    """Masses and geometry are arguments, too; that none is negative is checked in each run."""
+    model = bondgraph.load(MODELS / "manipulator.bg")
+    found = model.simulate_many([{"m_p": 2e-9}, {"m_p": -1.0}, {"a": 171e-6}], to=1e-3, points=11, workers=1)
+    assert list(found.failures) == [1] and "negative" in str(found.failures[1])
+    alone = bondgraph.load(MODELS / "manipulator.bg").simulate(settings={"a": 171e-6}, to=1e-3, points=11)
+    np.testing.assert_array_equal(found[2].values, alone.values)

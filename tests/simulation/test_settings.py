@@ -1,0 +1,149 @@
+"""What is set from outside: one program for all values, the compiler again where a value decides more than numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.prepared import chosen_target
+from bondgraph.simulation.settings import settle
+from tests.compiling import MODELS
+
+LOSSY = """
+model A {
+  parameter r: N*s/m = 0.5, extra: kg = 0.2, m: kg = 2, k: N/m = 3
+  input push = 1 N
+  1 body
+  I mass   : p = m*v      { start v = 1 [m/s] }
+  I more   : p = extra*v
+  C spring : F = 8 [N/m]*x
+  C second : F = k*x
+  R loss   : F = r*v
+  MSe drive : F = push
+  drive -> body -> mass, spring, loss, second, more
+  output x = spring.x, v = body.v
+  experiment e { simulate 0 .. 1 s { rtol = 1e-9 } }
+}
+"""
+CHAIN = """
+model B {
+  parameter n = 2, k: N/m = 4
+  Se pull : F = 1 N
+  1 top : translation
+  pull -> top
+  for i in 1..n { R drag[i] : F = k/(1 [1/s])*v
+    top -> drag[i] }
+  output v = top.v
+  experiment e { simulate 0 .. 1 s }
+}
+"""
+
+
+def by_hand(mass: float, r: float, stiffness: float, v: float, push: float = 1.0) -> float:
+    """x at 1 s of m x'' + r x' + k x = push."""
+    from scipy.linalg import expm
+
+    if mass == 0:
+        return push / stiffness * (1 - np.exp(-stiffness / r)) if r else push / stiffness
+    matrix = np.array([[0, 1, 0], [-stiffness / mass, -r / mass, push / mass], [0, 0, 0]])
+    return float((expm(matrix) @ [0, v, 1])[0])
+
+
+@pytest.mark.parametrize("r", [-0.1, 0.0, 0.3])
+@pytest.mark.parametrize("extra", [-0.1, 0.0, 0.5])
+@pytest.mark.parametrize("push", [0.0, 2.0])
+def test_sweeps_through_zero(r: float, extra: float, push: float) -> None:
+    """Nothing happens at zero: what a value of zero leaves out in a text is there when it is set."""
+    momentum = 2.0  # of the mass that holds it; the other follows its speed
+    found = bondgraph.load(LOSSY).simulate(settings={"r": r, "extra": extra, "push": push}).final("x")
+    start = 1.0 if extra else momentum / 2
+    assert found == pytest.approx(by_hand(2 + extra, r, 11, start, push), rel=1e-7)
+
+
+def test_a_mass_of_zero_is_another_order_and_told() -> None:
+    """What the text says with `m = 0` is what a setting says, with a note that the equations are others."""
+    text = LOSSY.replace("{ start v = 1 [m/s] }", "").replace("I more   : p = extra*v\n", "").replace(", more", "")
+    for value in (0.0, "0 kg"):
+        found = bondgraph.load(text).simulate(settings={"m": value})
+        assert found.final("x") == pytest.approx(by_hand(0, 0.5, 11, 0), rel=1e-8)
+        assert any("`m = 0`: the equations are others" in note for note in found.notes)
+    said = bondgraph.load(text.replace("m: kg = 2", "m: kg = 0")).simulate()
+    np.testing.assert_array_equal(said.values, found.values)
+    near = bondgraph.load(text).simulate(settings={"m": 1e-9})
+    assert near.final("x") == pytest.approx(found.final("x"), rel=1e-6) and near.notes == ()
+
+
+def test_sensitivity_at_zero_is_that_of_the_whole_program() -> None:
+    """Central differences in r at r = 0, against the closed form; the program knows r although its default is zero."""
+    model = bondgraph.load(LOSSY.replace("r: N*s/m = 0.5", "r: N*s/m = 0"))
+    h = 1e-4
+    plus, minus = (model.simulate(settings={"r": s * h}, rtol=1e-12).final("x") for s in (1, -1))
+    exact = (by_hand(2.2, h, 11, 1) - by_hand(2.2, -h, 11, 1)) / (2 * h)
+    assert (plus - minus) / (2 * h) == pytest.approx(exact, rel=1e-8)
+
+
+def test_one_program_for_all_values() -> None:
+    """Numbers and texts with units come to the same scene, whatever the value; and to the same bits."""
+    model = bondgraph.load(LOSSY)
+    target = chosen_target(None)
+    scenes = {
+        settle(model, "", {"r": r, "push": "3 N"}, None, False, target).scene for r in (0.25, 1e3, "250 [g/s]", 0.0)
+    }
+    assert len(scenes) == 1
+    one, other = (bondgraph.load(LOSSY).simulate(settings={"r": r}) for r in (0.25, "250 [g/s]"))
+    np.testing.assert_array_equal(one.values, other.values)
+    program = model.prepared(scenes.pop(), False, target).program
+    assert {"r", "push"} <= set(program.parameters.names)
+
+
+def test_what_decides_more_than_numbers_is_compiled() -> None:
+    model = bondgraph.load(CHAIN)
+    assert model.simulate(settings={"n": 5, "k": 2}).final("v") == pytest.approx(0.1)
+    assert model.simulate(settings={"n": "4", "k": "5 [N/m]"}).final("v") == pytest.approx(0.05)
+    settled = settle(model, "", {"n": 3.0, "k": 2.0}, None, False, "numpy")
+    assert dict(settled.values) == {"k": 2.0}  # only the length is compiled
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"r": "3 kg"}, "`r`"),
+        ({"r": "3"}, "`r`"),
+        ({"nothing": 1.0}, "`nothing`"),
+        ({"r": float("nan")}, "no finite value"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_set_is_told_as_ever(settings: dict[str, str | float], words: str) -> None:
+    with pytest.raises((bondgraph.CompilationFailed, bondgraph.RunFailed), match=words):
+        bondgraph.load(LOSSY).simulate(settings=settings)
+
+
+def test_a_negative_mass_of_a_body_is_refused() -> None:
+    text = (MODELS / "pendulum.bg").read_text()
+    name = next(n for n, p in bondgraph.load(text).parameters.items() if p.unit == "kg")
+    with pytest.raises(bondgraph.CompilationFailed, match="negative"):
+        bondgraph.load(text).simulate(settings={name: -1.0})
+
+
+def test_a_loop_that_a_value_makes_singular_is_refused() -> None:
+    loop = "model B {\n  parameter gain = 0.5\n  MSf source : i = 1 A + gain*r.i\n  0 node\n  R r : u = 2 ohm*i\n  source -> node -> r\n  output y = r.i\n}\n"
+    assert bondgraph.load(loop).simulate(to=1, settings={"gain": 0.75}).final("y") == pytest.approx(4.0)
+    with pytest.raises(bondgraph.CompilationFailed, match="gain = 1"):
+        bondgraph.load(loop).simulate(to=1, settings={"gain": 1.0})
+
+
+@pytest.mark.machine_code
+def test_another_value_compiles_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("BONDGRAPH_CACHE", str(tmp_path / "kept"))
+    bondgraph.load(LOSSY).simulate(settings={"r": 0.1}, target="native")
+    count = len(list((tmp_path / "kept").iterdir()))
+
+    def never(*_: object) -> None:
+        raise AssertionError("compiled again")
+
+    monkeypatch.setattr("compiler.driver.build_graph", never)
+    assert np.isfinite(bondgraph.load(LOSSY).simulate(settings={"r": 0.2}, target="native").final("x"))
+    assert len(list((tmp_path / "kept").iterdir())) == count
