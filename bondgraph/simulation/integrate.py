@@ -18,8 +18,8 @@ from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
-from .stuck import MOST_STEPS, not_finite, stuck
-from .trajectory import Kept, Tolerances, Trajectory
+from .stuck import MOST_STEPS, ahead, not_finite, stuck
+from .trajectory import Kept, Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
@@ -30,10 +30,6 @@ if TYPE_CHECKING:
     from .events.history import History
     from .events.locate import Flip, StateAt
     from .steps.compiled.run import CompiledRadau
-
-# How far to look for what makes steps collapse: shares of what moves a state by its magnitude, and of the run.
-REACHES = (1e-15, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1e-1, 1.0)
-SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
@@ -80,11 +76,6 @@ def integrate(
         if stepper.result.handover is not None:
             break
     return stepper.done(x, stretches[-1].mode)
-
-
-def empty(program: Program, instants: Any) -> Trajectory:
-    """A trajectory in which nothing has been reached yet."""
-    return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
 
 
 class Stepper:
@@ -151,20 +142,16 @@ class Stepper:
     def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
         """What is sure so far: a step has been accepted, and all that looks at it has done so."""
         result, history = self.result, self.history
+        count, on = self.happened
         result.kept = Kept(
             time, x, mode, begun, self.position if position is None else position, len(result.pieces), len(result.jumps),
-            self.happened, 0 if history is None else len(history.starts), result.work if work is None else work, self.on,
+            count, 0 if history is None else len(history.starts), result.work if work is None else work, on,
         )  # fmt: skip
 
     @property
-    def happened(self) -> int:
-        """How many events there were."""
-        return 0
-
-    @property
-    def on(self) -> Mapping[tuple[str, int], bool]:
-        """Which events' conditions hold."""
-        return {}
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """How many events there were, and which events' conditions hold."""
+        return 0, {}
 
     def remember(self, history: History | None) -> None:
         """Keep what delayed signals will be; no step is longer than the shortest delay."""
@@ -458,20 +445,9 @@ class Stepper:
             return not_finite(self.program, solver.time, slope, state, mode)
         told = stuck(self.program, solver, what, state, slope, self.tolerances)
         if what in ("newton", "error"):
-            return StepsCollapsed(told, solver.time, state, self._ahead(solver.time, state, slope), mode)
+            places = ahead(self.program, self.tolerances, self.whole, solver.time, state, slope)
+            return StepsCollapsed(told, solver.time, state, places, mode)
         return RunFailed(told)
-
-    def _ahead(self, time: float, state: Any, slope: Any) -> tuple[tuple[float, Any], ...]:
-        """Where the slope leads from a state, ever further: what makes steps collapse lies there."""
-        count = len(self.program.states.names)
-        step = np.where(np.arange(len(state)) < count, slope, 0.0)
-        size = np.maximum(self.tolerances.magnitude, np.abs(state))
-        speed = float((np.abs(step) / size).max(initial=0.0))
-        reach = min(self.whole, 1 / speed if speed > 0 else np.inf)
-        least = 10 * float(np.spacing(max(abs(time), 1e-300)))
-        spans = sorted({max(least, x) for x in (*(r * reach for r in REACHES), *(s * self.whole for s in SHARES))})
-        spans = [span for span in spans if span <= max(reach, 1e-9 * self.whole, least)]
-        return tuple((time + span, state + span * step) for span in spans)
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""

@@ -92,14 +92,9 @@ class EventStepper(Stepper):
         return now.state
 
     @property
-    def happened(self) -> int:
-        """How many events there were."""
-        return len(self.events.log)
-
-    @property
-    def on(self) -> Mapping[tuple[str, int], bool]:
-        """Which events' conditions hold."""
-        return dict(self.events.on)
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """How many events there were, and which events' conditions hold."""
+        return len(self.events.log), dict(self.events.on)
 
     def _happen(self, at: Moment, flipped: Any) -> Moment:
         events, powers = self.events, self.powers
