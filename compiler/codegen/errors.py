@@ -13,14 +13,10 @@ class JumpsWithoutEnd(Diagnostic):
 
     code = "BG601"
     title = "`{function}` of an expression of {what} jumps at instants that this version does not find"
+    advice = "{instead}"
     function: str
-    what: str = "time"
-
-    @property
-    def help(self) -> str:
-        if self.what == "time":
-            return "Write the signal with step, pulse, ramp or `if` on time."
-        return "Keep the count in a `mode` and let a `when` move it on, or sample it: `every 1 ms { n = floor(x) }`."
+    what: str
+    instead: str
 
 
 @dataclass(frozen=True, slots=True)

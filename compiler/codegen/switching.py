@@ -35,6 +35,13 @@ if TYPE_CHECKING:
     from .lower import Lowered
 
 
+OF_TIME = "time", "Write the signal with step, pulse, ramp or `if` on time."
+OF_STATES = (
+    "states behind a rate",
+    "Keep the count in a `mode` and let a `when` move it on, or sample it: `every 1 ms { n = floor(x) }`.",
+)
+
+
 class Switching:
     """Finds what jumps or bends with time alone.
 
@@ -78,7 +85,7 @@ class Switching:
             g = x.operands[0]
             return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
         if (alone or self.located) and x.operator in ("floor", "ceil"):
-            raise CompilationFailed([JumpsWithoutEnd(span, x.operator, "time" if alone else "states behind a rate")])
+            raise CompilationFailed([JumpsWithoutEnd(span, x.operator, *(OF_TIME if alone else OF_STATES))])
         operands = tuple(map(self.replaced, x.operands))
         if alone and is_table(x):
             for knot in domain(x):  # where the curve or one of its derivatives bends
