@@ -32,12 +32,23 @@ class RunInterrupted(KeyboardInterrupt):
 class RateNotFinite(RunFailed):
     """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
 
-    def __init__(self, what: str, time: float, state: Any) -> None:
+    def __init__(self, what: str, time: float, state: Any, mode: Any = None) -> None:
         super().__init__(what)
-        self.time, self.state = time, state
+        self.time, self.state, self.mode = time, state, mode
 
-    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[str, float, Any]]:
-        return type(self), (str(self), self.time, self.state)  # as it goes from one process to another
+    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[Any, ...]]:
+        return type(self), (str(self), self.time, self.state, self.mode)  # as it goes from one process to another
+
+
+class StepsCollapsed(RunFailed):
+    """No step is short enough at a time and in a state; `ahead`: where the flow leads from there, ever further."""
+
+    def __init__(self, what: str, time: float, state: Any, ahead: tuple[tuple[float, Any], ...], mode: Any) -> None:
+        super().__init__(what)
+        self.time, self.state, self.ahead, self.mode = time, state, ahead, mode
+
+    def __reduce__(self) -> tuple[type[StepsCollapsed], tuple[Any, ...]]:
+        return type(self), (str(self), self.time, self.state, self.ahead, self.mode)
 
 
 class MissingPackage(ImportError):

@@ -57,13 +57,17 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class ElementEnergy:
-    """What one element did in a run, in J: change of its stored energy, supplied as a source, dissipated."""
+    """What one element did in a run, in J: change of its stored energy, supplied as a source, dissipated.
+
+    `residual`: what its bonds brought and none of the three explains: the error of the run, or a law that creates energy.
+    """
 
     name: str
     kind: str
     stored: float
     supplied: float
     dissipated: float
+    residual: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,7 +276,7 @@ class Result:
             solver       name; steps: accepted ones; evaluations: {what: count}; rtol; wall_time in s
             certificate  by `bondgraph-certificate/1`, if the result has one
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
-                         elements: {name: {kind, stored, supplied, dissipated}}}
+                         elements: {name: {kind, stored, supplied, dissipated, residual}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
             notes        what became known of the run on its way: sentences
             stopped      why the run ended before its end: a sentence, or null
@@ -364,7 +368,7 @@ def _energy_json(energy: EnergyBalance) -> dict[str, Any]:
     sums = ("stored", "supplied", "dissipated")
     told: dict[str, Any] = {"unit": "J"} | {key: _finite(getattr(energy, key)) for key in (*sums, "residual")}
     told["elements"] = {
-        element.name: {"kind": element.kind} | {key: _finite(getattr(element, key)) for key in sums}
+        element.name: {"kind": element.kind} | {key: _finite(getattr(element, key)) for key in (*sums, "residual")}
         for element in energy.elements
     }
     return told

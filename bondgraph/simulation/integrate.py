@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RunFailed
+from ..errors import RunFailed, StepsCollapsed
 from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
-from .stuck import MOST_STEPS, not_finite, stuck
-from .trajectory import Kept, Tolerances, Trajectory
+from .stuck import MOST_STEPS, ahead, not_finite, stuck
+from .trajectory import Kept, Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
@@ -78,11 +78,6 @@ def integrate(
     return stepper.done(x, stretches[-1].mode)
 
 
-def empty(program: Program, instants: Any) -> Trajectory:
-    """A trajectory in which nothing has been reached yet."""
-    return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
-
-
 class Stepper:
     """Steps through one smooth stretch after another and keeps what was asked for."""
 
@@ -109,6 +104,7 @@ class Stepper:
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
+        self.whole = float(instants[-1] - instants[0])  # how long the run is
         self.traffic = 0.0  # the work at all ports so far, whatever its sign
         self.position = 0  # the next instant to be reported
         self.result = into if into is not None else empty(program, instants)
@@ -146,20 +142,16 @@ class Stepper:
     def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
         """What is sure so far: a step has been accepted, and all that looks at it has done so."""
         result, history = self.result, self.history
+        count, on = self.happened
         result.kept = Kept(
             time, x, mode, begun, self.position if position is None else position, len(result.pieces), len(result.jumps),
-            self.happened, 0 if history is None else len(history.starts), result.work if work is None else work, self.on,
+            count, 0 if history is None else len(history.starts), result.work if work is None else work, on,
         )  # fmt: skip
 
     @property
-    def happened(self) -> int:
-        """How many events there were."""
-        return 0
-
-    @property
-    def on(self) -> Mapping[tuple[str, int], bool]:
-        """Which events' conditions hold."""
-        return {}
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """How many events there were, and which events' conditions hold."""
+        return 0, {}
 
     def remember(self, history: History | None) -> None:
         """Keep what delayed signals will be; no step is longer than the shortest delay."""
@@ -221,7 +213,8 @@ class Stepper:
         steps = 0
         try:
             while not solver.finished:
-                self._step(solver, steps, stretch.mode)
+                if not self._step(solver, steps, stretch):
+                    break
                 steps += 1
                 stretch = self._passed(solver, stretch)
                 if self.flip is not None:
@@ -401,10 +394,13 @@ class Stepper:
         from .steps.factorise import dense, is_large, sparse
 
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
-        follows = follower(program, self.inputs, self.constants, stretch)
+        follows = follower(program, self.inputs, self.constants, stretch, self.whole)
         problem = Problem(
             derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
         )
+        if program.bends is not None:
+            bends = program.bends
+            problem.bends = lambda time, scaled: bends(time, scaled * magnitude, *fixed)
         if self.constraints:
 
             def hold(time: float, scaled: Any) -> Any:
@@ -419,17 +415,25 @@ class Stepper:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            raise not_finite(self.program, start, slope, x)
+            raise not_finite(self.program, start, slope, x, mode)
 
-    def _step(self, solver: Radau, steps: int, mode: Any) -> None:
-        """One accepted step."""
+    def _step(self, solver: Radau, steps: int, stretch: Segment) -> bool:
+        """One accepted step; false where none leads on, but an event just ahead does."""
         try:
             solver.step()
         except StepFailed as failed:
-            raise self.failed(solver, failed.what, mode) from None
+            told = self.failed(solver, failed.what, stretch.mode)
+            if isinstance(told, StepsCollapsed) and self.flips_just_ahead(told, stretch):
+                return False
+            raise told from None
         self.steps += 1
         if steps >= MOST_STEPS or self.steps > self.most_steps:
-            raise self.failed(solver, "steps", mode)
+            raise self.failed(solver, "steps", stretch.mode)
+        return True
+
+    def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
+        """Whether an event stepper sees an event where steps collapse: beyond it the law of this side may have no value."""
+        return False
 
     def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
@@ -438,8 +442,12 @@ class Stepper:
         if what != "steps":
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            return not_finite(self.program, solver.time, slope, state)
-        return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
+            return not_finite(self.program, solver.time, slope, state, mode)
+        told = stuck(self.program, solver, what, state, slope, self.tolerances)
+        if what in ("newton", "error"):
+            places = ahead(self.program, self.tolerances, self.whole, solver.time, state, slope)
+            return StepsCollapsed(told, solver.time, state, places, mode)
+        return RunFailed(told)
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..ended import End
-from ..errors import RateNotFinite, RunFailed, UsageError
+from ..errors import RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
-from .integrate import empty, integrate
+from .integrate import integrate
 from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
 from .start.nominal import Looks, Magnitudes, nominal_magnitudes
 from .start.start import consistent_start
-from .trajectory import Tolerances, Trajectory
+from .trajectory import Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from ..door import Plan, Program, Scene
+    from ..door import Plan, Program, Scene, StateSpace
     from ..prepared import Prepared
     from .events.events import Events
     from .events.history import History
@@ -242,8 +242,11 @@ class Leg:
         except RateNotFinite as failed:
             from .watch.finite import cause_of
 
-            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
+            modes = self._modes(failed.mode)
+            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters, modes)
             raise RunFailed(f"{failed}: {cause}") from None
+        except StepsCollapsed as failed:
+            raise self._explained(failed) from None
         self._finish()
         self.values = self._outputs()
         self.whole = True
@@ -253,6 +256,22 @@ class Leg:
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def _modes(self, mode: Any) -> dict[str, float]:
+        """What only events change, by name."""
+        hybrid = self.program.hybrid
+        return {} if hybrid is None or mode is None else dict(zip(hybrid.modes.names, map(float, mode), strict=False))
+
+    def _explained(self, failed: StepsCollapsed) -> RunFailed:
+        """Why steps collapsed, if something a little ahead has no value."""
+        from .watch.finite import cause_ahead
+
+        space, here = self.compilation.state_space, (failed.time, failed.state)
+        for ahead in failed.ahead:
+            cause = cause_ahead(self.program, space, here, ahead, self.parameters, self._modes(failed.mode))
+            if cause is not None:
+                return RunFailed(f"no step leads on from t = {failed.time:.9g} s: just ahead {cause}")
+        return RunFailed(str(failed))
 
     def cut(self) -> None:
         """Keep what is sure: up to the last accepted step, or if only an output is no number, up to there."""
@@ -350,8 +369,24 @@ class Leg:
         held, self.held = self.held, held_in(space, after)
         arguments = self._arguments()
         found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps)
+        self._audit(space, found)
         passed = None if held is None else impulse_loss(space, held, before, arguments)
         return found if passed is None else added([passed, found]) or found
+
+    def _audit(self, space: StateSpace, found: EnergyBalance) -> None:
+        """Name the laws that create energy: resistors that give power, storages whose work is not what they store."""
+        from .watch.energy import givers, unexplained
+
+        turnover = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
+        powers = []
+        for stretch in self.trajectory.pieces or self.stretches:
+            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
+            if chosen.any():
+                powers.append(self._powers(self.instants[chosen], self.trajectory.states[chosen], stretch.mode))
+        if powers:
+            watts = np.concatenate(powers)
+            self.notes += tuple(givers(space, self.instants[: len(watts)], watts, turnover))
+        self.notes += tuple(unexplained(found, turnover, self.rtol))
 
     def _arguments(self) -> dict[int, float]:
         """The values of the storages' parameters."""

@@ -29,7 +29,15 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
     stepper.check_rates(stretch.start, x, stretch.mode)
     constraints = stepper.constraints.always_compiled
     solver = CompiledRadau(
-        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest, constraints
+        stepper.program,
+        stepper.inputs,
+        stepper.constants,
+        stepper.tolerances,
+        stretch,
+        x,
+        stepper.longest,
+        constraints,
+        stepper.whole,
     )
     first = stepper.position
     solver.report(stepper.instants, first, stepper.result.states)

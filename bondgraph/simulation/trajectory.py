@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .segments import Segment
 
 if TYPE_CHECKING:
+    from ..door import Program
     from .closed.singular import SingularPose
     from .watch.choice import Handover
 
@@ -80,3 +83,8 @@ class Trajectory:
             self.pieces = [Segment(s.start, min(s.stop, kept.time), s.mode) for s in passed]
             self.pieces = self.pieces or [Segment(kept.time, kept.time, kept.mode)]
         return kept
+
+
+def empty(program: Program, instants: Any) -> Trajectory:
+    """A trajectory in which nothing has been reached yet."""
+    return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))

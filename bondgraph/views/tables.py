@@ -129,12 +129,14 @@ def _work(result: Result) -> str:
 
 
 def _energy(energy: EnergyBalance) -> str:
-    rows = [("energy in J", "kind", "stored", "supplied", "dissipated")]
+    rows = [("energy in J", "kind", "stored", "supplied", "dissipated", "residual")]
     rows += [
-        (short(e.name), e.kind, f"{e.stored:.6g}", f"{e.supplied:.6g}", f"{e.dissipated:.6g}") for e in energy.elements
+        (short(e.name), e.kind, f"{e.stored:.6g}", f"{e.supplied:.6g}", f"{e.dissipated:.6g}", f"{e.residual:.2g}")
+        for e in energy.elements
     ]
-    rows.append(("sum", "", f"{energy.stored:.6g}", f"{energy.supplied:.6g}", f"{energy.dissipated:.6g}"))
-    return aligned(rows, "<<>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
+    told = f"{energy.stored:.6g}", f"{energy.supplied:.6g}", f"{energy.dissipated:.6g}", f"{energy.residual:.2g}"
+    rows.append(("sum", "", *told))
+    return aligned(rows, "<<>>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
 
 
 def aligned(rows: Sequence[tuple[str, ...]], sides: str) -> str:

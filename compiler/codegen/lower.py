@@ -81,6 +81,9 @@ class Lowered:
     limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
     lags: tuple[Expression, ...] = ()  # of delayed signals, of parameters
     delayed: tuple[Expression, ...] = ()  # what they will be
+    bends: list[Expression] = field(
+        default_factory=list
+    )  # zero where a law of states bends: steps end there if it shows
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     solved: Solved | None = None  # with the multipliers of closing joints solved for
     differentiated: int = 0  # formulas whose partial derivatives were formed

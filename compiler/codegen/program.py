@@ -189,6 +189,8 @@ class Program:
     differentiated: int = 0  # laws whose derivative was formed
     native: Native | None = None  # where the functions lie, if they are machine code
     hybrid: Hybrid | None = None  # None: only time makes anything jump
+    bends: Callable[[float, Array, Array, Array, Array], Array] | None = None
+    # as output -> zero where a law of states bends but does not jump; None if none does
     delays: Delays | None = None
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:

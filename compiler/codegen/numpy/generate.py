@@ -33,7 +33,7 @@ def generate_program(lowered: Lowered) -> Program:
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
         names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
         module.solved if lowered.solved is not None else None,
-        count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module),
+        count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module), module.bends if lowered.bends else None,
         Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
     )  # fmt: skip
 

@@ -56,6 +56,7 @@ class Writer:
             *(() if lowered.solved is None else (*lowered.solved.rates, *lowered.solved.multipliers)),
             *lowered.sensitivities.values(),
             *lowered.signals,
+            *lowered.bends,
             *lowered.switches,
             *lowered.crossings,
             *lowered.events.roots(),
@@ -189,6 +190,8 @@ class Writer:
         held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
         yield "invariant_slopes", full, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held
         yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
+        if lowered.bends:
+            yield "bends", full, "Zero where a law of states bends.", lowered.bends
         yield (
             "powers",
             full,
