@@ -108,11 +108,29 @@ def test_a_stage_of_two_corners_at_one_instant() -> None:
     np.testing.assert_allclose(found["y"], np.where(found.time < 1, found.time, 3 * found.time - 2), rtol=1e-12)
 
 
+RUBBED = """model A {{
+  I m : p = 1 kg*v {{ start v = 1 [m/s] }}
+  R rub : F = 2 N*sign(v)
+  Se push : F = {push} N
+  1 b
+  push -> b -> m, rub
+  output v = b.v
+}}
+"""
+
+
 def test_friction_that_slides_along_zero_is_told() -> None:
-    text = "model A {\n I m : p = 1 kg*v { start v = 1 [m/s] }\n R rub : F = 2 N*sign(v)\n 1 b\n b -> m, rub\n output v = b.v\n}\n"
-    with pytest.raises(RunFailed, match=r"at t = 0\.5 s the condition in `rub` \(text:3\) cannot hold and cannot fail"):
-        run(text, 2)
-    assert run(text, 0.4).final("v") == pytest.approx(0.2, rel=1e-12)
+    """Held by less than it could hold: neither sign nor zero is the friction that it takes."""
+    with pytest.raises(
+        RunFailed, match=r"at t = 0\.666666667 s the condition in `rub` \(text:3\) cannot hold and cannot fail"
+    ):
+        run(RUBBED.format(push=0.5), 2)
+    assert run(RUBBED.format(push=0.5), 0.4).final("v") == pytest.approx(0.4, rel=1e-12)
+
+
+def test_friction_alone_ends_at_rest() -> None:
+    found = run(RUBBED.format(push=0), 2)
+    np.testing.assert_allclose(found["v"], np.maximum(1 - 2 * found.time, 0.0), atol=1e-9)
 
 
 def test_a_touch_between_two_steps_is_seen() -> None:
@@ -483,3 +501,20 @@ model Drive {
     assert {e.name: e.dissipated for e in found.energy.elements}["active"] == pytest.approx(900 - 600, rel=1e-9)
     assert found.energy.stored == pytest.approx(-300, rel=1e-9)
     assert abs(found.energy.residual) < 1e-6
+
+
+def test_a_tank_behind_two_valves_is_full_and_stays_so() -> None:
+    """Roots of the pressures: sqrt(1 - q) falls linearly to zero, in finite time; there neither sign holds, and nothing flows."""
+    text = """plain model Tank {
+      Se supply : e = 1
+      1 pipe
+      R first : f = sign(e)*sqrt(abs(e))
+      R second : f = 2*sign(e)*sqrt(abs(e))
+      C tank : e = q
+      supply -> pipe -> first, second, tank
+      output f = pipe.f, q = tank.q
+    }"""
+    found = bondgraph.load(text).simulate(to=4, points=41, rtol=1e-8)
+    left = np.maximum(1 - found.time / (2 * np.sqrt(1.25)), 0.0)
+    assert found["q"] == pytest.approx(1 - left**2, abs=1e-6)
+    assert found["f"] == pytest.approx(left / np.sqrt(1.25), abs=1e-4)
