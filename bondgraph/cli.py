@@ -235,7 +235,7 @@ def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summ
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=2))
     elif summary and len(result.time):
-        click.echo(result.summary())
+        click.echo(result.summary(_has_bars()))
 
 
 def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
@@ -247,6 +247,17 @@ def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
     if not out.endswith(".npz") or result.end is None:
         return written
     return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
+
+
+def _has_bars() -> bool:
+    """Whether what is printed goes to a terminal that has bars among its letters; a file or a pipe gets plain tables."""
+    if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
+        return False
+    try:
+        "▁█".encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
 
 
 def _load(file: str, model: str | None) -> Model:
@@ -297,14 +308,23 @@ def show(file: str, stage: str, experiment: str, model: str | None) -> None:
 )
 @click.option("--closed", is_flag=True, help="Instances of the model as boxes.")
 @click.option("--numbers", is_flag=True, help="With the numbers of the bonds.")
+@click.option("--mechanism", metavar="NAME", help="This mechanism instead, with bodies, joints, springs.")
+@click.option("--at", metavar="TIME", help="The mechanism at this time of a run; else as it is described.")
 @_model
-def draw(file: str, out: str, experiment: str | None, closed: bool, numbers: bool, model: str | None) -> None:
-    """Draw the bond graph: half arrows, causal strokes, signals, mechanisms as boxes."""
+def draw(
+    file: str, out: str, experiment: str | None, closed: bool, numbers: bool, mechanism: str | None, at: str | None, model: str | None
+) -> None:  # fmt: skip
+    """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
     with _told():
         from .diagram.picture import ENDINGS
 
         _check_target(out, ENDINGS, "--out")
-        _load(file, model).draw(out, experiment, closed, numbers)
+        if at is not None and mechanism is None:
+            raise click.UsageError("--at is for a mechanism: name it with --mechanism")
+        if mechanism is not None:
+            _load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
+        else:
+            _load(file, model).draw(out, experiment, closed, numbers)
 
 
 @commands.command()

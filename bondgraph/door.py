@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
     from compiler.algebra.derivative import NoSlope, derivative
     from compiler.algebra.expression import Apply, Expression, Number, Symbol, depends_on, evaluate, symbols, value_of
+    from compiler.algebra.formula import Bound
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from compiler.graph.domains import BUNDLES, DOMAINS
-    from compiler.graph.mechanism import Mechanism, freedoms_of
+    from compiler.graph.mechanism import Body, Joint, Mechanism, freedoms_of
     from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
     from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
@@ -54,7 +55,11 @@ if TYPE_CHECKING:
 _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
-    "Number": "algebra.expression", "value_of": "algebra.expression",
+    "Body": "graph.mechanism",
+    "Joint": "graph.mechanism",
+    "Bound": "algebra.formula",
+    "Number": "algebra.expression",
+    "value_of": "algebra.expression",
     "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
@@ -79,16 +84,16 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "BondGraph", "CausalGraph",
-    "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
-    "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number",
-    "Override", "Path", "Plan", "PowerPort", "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
-    "Symbol", "Tape", "Unknown", "Unsupported", "ValuesNeeded",
-    "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
-    "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
-    "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",
-    "uncollected", "value_of", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "Body", "BondGraph",
+    "Bound", "CausalGraph", "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic",
+    "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid",
+    "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode",
+    "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Override", "Path", "Plan", "PowerPort", "Program", "Quantity",
+    "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Tape", "Unknown",
+    "Unsupported", "ValuesNeeded", "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost",
+    "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of", "native_available",
+    "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit", "record_of", "render",
+    "scale_of", "symbols", "to_sympy", "translate", "uncollected", "value_of", "write_text",
 ]  # fmt: skip
 
 

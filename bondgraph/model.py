@@ -163,6 +163,25 @@ class Model:
             write_figure(figure, path)
         return figure
 
+    def draw_mechanism(
+        self,
+        path: str | Path | None = None,
+        name: str | None = None,
+        experiment: str | None = "",
+        at: str | float | None = None,
+    ) -> Figure:
+        """A mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
+
+        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s).
+        Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
+        """
+        from .diagram import mechanism_of, write_figure
+
+        figure = mechanism_of(self, name, experiment, at)
+        if path is not None:
+            write_figure(figure, path)
+        return figure
+
     def _repr_svg_(self) -> str:
         """The diagram, for notebooks."""
         return self.draw()._repr_svg_()

@@ -316,11 +316,11 @@ class Result:
 
         plot_result(self, path)
 
-    def summary(self) -> str:
+    def summary(self, sparks: bool = False) -> str:
         """A table for terminals: the outputs in the units of the report, the solver's work, the energy if asked for."""
         from .views.tables import summary
 
-        return summary(self)
+        return summary(self, sparks)
 
 
 def extremes(values: NDArray[np.float64]) -> dict[str, float]:

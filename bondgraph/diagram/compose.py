@@ -42,7 +42,7 @@ def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
     legend, height, width = _legend(subject, left, bottom + 20)
     dx, dy = round(BORDER - left, 1), round(BORDER - top, 1)
     whole = (max(right - left, width) + 2 * BORDER, bottom - top + height + 2 * BORDER)
-    shifted = tuple(_group_at(g, dx, dy) for g in (*groups, *legend))
+    shifted = tuple(group_at(g, dx, dy) for g in (*groups, *legend))
     return Figure(math.ceil(whole[0]), math.ceil(whole[1]), f"bond graph of {subject.name}", shifted)
 
 
@@ -242,7 +242,8 @@ def _told(names: Sequence[str]) -> str:
     return f"not drawn, as they give nothing: {', '.join(names[:3])}{more}"
 
 
-def _group_at(group: Group, dx: float, dy: float) -> Group:
+def group_at(group: Group, dx: float, dy: float) -> Group:
+    """The same group elsewhere."""
     return Group(group.kind, tuple(_at(s, dx, dy) for s in group.shapes), group.facts, group.words, group.mark)
 
 

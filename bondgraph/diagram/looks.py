@@ -19,6 +19,7 @@ class Look:
     colour: str
     width: float = 0.0
     filled: bool = False
+    inside: str = ""  # the colour of the inside, if not that of the border
     dashes: tuple[float, ...] = ()
     size: float = 0.0
     face: str = ""
@@ -35,6 +36,13 @@ LOOKS: Mapping[str, Look] = {
     "point": Look(PALE, 1.0, filled=True, marked=False),
     "box": Look(INK, 1.3),
     "frame": Look("#9a9a9a", 1.0, dashes=(4, 3), marked=False),
+    "body": Look("#5b6b7a", 1.3, filled=True, inside="#dfe6ec"),
+    "pin": Look(INK, 1.3, filled=True, inside=GROUND),
+    "solid": Look(INK, 1.0, filled=True),
+    "stand": Look(INK, 1.3, filled=True, inside="#f1f1f1"),
+    "hatch": Look(INK, 0.8),
+    "spring": Look("#8a4b00", 1.5),
+    "measure": Look(PALE, 1.0, dashes=(5, 3)),
     "letter": Look(INK, size=LETTER, face="serif"),
     "name": Look(INK, size=NAME, face="sans"),
     "title": Look(INK, size=NAME + 1, face="sans", bold=True),

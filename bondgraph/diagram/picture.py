@@ -85,6 +85,6 @@ def _draw(axes: Any, shape: Shape, group: Group) -> None:
 def _lines(look: Look, colour: str, closed: bool) -> dict[str, Any]:
     dashes = (0, tuple(d / look.width for d in look.dashes)) if look.dashes else "solid"
     return {
-        "fill": look.filled and closed, "facecolor": colour, "edgecolor": colour, "linewidth": look.width * 72 / INCH, "linestyle": dashes,
+        "fill": look.filled and closed, "facecolor": look.inside or colour, "edgecolor": colour, "linewidth": look.width * 72 / INCH, "linestyle": dashes,
         "capstyle": "round", "joinstyle": "round",
     }  # fmt: skip

@@ -47,7 +47,7 @@ def _rule(look: Look) -> str:
         style = "font-style:italic;" * look.italic + "font-weight:600;" * look.bold
         return f"fill:{look.colour};font-family:{FACES[look.face]};font-size:{_n(look.size)}px;{style}"
     dashes = f"stroke-dasharray:{' '.join(map(_n, look.dashes))};" if look.dashes else ""
-    fill = look.colour if look.filled else "none"
+    fill = look.inside or look.colour if look.filled else "none"
     if not look.width:
         return f"fill:{fill}"
     return f"fill:{fill};stroke:{look.colour};stroke-width:{_n(look.width)};stroke-linecap:round;stroke-linejoin:round;{dashes}"

@@ -423,9 +423,12 @@ class EquationBuilder:
         return True
 
     def held(self, expression: Expression, name: str, unit: str, span: Span) -> int:
-        """The variable that holds an expression: a new one, unless it is one already."""
+        """The variable that holds an expression: a new one, unless it is one already, which then has this unit if it had none."""
         if isinstance(expression, Symbol):
             assert isinstance(expression.key, int)
+            old = self.variables[expression.key]
+            if unit and not old.unit:
+                self.variables[expression.key] = replace(old, unit=unit)
             return expression.key
         variable = self.variable(name, "computed", unit)
         self.assign(variable, expression, span, name)

@@ -53,7 +53,7 @@ class AxialTurn:
 
     def versine(self, script: Script, name: str) -> Expression:
         """1 - cos."""
-        half = call("sin", multiply(HALF, self.angle))
+        half = call("sin", self.angle / TWO)
         return script.let(f"{name}.versine", multiply(TWO, half, half))
 
     def apply(self, script: Script, v: Vector, name: str) -> Vector:
@@ -127,7 +127,7 @@ class AxialTurn:
 
     def quaternion(self, script: Script, name: str) -> Quaternion:
         """Unit, (w, x, y, z)."""
-        half = multiply(HALF, self.angle)
+        half = self.angle / TWO
         parts: list[Expression] = [ZERO, ZERO, ZERO]
         parts[self.axis] = call("sin", half)
         return call("cos", half), parts[0], parts[1], parts[2]

@@ -57,4 +57,4 @@ def test_counts_of_the_manipulator(settings: dict[str, float], most: tuple[int, 
     """What stands here may only fall: operations of the rates, and those that the Jacobian adds."""
     found = cost(compiled(MODELS / "manipulator.bg", settings, experiment="push_x" if not settings else None).lowered)
     assert found.rates <= most[0] and found.jacobian <= most[1], (found.rates, found.jacobian)
-    assert found.functions[0] == ("sin", 3)
+    assert found.functions[0] == ("sin", 2)  # of half the angle once for all: turns and springs agree on it

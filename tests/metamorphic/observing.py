@@ -55,11 +55,11 @@ microseconds."""
 
 
 @cache
-def cases() -> tuple[Case, ...]:
-    """Every model that can be run, once for each experiment, the first of them first."""
+def cases(held: bool = False) -> tuple[Case, ...]:
+    """Every model that can be run, once for each experiment, the first of them first. `held`: only those that a march does not hold."""
     found: list[Case] = []
-    models = (p for p in sorted(Path("models").glob("*.bg")) if p.stem not in HELD)
-    for path in (*models, *sorted(CIRCUITS.glob("*.bg"))):
+    models = (p for p in sorted(Path("models").glob("*.bg")) if (p.stem in HELD) == held)
+    for path in (*models, *(() if held else sorted(CIRCUITS.glob("*.bg")))):
         source = Source(str(path), path.read_text(encoding="utf-8"), path)
         try:
             compilation = Compilation(source, Scene(None, None), LIBRARY)
@@ -75,10 +75,10 @@ def cases() -> tuple[Case, ...]:
     return tuple(found)
 
 
-def first_cases() -> list[Case]:
+def first_cases(held: bool = False) -> list[Case]:
     """Each model once."""
     seen: set[Path] = set()
-    return [c for c in cases() if c.path not in seen and not seen.add(c.path)]  # type: ignore[func-returns-value]
+    return [c for c in cases(held) if c.path not in seen and not seen.add(c.path)]  # type: ignore[func-returns-value]
 
 
 # ---------------------------------------------------------------- what is told without running

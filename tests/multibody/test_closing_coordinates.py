@@ -147,3 +147,15 @@ model Jack {
     assert found.final("turns") > 30 * 2 * np.pi
     assert np.abs(found["z"] + lead * found["turns"]).max() < 1e-13
     assert np.abs(found["thread"] + found["turns"]).max() < 1e-9
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_loops_in_space_stay_closed_at_every_reported_instant(rtol: float, tmp_path: Path) -> None:
+    """Places and speeds of the point that crank and rod share, and what their joint leaves on, between steps as well."""
+    shared = "frame p : crank { at = (0, 0.1 m, 0) }; frame q : rod { at = (0, 0.1 m, 0) }"
+    gaps = ", ".join(f"g{c} = space.p.{c} - space.q.{c}, s{c} = space.p.{c}.v - space.q.{c}.v" for c in "xyz")
+    text = CRANK % (f"{MAIN}\n    {REST.replace('ball big', f'{shared}; ball big')}", gaps)
+    assert closing(text, tmp_path) & {"big", "eye"}
+    found = loaded(tmp_path, text).simulate(to=0.3, rtol=rtol, points=203)
+    assert np.abs([found[f"g{c}"] for c in "xyz"]).max() < 1e-12 * 0.5
+    assert np.abs([found[f"s{c}"] for c in "xyz"]).max() < 1e-12 * 0.5 * 30

@@ -1,0 +1,230 @@
+"""What was promised in numbers, measured: the manipulator beside other solvers, its code beside C by hand, start-up, many runs, operation counts.
+
+    python -m tests.benchmarks targets
+
+writes results/targets.md. Times are processor times (others may use the machine), but where the table says otherwise.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bondgraph
+from bondgraph.door import cost
+from tests.benchmarks import peers
+from tests.benchmarks.bench_work_precision import OURS, WHOLE, measured, time_at
+from tests.benchmarks.scenes import MANIPULATOR, ROOT, SCENES
+
+RESULTS = Path(__file__).parent / "results"
+GOAL = 1e-5
+CALLS, BATCHES = 20_000, 31
+SETS = 1000
+Row = tuple[str, str, str, str]  # what, measured, target, met
+
+
+def row(what: str, found: float | None, target: float, words: str = "{:.3g}", least: bool = False) -> Row:
+    """A line of the table. `least`: the target is a lower bound."""
+    if found is None:
+        return what, "not measured", f"{'at least' if least else 'at most'} {words.format(target)}", "?"
+    met = found >= target if least else found <= target
+    return (
+        what,
+        words.format(found),
+        f"{'at least' if least else 'at most'} {words.format(target)}",
+        "yes" if met else "**no**",
+    )
+
+
+def solvers() -> Iterator[Row]:
+    """1: times at an error of 1e-5."""
+    wanted = ("SUNDIALS, order 2", "SUNDIALS, order 5", "scipy Radau + lambdify")
+    for scene in SCENES[:2]:
+        found, _ = measured(scene, wanted)
+        for name, most in zip(wanted, (0.15, 1.0, 1 / 60), strict=True):
+            for own in (OURS, WHOLE):
+                mine, theirs = time_at(found[own], GOAL), time_at(found.get(name, []), GOAL)
+                ratio = mine / theirs if mine and theirs else None
+                yield row(f"1. {scene.title}, error 1e-5: {own.partition(': ')[2]} / {name}", ratio, most)
+
+
+def code() -> Iterator[Row]:
+    """2: right side and Jacobian beside gcc -O2 on C by hand; medians of batches."""
+    model = bondgraph.load(MANIPULATOR)
+    program = model.prepared(model.scene(), False, "native").program
+    assert program.native is not None
+    hand, loops = peers.by_hand(), peers.compiled("loops")
+    constants = np.asarray(program.constants(np.array(program.defaults)))
+    state = np.asarray(program.start(constants)) + 1e-7
+    inputs, mode = np.array([*program.input_defaults, 0.0]), np.append(program.switches(1e-3, constants), 0.0)
+    out, pointer, number, count = np.zeros(1000), ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+
+    def batch(function: Any, *arguments: Any) -> float:
+        began = time.thread_time()
+        function(*arguments)
+        return (time.thread_time() - began) / CALLS * 1e9
+
+    arrays = [pointer(a.ctypes.data) for a in (state, inputs, constants, mode, out)]
+    for ours, name, words in (("derivative", "f", "right side"), ("jacobian_entries", "j", "Jacobian")):
+        mine, theirs = [], []
+        for _ in range(BATCHES):
+            mine.append(
+                batch(
+                    loops.loop_generated, pointer(program.native.addresses[ours]), count(CALLS), number(1e-3), *arrays
+                )
+            )
+            theirs.append(
+                batch(
+                    loops.loop_written,
+                    peers.address(hand, f"manipulator_{name}"),
+                    count(CALLS),
+                    number(1e-3),
+                    arrays[0],
+                    arrays[-1],
+                )
+            )
+        a, b = statistics.median(mine), statistics.median(theirs)
+        yield row(f"2. {words}: {a:.0f} ns, gcc -O2 by hand {b:.0f} ns", a / b, 1.3)
+
+
+def _process(arguments: Sequence[str], environment: dict[str, str], again: int) -> tuple[float, float]:
+    """The least processor time and wall time of a whole process, in s."""
+    spent, walls = [], []
+    for _ in range(again):
+        before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        subprocess.run([sys.executable, *arguments], check=True, capture_output=True, cwd=ROOT, env=environment)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        walls.append(time.perf_counter() - began)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return min(spent), min(walls)
+
+
+def startup() -> Iterator[Row]:
+    """3: whole processes; Python keeps its byte code, as it does where nobody forbids it."""
+    with tempfile.TemporaryDirectory() as place:
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+        environment |= {
+            "BONDGRAPH_CACHE": f"{place}/kept",
+            "PYTHONPYCACHEPREFIX": f"{place}/bytes",
+            "PYTHONPATH": str(ROOT),
+        }
+        run = ["-m", "bondgraph", "run", str(MANIPULATOR)]
+        _process(["-m", "bondgraph", "check", str(MANIPULATOR)], environment, 1)
+        first, _ = _process(run, environment, 1)
+        again, _ = _process(run, environment, 9)
+        numpy, _ = _process(["-c", "import numpy"], environment, 9)
+        fresh = []
+        for number in range(3):
+            model = Path(place) / f"other{number}.bg"
+            model.write_text(MANIPULATOR.read_text())
+            (Path(place) / "mems.bg").write_text((MANIPULATOR.parent / "mems.bg").read_text())
+            fresh.append(_process(["-m", "bondgraph", "run", str(model)], environment, 1)[0])
+        yield row(f"3. seen before: {again * 1e3:.0f} ms, import numpy {numpy * 1e3:.0f} ms", again / numpy, 3.0)
+        yield row("3. never seen before, s", min(fresh), 2.5)
+        yield row("3. with the first build of the stepping code, s", first, 20.0)
+
+
+def ensembles() -> Iterator[Row]:
+    """5: 1000 parameter sets on one worker and on two."""
+    random = np.random.default_rng(0)
+    sets = [
+        {"a": 170e-6 * (1 + 0.02 * x), "r": 2.5e-5 * (1 + 0.1 * y), "d[1]": 1.95e-6 * (1 + 0.01 * z)}
+        for x, y, z in random.standard_normal((SETS, 3))
+    ]
+    found, walls, shares = [], [], []
+    for workers in (1, 2):
+        model = bondgraph.load(MANIPULATOR)
+        model.simulate(settings=sets[0], points=201)
+        before, own, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.process_time(), time.perf_counter()
+        found.append(model.simulate_many(sets, points=201, workers=workers))
+        walls.append(time.perf_counter() - began)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        children = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        shares.append(time.process_time() - own + children / workers)
+    same = all(np.array_equal(a.values, b.values) for a, b in zip(*found, strict=True))  # type: ignore[union-attr]
+    alone = all(
+        np.array_equal(bondgraph.load(MANIPULATOR).simulate(settings=sets[i], points=201).values, found[1][i].values)
+        for i in (0, 500, 999)
+    )
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+    yield row(
+        f"5. {SETS} sets, processor time of one core over that of the busiest of two ({shares[0]:.3g} s)",
+        shares[0] / shares[1],
+        1.8,
+        least=True,
+    )
+    yield row(
+        f"5. the same in wall time ({walls[0]:.3g} s; load of the machine {load:.1f})",
+        walls[0] / walls[1],
+        1.8,
+        least=True,
+    )
+    yield (
+        "5. bit-identical, to each other and to single runs",
+        str(same and alone),
+        "True",
+        "yes" if same and alone else "**no**",
+    )
+
+
+def counts() -> Iterator[Row]:
+    """7: operations of an evaluation, of the Jacobian beyond it, and of the outputs, by what is asked."""
+    model = bondgraph.load(MANIPULATOR)
+    before: tuple[int, int] | None = None
+    for outputs in (None, ("x", "c1"), ("x",)):
+        scene = model.scene("push_x", outputs=outputs)
+        told = cost(model.compilation(scene).lowered)
+        words = "all outputs" if outputs is None else f"outputs {', '.join(outputs)}"
+        total = told.rates + told.jacobian, told.outputs
+        fine = before is None or (total[0] <= before[0] and total[1] <= before[1])
+        before = total
+        yield (
+            f"7. manipulator, {words}",
+            f"{told.rates} + {told.jacobian} for the Jacobian + {told.outputs} for outputs; {len(model.compilation(scene).certificate.states)} states",
+            "falling",
+            "yes" if fine else "**no**",
+        )
+    yield "7. sensitivity at r = 0, sweeps of r and m through 0", "`tests/simulation/test_settings.py`", "equal", "yes"
+
+
+def main(names: Sequence[str] = ()) -> None:
+    rows: list[Row] = []
+    for part in (counts, code, startup, ensembles, solvers):
+        if names and part.__name__ not in names:
+            continue
+        for found in part():
+            print(" | ".join(found), file=sys.stderr, flush=True)
+            rows.append(found)
+    rows.sort(key=lambda r: r[0][0])
+    lines = [
+        "# What was promised in numbers",
+        "",
+        "`python -m tests.benchmarks targets`. Processor times of one thread or process, where nothing else is said.",
+        "",
+    ]
+    lines += ["| what | measured | target | met |", "|---|---|---|---|", *(f"| {' | '.join(r)} |" for r in rows), ""]
+    lines += [
+        "`steps` are the solver alone, beside solvers that are given magnitudes and machine code as well; `whole run` is `Model.simulate` with a program that is",
+        "there: magnitudes, breakpoints, start and outputs are found in Python, some milliseconds whatever the run. The Jacobian by hand fills a dense matrix.",
+        "",
+    ]
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / ("targets.md" if not names else f"targets_{'_'.join(names)}.md")).write_text(
+        "\n".join(lines), encoding="utf-8"
+    )
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

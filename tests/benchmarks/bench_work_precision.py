@@ -1,0 +1,344 @@
+"""Run time against error: this compiler beside other programs over the same equations.
+
+    python -m tests.benchmarks work_precision [SCENE …]
+
+writes results/work_precision.md and pictures. Errors are the largest |y - y_ref| over the outputs and 201 equally spaced instants, divided by the
+largest magnitude of that kind of quantity (lengths together, angles together) in the reference. Times are processor times of one thread (others may use the
+machine), medians of several runs; those at equal error are read from the curve between the tolerances, runs that got stuck included.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import multiprocessing
+import queue
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bondgraph.simulation.steps.compiled import run as compiled
+from tests.benchmarks import ngspice, peers, rumoca
+from tests.benchmarks.peers import Done
+from tests.benchmarks.scenes import POINTS, SCENES, Scene
+
+RESULTS = Path(__file__).parent / "results"
+AGAIN, QUICK = 7, 0.4  # runs of which the median counts, as long as together they take less, s
+PATIENCE = 90.0  # s for a whole curve of a peer
+OURS, WHOLE = "bondgraph: steps", "bondgraph: whole run"
+STUCK = "given up"
+
+
+class Point(NamedTuple):
+    setting: str
+    error: float  # infinite where the run was given up
+    seconds: float
+    note: str = ""
+
+
+Curve = list[Point]
+
+
+class Reference(NamedTuple):
+    """What is right: the states at the instants, which of them belong together, and magnitudes of all that peers integrate."""
+
+    values: Any
+    kinds: tuple[tuple[int, ...], ...]
+    magnitude: Any
+
+    def error(self, found: Any) -> float:
+        if found is None or not np.isfinite(found).all():
+            return math.inf
+        worst = 0.0
+        for kind in self.kinds:
+            columns = list(kind)
+            off = np.abs(found[:, columns] - self.values[:, columns]).max()
+            worst = max(worst, float(off / np.abs(self.values[:, columns]).max()))
+        return worst
+
+
+def reference(scene: Scene) -> Reference:
+    """By the closed form where there is one; else by a run of ours at a tolerance of 1e-12, to which all peers converge."""
+    tight = 1e-12 if scene.exact is None else 1e-4
+    result = scene.load().simulate(to=scene.stop, points=POINTS, rtol=tight, settings=scene.settings)
+    values = (
+        np.stack([result[n] for n in scene.states], axis=-1) if scene.exact is None else scene.exact(scene.instants)
+    )
+    units = [n if scene.apart else result.unit(n) for n in scene.states]
+    kinds = tuple(
+        tuple(i for i in scene.counted if units[i] == u) for u in dict.fromkeys(units[i] for i in scene.counted)
+    )
+    magnitude = np.abs(values).max(axis=0)
+    if len(scene.start) == 2 * len(scene.states):  # speeds beside what they are of, which is unlike from state to state
+        grid = np.gradient(values, scene.instants, axis=0)
+        magnitude = np.concatenate([magnitude, np.abs(grid).max(axis=0)])
+    for kind in kinds:  # none of a kind is held to less than a hundredth of the largest
+        for part in (0, len(scene.states)) if len(magnitude) > len(scene.states) else (0,):
+            columns = [part + k for k in kind]
+            magnitude[columns] = np.maximum(magnitude[columns], 1e-2 * magnitude[columns].max())
+    return Reference(values, kinds, magnitude)
+
+
+class Clock:
+    """Adds up the time inside of machine code that steps, whatever method the product has chosen."""
+
+    def __init__(self) -> None:
+        self.total = 0.0
+        for name in dir(compiled):
+            kind = getattr(compiled, name)
+            if isinstance(kind, type) and kind.__module__ == compiled.__name__ and "advance" in vars(kind):
+                self._watch(kind)
+
+    def _watch(self, kind: Any) -> None:
+        original = kind.advance
+
+        def timed(solver: Any, most: int) -> int:
+            began = time.thread_time()
+            try:
+                return int(original(solver, most))
+            finally:
+                self.total += time.thread_time() - began
+
+        kind.advance = timed
+
+
+def ours(scene: Scene, tolerances: Sequence[float], right: Reference) -> dict[str, Curve]:
+    """The steps alone (peers are given magnitudes and machine code, too), and all that a run does besides once its program is there."""
+    model, clock = scene.load(), Clock()
+    curves: dict[str, Curve] = {OURS: [], WHOLE: []}
+    for rtol in tolerances:
+        steps, whole, found = [], [], None
+        while not whole or (len(whole) < AGAIN and sum(whole) < QUICK):
+            clock.total = 0.0
+            began = time.thread_time()
+            found = model.simulate(to=scene.stop, points=POINTS, rtol=rtol, settings=scene.settings)
+            whole.append(time.thread_time() - began)
+            steps.append(clock.total)
+        assert found is not None
+        error = right.error(np.stack([found[n] for n in scene.states], axis=-1))
+        note = f"{found.steps} steps, {found.solver}"
+        if any(steps):
+            curves[OURS].append(Point(f"rtol {rtol:g}", error, statistics.median(steps), note))
+        curves[WHOLE].append(Point(f"rtol {rtol:g}", error, statistics.median(whole), note))
+    return curves
+
+
+def curve(make: Callable[[], Any], tolerances: Sequence[float], right: Reference, tell: Any) -> None:
+    """Points of a peer, told one by one; in a process of its own, as it may crash or never end."""
+    try:
+        run = make()
+        if run is None:
+            tell.put("none")
+            return
+        for rtol in tolerances:
+            taken: list[float] = []
+            done: Done | None = None
+            while not taken or (len(taken) < AGAIN and sum(taken) < QUICK):
+                done = run(rtol)
+                taken.append(done.seconds)
+            assert done is not None
+            note = f"{done.steps} steps" if done.steps else ""
+            error = right.error(done.values)
+            tell.put(Point(f"rtol {rtol:g}", error, statistics.median(taken), note if error < math.inf else STUCK))
+    except Exception as failed:
+        tell.put(f"{type(failed).__name__}: {' '.join(str(failed).split())[:120]}")
+    tell.put(None)
+
+
+def in_process(make: Callable[[], Any], tolerances: Sequence[float], right: Reference) -> tuple[Curve, str]:
+    """The curve of a peer, and a word where there is none, or where it ended early."""
+    context = multiprocessing.get_context("fork")
+    tell = context.Queue()
+    child = context.Process(target=curve, args=(make, tolerances, right, tell))
+    child.start()
+    found: Curve = []
+    word, until = "", time.monotonic() + PATIENCE
+    while True:
+        try:
+            item = tell.get(timeout=0.2)
+        except queue.Empty:
+            if time.monotonic() > until or not child.is_alive():
+                word = word or (f"stopped after {PATIENCE:g} s" if child.is_alive() else "its process died")
+                break
+            continue
+        if item is None or item == "none":
+            break
+        if isinstance(item, str):
+            word = item
+        else:
+            found.append(item)
+    child.terminate()
+    child.join()
+    return found, word
+
+
+PEERS: dict[str, Callable[[Scene, Any], Any]] = {
+    "SUNDIALS, order 2": lambda scene, magnitude: peers.sundials(scene, magnitude, 2),
+    "SUNDIALS, order 5": lambda scene, magnitude: peers.sundials(scene, magnitude, 5),
+    "scipy Radau + lambdify": peers.scipy_radau,
+    "casadi": peers.casadi_cvodes,
+    "diffsol BDF": lambda scene, magnitude: peers.diffsol(scene, magnitude, "bdf"),
+    "diffsol TR-BDF2": lambda scene, magnitude: peers.diffsol(scene, magnitude, "tr_bdf2"),
+    "diffsol ESDIRK34": lambda scene, magnitude: peers.diffsol(scene, magnitude, "esdirk34"),
+    "rumoca": rumoca.run,
+    "ngspice": ngspice.run,
+}
+PACKAGES = {"SUNDIALS": "sksundae", "casadi": "casadi", "diffsol": "pydiffsol", "rumoca": "rumoca"}
+NO_JOB = {
+    "casadi": "wants a semi-explicit form",
+    "scipy Radau + lambdify": "takes no M y' = f",
+    "ngspice": "circuits only",
+    "rumoca": "not run",
+}
+
+
+def measured(scene: Scene, wanted: Sequence[str] = tuple(PEERS)) -> tuple[dict[str, Curve], dict[str, str]]:
+    """All curves of a scene, and a word for each program that has none or an unfinished one."""
+    right = reference(scene)
+    found: dict[str, Curve] = {k: v for k, v in ours(scene, scene.tolerances, right).items() if v}
+    words: dict[str, str] = {}
+    for name, make in PEERS.items():
+        if name not in wanted:
+            continue
+        package = next((p for word, p in PACKAGES.items() if name.startswith(word)), None)
+        if (package is not None and not peers.there(package)) or (name == "ngspice" and not ngspice.there()):
+            words[name] = "not installed"
+            continue
+        if name in scene.slow:
+            words[name] = "left out: hours"
+            continue
+        points, word = in_process(lambda make=make: make(scene, right.magnitude), scene.tolerances, right)  # type: ignore[misc]
+        if points:
+            found[name] = points
+        if word or not points:
+            words[name] = word or NO_JOB.get(name, "does not take this")
+        print(f"{scene.name}: {name}: {len(points)} points {words.get(name, '')}", file=sys.stderr, flush=True)
+    return found, words
+
+
+def time_at(points: Curve, goal: float) -> float | None:
+    """Seconds at an error, read off between two tolerances that enclose it; from loose to tight, as a user goes. None if it is not reached."""
+    previous: Point | None = None
+    for point in points:
+        if point.error <= goal:
+            if previous is None:
+                return point.seconds
+            low = max(point.error, 1e-300)
+            if not math.isfinite(previous.error) or previous.error <= low:
+                return point.seconds
+            share = math.log(previous.error / goal) / math.log(previous.error / low)
+            return math.exp((1 - share) * math.log(previous.seconds) + share * math.log(point.seconds))
+        previous = point
+    return None
+
+
+def shown(seconds: float | None) -> str:
+    if seconds is None:
+        return "not reached"
+    return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
+
+
+def table(scene: Scene, found: dict[str, Curve], words: dict[str, str]) -> list[str]:
+    """Times at equal error, how often as long as ours, and all points."""
+    lines = [
+        f"## {scene.title}",
+        "",
+        "| program | " + " | ".join(f"at {g:.0e}" for g in scene.goals) + " | |",
+        "|---" * (len(scene.goals) + 2) + "|",
+    ]
+    base = found.get(OURS, found.get(WHOLE, []))
+    for name in (*found, *(n for n in words if n not in found)):
+        cells = []
+        for goal in scene.goals:
+            mine, theirs = time_at(base, goal), time_at(found.get(name, []), goal)
+            ratio = f" ({theirs / mine:.2g})" if theirs and mine and name not in (OURS, WHOLE) else ""
+            cells.append(shown(theirs) + ratio if name in found else "-")
+        lines.append(f"| {name} | {' | '.join(cells)} | {words.get(name, '')} |")
+    lines += [
+        "",
+        "<details><summary>all runs</summary>",
+        "",
+        "| program | setting | error | time | |",
+        "|---|---|---|---|---|",
+    ]
+    for name, points in found.items():
+        lines += [
+            f"| {name} | {p.setting} | {'' if math.isinf(p.error) else f'{p.error:.1e}'} | {shown(p.seconds)} | {p.note} |"
+            for p in points
+        ]
+    return [*lines, "", "</details>", ""]
+
+
+def losses(scene: Scene, found: dict[str, Curve]) -> list[str]:
+    """Where somebody is faster than our steps."""
+    base = found.get(OURS, found.get(WHOLE, []))
+    told = []
+    for goal in scene.goals:
+        mine = time_at(base, goal)
+        for name, points in found.items():
+            theirs = time_at(points, goal)
+            if name in (OURS, WHOLE) or theirs is None:
+                continue
+            if mine is None:
+                told.append(f"{scene.title}: {name} reaches {goal:.0e}, ours does not")
+            elif theirs < mine:
+                told.append(f"{scene.title}, error {goal:.0e}: {name} takes {theirs / mine:.2g} of our time")
+    return told
+
+
+def picture(scene: Scene, found: dict[str, Curve]) -> None:
+    """Time against error, both on logarithmic axes; runs that were given up at the right edge."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(6.6, 4.6))
+    for name, points in found.items():
+        kept = [p for p in points if math.isfinite(p.error)]
+        style = "o-" if name == OURS else "o--" if name == WHOLE else "s:" if len(kept) > 1 else "s"
+        axes.loglog(
+            [max(p.error, 1e-17) for p in kept], [p.seconds * 1e3 for p in kept], style, label=name, markersize=4
+        )
+    axes.set(xlabel="error", ylabel="processor time, ms", title=scene.title)
+    axes.grid(True, which="major", alpha=0.3)
+    axes.legend(fontsize=7)
+    figure.tight_layout()
+    figure.savefig(RESULTS / f"work_precision_{scene.name}.png", dpi=110)
+    pyplot.close(figure)
+
+
+def main(names: Sequence[str] = ()) -> None:
+    RESULTS.mkdir(exist_ok=True)
+    lines: list[str] = []
+    lost: list[str] = []
+    for scene in SCENES:
+        if names and scene.name not in names:
+            continue
+        found, words = measured(scene)
+        lines += table(scene, found, words)
+        lost += losses(scene, found)
+        if importlib.util.find_spec("matplotlib"):
+            picture(scene, found)
+    assert __doc__ is not None
+    words_of_it = " ".join(__doc__.split("pictures. ")[1].split())
+    peers_told = "SUNDIALS is CVODE (IDA for M y' = f), backward differentiation, dense, over equations in C written by hand (`hand/`), given magnitudes; "
+    peers_told += "in brackets how often as long as our steps. What a whole run of ours does besides: magnitudes, breakpoints, start, outputs, all in Python."
+    head = [
+        "# Run time against error",
+        "",
+        f"`python -m tests.benchmarks work_precision`. {words_of_it}",
+        "",
+        peers_told,
+        "",
+    ]
+    told = ["## Where we lose", "", *([f"- {x}" for x in lost] or ["Nowhere in these."]), ""]
+    text = "\n".join([*head, *told, *lines])
+    name = "work_precision.md" if not names else f"work_precision_{'_'.join(names)}.md"
+    (RESULTS / name).write_text(text, encoding="utf-8")
+    print(text)
