@@ -194,7 +194,7 @@ def run(
     atol: float | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
-    from .errors import RunFailed, RunInterrupted
+    from .errors import RunBroken, RunFailed, RunInterrupted
 
     with _told():
         if out is not None:
@@ -211,7 +211,7 @@ def run(
             result = chosen.simulate(
                 named, given, to, points, rtol, atol, energy, tuple(outputs) or None, target, start
             )  # fmt: skip
-        except (RunFailed, RunInterrupted) as stopped:
+        except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
                 _show(stopped.result, out, plot, as_json, isinstance(stopped, RunInterrupted))
                 click.echo(_harmless(_how_to_go_on(stopped.result, file, out)), err=True)

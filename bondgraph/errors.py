@@ -29,6 +29,14 @@ class RunInterrupted(KeyboardInterrupt):
         self.result = result
 
 
+class RunBroken(Exception):
+    """Something of ours, or of the machine, gave way in the middle of a run; `result` is what was computed up to then."""
+
+    def __init__(self, what: str, result: Result | None = None) -> None:
+        super().__init__(what)
+        self.result = result
+
+
 class RateNotFinite(RunFailed):
     """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
 

@@ -125,6 +125,14 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         from ..errors import RunInterrupted
 
         raise RunInterrupted(f"interrupted at t = {run.reached:.9g} s", result) from None
+    except Exception as broken:
+        if run.leg is None:  # nothing runs: what is wrong is told by whoever found it
+            raise
+        from ..errors import RunBroken
+
+        what = f"{type(broken).__name__}: {broken}"
+        result = run.cut(f"it broke off: {what}")
+        raise RunBroken(f"{what}, after t = {run.reached:.9g} s", result) from broken
     return run.result("")
 
 

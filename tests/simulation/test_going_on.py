@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 
 import bondgraph
 from bondgraph import RunFailed, RunInterrupted, UsageError, read_result
+from bondgraph.errors import RunBroken
 from bondgraph.results import Result
 from tests.simulation.test_events import BALL
 
@@ -205,18 +205,52 @@ def test_an_output_that_fails_keeps_the_rows_before() -> None:
     np.testing.assert_allclose(result["y"], np.sqrt(1 - result.time), atol=1e-7)
 
 
+def test_what_breaks_in_the_middle_keeps_what_came_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exception out of nowhere, in the ninth step."""
+    from bondgraph.simulation.integrate import Stepper
+
+    steps = iter(range(100))
+    step = Stepper._step
+
+    def breaking(*given: Any) -> bool:
+        if next(steps) == 8:
+            raise ZeroDivisionError("a law of our own making")
+        return step(*given)
+
+    monkeypatch.setattr(Stepper, "_step", breaking)
+    with pytest.raises(RunBroken, match=r"ZeroDivisionError: a law of our own making, after t = ") as broken:
+        bondgraph.load(HARDENING).simulate(to=5, points=5001, target="numpy")
+    result = broken.value.result
+    assert result is not None and result.end is not None and 1 < len(result.time) < 5000
+    assert 0 <= result.end.time - result.time[-1] < 1.1e-3
+    monkeypatch.setattr(Stepper, "_step", step)
+    assert bondgraph.load(HARDENING).simulate(to=5, points=51, target="numpy", start=result).time[-1] == 5
+
+
 @pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
-def test_an_interrupted_run_goes_on(target: str) -> None:
+def test_an_interrupted_run_goes_on(target: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C as it comes in a run of hours: after so many steps of Python, or so many calls of machine code."""
+    from bondgraph.simulation.integrate import Stepper
+    from bondgraph.simulation.steps.compiled.run import CompiledRadau
+
+    home, name = (Stepper, "_step") if target == "numpy" else (CompiledRadau, "advance")
+    step, left = getattr(home, name), iter(range(10**9))
+
+    def interrupted(*given: Any) -> Any:
+        if next(left) == (200 if target == "numpy" else 4):
+            signal.raise_signal(signal.SIGINT)
+        return step(*given)
+
     text = HARDENING.replace("R  damper : F = 0.5", "R  damper : F = 0.0").replace("0 .. 5 s", "0 .. 1e6 s")
     model = bondgraph.load(text)
-    model.simulate(to=0.1, target=target)
+    monkeypatch.setattr(home, name, interrupted)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores it
     try:
-        threading.Timer(0.8, signal.raise_signal, (signal.SIGINT,)).start()
         with pytest.raises(RunInterrupted) as stopped:
-            model.simulate(to=2e6, points=5_000_001, rtol=1e-7, target=target)
+            model.simulate(to=2e5, points=500_001, rtol=1e-7, target=target)
     finally:
         signal.signal(signal.SIGINT, before)
+    monkeypatch.undo()
     result = stopped.value.result
     assert result.stopped == "it was interrupted" and result.end is not None
     assert len(result.time) and result.time[-1] <= result.end.time
