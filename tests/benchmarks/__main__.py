@@ -1,7 +1,7 @@
 """All benchmarks by one command; each writes a table and pictures into results/.
 
-    python -m tests.benchmarks                      all
-    python -m tests.benchmarks NAME [WHAT …]        one of them, or some of its parts
+python -m tests.benchmarks                      all
+python -m tests.benchmarks NAME [WHAT …]        one of them, or some of its parts
 """
 
 from __future__ import annotations

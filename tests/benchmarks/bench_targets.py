@@ -39,7 +39,12 @@ def row(what: str, found: float | None, target: float, words: str = "{:.3g}", le
     if found is None:
         return what, "not measured", f"{'at least' if least else 'at most'} {words.format(target)}", "?"
     met = found >= target if least else found <= target
-    return what, words.format(found), f"{'at least' if least else 'at most'} {words.format(target)}", "yes" if met else "**no**"
+    return (
+        what,
+        words.format(found),
+        f"{'at least' if least else 'at most'} {words.format(target)}",
+        "yes" if met else "**no**",
+    )
 
 
 def solvers() -> Iterator[Row]:
@@ -74,8 +79,21 @@ def code() -> Iterator[Row]:
     for ours, name, words in (("derivative", "f", "right side"), ("jacobian_entries", "j", "Jacobian")):
         mine, theirs = [], []
         for _ in range(BATCHES):
-            mine.append(batch(loops.loop_generated, pointer(program.native.addresses[ours]), count(CALLS), number(1e-3), *arrays))
-            theirs.append(batch(loops.loop_written, peers.address(hand, f"manipulator_{name}"), count(CALLS), number(1e-3), arrays[0], arrays[-1]))
+            mine.append(
+                batch(
+                    loops.loop_generated, pointer(program.native.addresses[ours]), count(CALLS), number(1e-3), *arrays
+                )
+            )
+            theirs.append(
+                batch(
+                    loops.loop_written,
+                    peers.address(hand, f"manipulator_{name}"),
+                    count(CALLS),
+                    number(1e-3),
+                    arrays[0],
+                    arrays[-1],
+                )
+            )
         a, b = statistics.median(mine), statistics.median(theirs)
         yield row(f"2. {words}: {a:.0f} ns, gcc -O2 by hand {b:.0f} ns", a / b, 1.3)
 
@@ -96,7 +114,11 @@ def startup() -> Iterator[Row]:
     """3: whole processes; Python keeps its byte code, as it does where nobody forbids it."""
     with tempfile.TemporaryDirectory() as place:
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-        environment |= {"BONDGRAPH_CACHE": f"{place}/kept", "PYTHONPYCACHEPREFIX": f"{place}/bytes", "PYTHONPATH": str(ROOT)}
+        environment |= {
+            "BONDGRAPH_CACHE": f"{place}/kept",
+            "PYTHONPYCACHEPREFIX": f"{place}/bytes",
+            "PYTHONPATH": str(ROOT),
+        }
         run = ["-m", "bondgraph", "run", str(MANIPULATOR)]
         _process(["-m", "bondgraph", "check", str(MANIPULATOR)], environment, 1)
         first, _ = _process(run, environment, 1)
@@ -116,7 +138,10 @@ def startup() -> Iterator[Row]:
 def ensembles() -> Iterator[Row]:
     """5: 1000 parameter sets on one worker and on two."""
     random = np.random.default_rng(0)
-    sets = [{"a": 170e-6 * (1 + 0.02 * x), "r": 2.5e-5 * (1 + 0.1 * y), "d[1]": 1.95e-6 * (1 + 0.01 * z)} for x, y, z in random.standard_normal((SETS, 3))]
+    sets = [
+        {"a": 170e-6 * (1 + 0.02 * x), "r": 2.5e-5 * (1 + 0.1 * y), "d[1]": 1.95e-6 * (1 + 0.01 * z)}
+        for x, y, z in random.standard_normal((SETS, 3))
+    ]
     found, walls, shares = [], [], []
     for workers in (1, 2):
         model = bondgraph.load(MANIPULATOR)
@@ -129,12 +154,28 @@ def ensembles() -> Iterator[Row]:
         shares.append(time.process_time() - own + children / workers)
     same = all(np.array_equal(a.values, b.values) for a, b in zip(*found, strict=True))  # type: ignore[union-attr]
     alone = all(
-        np.array_equal(bondgraph.load(MANIPULATOR).simulate(settings=sets[i], points=201).values, found[1][i].values) for i in (0, 500, 999)
+        np.array_equal(bondgraph.load(MANIPULATOR).simulate(settings=sets[i], points=201).values, found[1][i].values)
+        for i in (0, 500, 999)
     )
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    yield row(f"5. {SETS} sets, processor time of one core over that of the busiest of two ({shares[0]:.3g} s)", shares[0] / shares[1], 1.8, least=True)
-    yield row(f"5. the same in wall time ({walls[0]:.3g} s; load of the machine {load:.1f})", walls[0] / walls[1], 1.8, least=True)
-    yield "5. bit-identical, to each other and to single runs", str(same and alone), "True", "yes" if same and alone else "**no**"
+    yield row(
+        f"5. {SETS} sets, processor time of one core over that of the busiest of two ({shares[0]:.3g} s)",
+        shares[0] / shares[1],
+        1.8,
+        least=True,
+    )
+    yield row(
+        f"5. the same in wall time ({walls[0]:.3g} s; load of the machine {load:.1f})",
+        walls[0] / walls[1],
+        1.8,
+        least=True,
+    )
+    yield (
+        "5. bit-identical, to each other and to single runs",
+        str(same and alone),
+        "True",
+        "yes" if same and alone else "**no**",
+    )
 
 
 def counts() -> Iterator[Row]:
@@ -166,7 +207,12 @@ def main(names: Sequence[str] = ()) -> None:
             print(" | ".join(found), file=sys.stderr, flush=True)
             rows.append(found)
     rows.sort(key=lambda r: r[0][0])
-    lines = ["# What was promised in numbers", "", "`python -m tests.benchmarks targets`. Processor times of one thread or process, where nothing else is said.", ""]
+    lines = [
+        "# What was promised in numbers",
+        "",
+        "`python -m tests.benchmarks targets`. Processor times of one thread or process, where nothing else is said.",
+        "",
+    ]
     lines += ["| what | measured | target | met |", "|---|---|---|---|", *(f"| {' | '.join(r)} |" for r in rows), ""]
     lines += [
         "`steps` are the solver alone, beside solvers that are given magnitudes and machine code as well; `whole run` is `Model.simulate` with a program that is",
@@ -174,7 +220,9 @@ def main(names: Sequence[str] = ()) -> None:
         "",
     ]
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / ("targets.md" if not names else f"targets_{'_'.join(names)}.md")).write_text("\n".join(lines), encoding="utf-8")
+    (RESULTS / ("targets.md" if not names else f"targets_{'_'.join(names)}.md")).write_text(
+        "\n".join(lines), encoding="utf-8"
+    )
     print("\n".join(lines))
 
 

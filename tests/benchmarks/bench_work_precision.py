@@ -66,9 +66,13 @@ def reference(scene: Scene) -> Reference:
     """By the closed form where there is one; else by a run of ours at a tolerance of 1e-12, to which all peers converge."""
     tight = 1e-12 if scene.exact is None else 1e-4
     result = scene.load().simulate(to=scene.stop, points=POINTS, rtol=tight, settings=scene.settings)
-    values = np.stack([result[n] for n in scene.states], axis=-1) if scene.exact is None else scene.exact(scene.instants)
+    values = (
+        np.stack([result[n] for n in scene.states], axis=-1) if scene.exact is None else scene.exact(scene.instants)
+    )
     units = [n if scene.apart else result.unit(n) for n in scene.states]
-    kinds = tuple(tuple(i for i in scene.counted if units[i] == u) for u in dict.fromkeys(units[i] for i in scene.counted))
+    kinds = tuple(
+        tuple(i for i in scene.counted if units[i] == u) for u in dict.fromkeys(units[i] for i in scene.counted)
+    )
     magnitude = np.abs(values).max(axis=0)
     if len(scene.start) == 2 * len(scene.states):  # speeds beside what they are of, which is unlike from state to state
         grid = np.gradient(values, scene.instants, axis=0)
@@ -241,7 +245,12 @@ def shown(seconds: float | None) -> str:
 
 def table(scene: Scene, found: dict[str, Curve], words: dict[str, str]) -> list[str]:
     """Times at equal error, how often as long as ours, and all points."""
-    lines = [f"## {scene.title}", "", "| program | " + " | ".join(f"at {g:.0e}" for g in scene.goals) + " | |", "|---" * (len(scene.goals) + 2) + "|"]
+    lines = [
+        f"## {scene.title}",
+        "",
+        "| program | " + " | ".join(f"at {g:.0e}" for g in scene.goals) + " | |",
+        "|---" * (len(scene.goals) + 2) + "|",
+    ]
     base = found.get(OURS, found.get(WHOLE, []))
     for name in (*found, *(n for n in words if n not in found)):
         cells = []
@@ -250,10 +259,17 @@ def table(scene: Scene, found: dict[str, Curve], words: dict[str, str]) -> list[
             ratio = f" ({theirs / mine:.2g})" if theirs and mine and name not in (OURS, WHOLE) else ""
             cells.append(shown(theirs) + ratio if name in found else "-")
         lines.append(f"| {name} | {' | '.join(cells)} | {words.get(name, '')} |")
-    lines += ["", "<details><summary>all runs</summary>", "", "| program | setting | error | time | |", "|---|---|---|---|---|"]
+    lines += [
+        "",
+        "<details><summary>all runs</summary>",
+        "",
+        "| program | setting | error | time | |",
+        "|---|---|---|---|---|",
+    ]
     for name, points in found.items():
         lines += [
-            f"| {name} | {p.setting} | {'' if math.isinf(p.error) else f'{p.error:.1e}'} | {shown(p.seconds)} | {p.note} |" for p in points
+            f"| {name} | {p.setting} | {'' if math.isinf(p.error) else f'{p.error:.1e}'} | {shown(p.seconds)} | {p.note} |"
+            for p in points
         ]
     return [*lines, "", "</details>", ""]
 
@@ -286,7 +302,9 @@ def picture(scene: Scene, found: dict[str, Curve]) -> None:
     for name, points in found.items():
         kept = [p for p in points if math.isfinite(p.error)]
         style = "o-" if name == OURS else "o--" if name == WHOLE else "s:" if len(kept) > 1 else "s"
-        axes.loglog([max(p.error, 1e-17) for p in kept], [p.seconds * 1e3 for p in kept], style, label=name, markersize=4)
+        axes.loglog(
+            [max(p.error, 1e-17) for p in kept], [p.seconds * 1e3 for p in kept], style, label=name, markersize=4
+        )
     axes.set(xlabel="error", ylabel="processor time, ms", title=scene.title)
     axes.grid(True, which="major", alpha=0.3)
     axes.legend(fontsize=7)
@@ -311,7 +329,14 @@ def main(names: Sequence[str] = ()) -> None:
     words_of_it = " ".join(__doc__.split("pictures. ")[1].split())
     peers_told = "SUNDIALS is CVODE (IDA for M y' = f), backward differentiation, dense, over equations in C written by hand (`hand/`), given magnitudes; "
     peers_told += "in brackets how often as long as our steps. What a whole run of ours does besides: magnitudes, breakpoints, start, outputs, all in Python."
-    head = ["# Run time against error", "", f"`python -m tests.benchmarks work_precision`. {words_of_it}", "", peers_told, ""]
+    head = [
+        "# Run time against error",
+        "",
+        f"`python -m tests.benchmarks work_precision`. {words_of_it}",
+        "",
+        peers_told,
+        "",
+    ]
     told = ["## Where we lose", "", *([f"- {x}" for x in lost] or ["Nowhere in these."]), ""]
     text = "\n".join([*head, *told, *lines])
     name = "work_precision.md" if not names else f"work_precision_{'_'.join(names)}.md"

@@ -52,7 +52,12 @@ def manipulator(m: Functions, t: Any, z: Sequence[Any], push: Any = None) -> lis
     phi = z[5]
     cosine, sine, ch, sh = m.cos(phi), m.sin(phi), m.cos(phi / 2), m.sin(phi / 2)
     versine = 2 * sh * sh
-    over_x, over_y, at_x, at_y = S * cosine - A * sine, A * cosine + S * sine, S * sine - A * versine, A * sine + S * versine
+    over_x, over_y, at_x, at_y = (
+        S * cosine - A * sine,
+        A * cosine + S * sine,
+        S * sine - A * versine,
+        A * sine + S * versine,
+    )
     fx, fy, torque = 30e-6 if push is None else push, 0.0, 0.0
     shuttles = []
     for i in range(3):

@@ -65,11 +65,21 @@ def run(scene: Scene, magnitude: Any) -> Run | None:
             folder = Path(place)
             step = scene.stop / (POINTS - 1)
             text = NETLIST.format(
-                reltol=rtol, abstol=1e-6 * rtol, vntol=rtol, method="trap", step=step, stop=scene.stop, out=folder / "out"
+                reltol=rtol,
+                abstol=1e-6 * rtol,
+                vntol=rtol,
+                method="trap",
+                step=step,
+                stop=scene.stop,
+                out=folder / "out",
             )
             (folder / "amplifier.cir").write_text(text)
-            done = subprocess.run(["ngspice", "-b", "amplifier.cir"], cwd=folder, capture_output=True, text=True, timeout=60)
-            told = re.search(r"transient time\s*=\s*([0-9.eE+-]+)|tran(?:sient)?[^=\n]*=\s*([0-9.eE+-]+)", done.stdout, re.IGNORECASE)
+            done = subprocess.run(
+                ["ngspice", "-b", "amplifier.cir"], cwd=folder, capture_output=True, text=True, timeout=60
+            )
+            told = re.search(
+                r"transient time\s*=\s*([0-9.eE+-]+)|tran(?:sient)?[^=\n]*=\s*([0-9.eE+-]+)", done.stdout, re.IGNORECASE
+            )
             found = next((p for p in folder.glob("out*")), None)
             if found is None or told is None:
                 raise RuntimeError(done.stdout[-300:] + done.stderr[-300:])

@@ -47,7 +47,17 @@ def compiled(name: str, libraries: tuple[str, ...] = (), flags: tuple[str, ...] 
     """A file of `hand/` by gcc."""
     folder = Path(tempfile.mkdtemp(prefix="bondgraph-bench-"))
     paths = [f"-Wl,-rpath,{Path(x).parent}" for x in libraries[:1]]
-    command = ["gcc", *FLAGS, *flags, str(HAND / f"{name}.c"), "-o", str(folder / f"{name}.so"), *libraries, *paths, "-lm"]
+    command = [
+        "gcc",
+        *FLAGS,
+        *flags,
+        str(HAND / f"{name}.c"),
+        "-o",
+        str(folder / f"{name}.so"),
+        *libraries,
+        *paths,
+        "-lm",
+    ]
     subprocess.run(command, check=True)
     return ctypes.CDLL(str(folder / f"{name}.so"))
 
@@ -128,7 +138,8 @@ def scipy_radau(scene: Scene, magnitude: Any) -> Run | None:
 
     t, y, pieces = _symbolic(scene)
     made = [
-        (sympy.lambdify((t, *y), piece, cse=True), sympy.lambdify((t, *y), sympy.Matrix(piece).jacobian(y), cse=True)) for piece in pieces
+        (sympy.lambdify((t, *y), piece, cse=True), sympy.lambdify((t, *y), sympy.Matrix(piece).jacobian(y), cse=True))
+        for piece in pieces
     ]
     edges = [0.0, *scene.stops, scene.stop]
     instants = scene.instants
@@ -169,7 +180,9 @@ def casadi_cvodes(scene: Scene, magnitude: Any) -> Run | None:
             a, b = edges[number : number + 2]
             z, t = casadi.SX.sym("z", n), casadi.SX.sym("t")
             y = [z[i] * scale[i] for i in range(n)]
-            right = rates(functions, t, y, equations.rising(t)) if scene.stops and number == 0 else rates(functions, t, y)
+            right = (
+                rates(functions, t, y, equations.rising(t)) if scene.stops and number == 0 else rates(functions, t, y)
+            )
             at = [x for x in instants if a < x <= b]
             grid = at if at and at[-1] == b else [*at, b]
             absolute = min(np.array(scene.absolute) / scale) if scene.absolute else rtol
@@ -230,11 +243,20 @@ def diffsl(scene: Scene, magnitude: Any) -> str:
         right = [sympy.sympify(r) for r in getattr(equations, scene.hand)(sympy, t, y, force)]
     mass = np.eye(len(y)) if scene.mass is None else np.array(scene.mass)
     per_row = magnitude if scene.mass is None else np.ones(len(y))
-    shared, rest = sympy.cse([r.subs(scaled) / p for r, p in zip(right, per_row, strict=True)], sympy.numbered_symbols("s"))
-    lines = ["u_i {", *(f"  z{i} = {x / m!r}," for i, (x, m) in enumerate(zip(scene.start, magnitude, strict=True))), "}"]
+    shared, rest = sympy.cse(
+        [r.subs(scaled) / p for r, p in zip(right, per_row, strict=True)], sympy.numbered_symbols("s")
+    )
+    lines = [
+        "u_i {",
+        *(f"  z{i} = {x / m!r}," for i, (x, m) in enumerate(zip(scene.start, magnitude, strict=True))),
+        "}",
+    ]
     if scene.mass is not None:
         lines += ["dudt_i {", *(f"  d{i} = 0," for i in range(len(y))), "}"]
-        rows = [" + ".join(f"{mass[i, k] * magnitude[k]!r} * d{k}" for k in range(len(y)) if mass[i, k]) or "0" for i in range(len(y))]
+        rows = [
+            " + ".join(f"{mass[i, k] * magnitude[k]!r} * d{k}" for k in range(len(y)) if mass[i, k]) or "0"
+            for i in range(len(y))
+        ]
         lines += ["M_i {", *(f"  {r}," for r in rows), "}"]
     if force is not None:
         stop = scene.stops[0]

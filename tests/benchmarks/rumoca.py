@@ -34,7 +34,10 @@ def modelica(scene: Scene) -> str:
         lines.append(f"  force = if time < {scene.stops[0]!r} then {rises} else 30e-6;")
     left = [f"der({n})" for n in names]
     if scene.mass is not None:
-        left = [" + ".join(f"({c!r})*der({n})" for c, n in zip(map(float, row), names, strict=True) if c) or "0" for row in scene.mass]
+        left = [
+            " + ".join(f"({c!r})*der({n})" for c, n in zip(map(float, row), names, strict=True) if c) or "0"
+            for row in scene.mass
+        ]
     lines += [f"  {a} = {_text(r)};" for a, r in zip(left, right, strict=True)]
     return "\n".join([*lines, "end Scene;", ""])
 
@@ -55,7 +58,9 @@ def run(scene: Scene, magnitude: Any) -> Run | None:
 
     def once(rtol: float) -> Done:
         absolute = min(scene.absolute) if scene.absolute else rtol * float(np.min(magnitude))
-        config = rumoca.SimConfig(solver="bdf", rtol=rtol, atol=absolute, dt=scene.stop / (POINTS - 1), max_wall_seconds=PATIENCE)
+        config = rumoca.SimConfig(
+            solver="bdf", rtol=rtol, atol=absolute, dt=scene.stop / (POINTS - 1), max_wall_seconds=PATIENCE
+        )
         began = time.thread_time()
         found = model.simulate(t=(0.0, scene.stop), config=config)
         took = time.thread_time() - began

@@ -41,7 +41,9 @@ class Scene:
     tolerances: tuple[float, ...] = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
     stops: tuple[float, ...] = ()  # where the right side bends
     outputs: tuple[int, ...] = ()  # which states are outputs
-    absolute: tuple[float, ...] = ()  # absolute tolerances that the problem gives; else rtol times the largest magnitude
+    absolute: tuple[
+        float, ...
+    ] = ()  # absolute tolerances that the problem gives; else rtol times the largest magnitude
     apart: bool = False  # each output is measured by its own largest magnitude
     mass: Any = None  # M of M y' = f, where it is not the unit matrix
     exact: Callable[[Any], Any] | None = None  # outputs at instants

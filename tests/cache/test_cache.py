@@ -171,10 +171,23 @@ def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
     whole_run(folder, "run", "models/manipulator.bg")
     code = "import sys\nfrom bondgraph.cli import commands\ncommands.main(['run', 'models/manipulator.bg'], standalone_mode=False)\nprint('LOADED', *sys.modules)"
     environment = {**os.environ, cache.VARIABLE: str(folder)}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, env=environment)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, env=environment
+    )
     loaded = set(done.stdout.rpartition("LOADED")[2].split())
-    assert "numpy" in loaded and not loaded & {"numpy.ma", "numpy.random", "rich", "multiprocessing", "subprocess", *HEAVY}
-    assert not {m for m in loaded if m.startswith("compiler.")} & {"compiler.driver", "compiler.semantics", "compiler.reduction"}
+    assert "numpy" in loaded and not loaded & {
+        "numpy.ma",
+        "numpy.random",
+        "rich",
+        "multiprocessing",
+        "subprocess",
+        *HEAVY,
+    }
+    assert not {m for m in loaded if m.startswith("compiler.")} & {
+        "compiler.driver",
+        "compiler.semantics",
+        "compiler.reduction",
+    }
 
 
 @pytest.mark.parametrize("model", ["manipulator.bg", "oscillator.bg", "drag.bg"])

@@ -57,7 +57,8 @@ class Constraints:
         """The magnitudes that a change is measured by."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
-        self._compiled = None
+        if self.gaps:  # else it holds nothing that could change
+            self._compiled = None
 
     def __bool__(self) -> bool:
         return self.gaps > 0
