@@ -17,11 +17,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .builder import Graph
     from .ensembles import Ensemble
-    from .errors import RunFailed, UsageError
+    from .errors import RunFailed, RunInterrupted, UsageError
     from .model import Model, check, load
-    from .results import Result
+    from .results import Result, read_result
 
-__all__ = ["CompilationFailed", "Ensemble", "Graph", "Model", "Result", "RunFailed", "UsageError", "check", "load"]
+__all__ = [
+    "CompilationFailed", "Ensemble", "Graph", "Model", "Result", "RunFailed", "RunInterrupted", "UsageError", "check", "load", "read_result",
+]  # fmt: skip
 _HOMES = {
     "load": "model",
     "check": "model",
@@ -29,7 +31,9 @@ _HOMES = {
     "Graph": "builder",
     "Ensemble": "ensembles",
     "Result": "results",
+    "read_result": "results",
     "RunFailed": "errors",
+    "RunInterrupted": "errors",
     "UsageError": "errors",
     "CompilationFailed": "door",
 }

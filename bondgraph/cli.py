@@ -1,4 +1,4 @@
-"""The command line: `bondgraph check|certificate|run|explain|causality|show|equations|compile|fmt|new`.
+"""The command line: `bondgraph check|certificate|run|explain|causality|draw|show|equations|compile|fmt|new`; analyses in `cli_analyses.py`.
 
 Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a defect of ours, 130 interrupted.
 """
@@ -9,7 +9,7 @@ import gc
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -19,6 +19,7 @@ import click
 if TYPE_CHECKING:
     from .door import Diagnostic
     from .model import Model
+    from .results import Result
 
 WRONG, USAGE, FAILED, DEFECT, INTERRUPTED = 1, 2, 3, 70, 130
 CHECK_SCHEMA = "bondgraph-check/1"
@@ -61,8 +62,8 @@ def _told() -> Iterator[None]:
         yield
     except (click.ClickException, click.exceptions.Exit, BrokenPipeError):
         raise
-    except KeyboardInterrupt:
-        _stop("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as interrupted:
+        _stop(str(interrupted) or "interrupted", INTERRUPTED)
     except RunFailed as failed:
         _stop(f"the run failed: {failed}", FAILED)
     except (UsageError, MissingPackage) as problem:
@@ -184,42 +185,79 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 )
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
+@click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, target: str | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
+    atol: float | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
+    from .errors import RunFailed, RunInterrupted
+
     with _told():
-        write = _writer(out)
+        if out is not None:
+            _check_target(out, (".csv", ".npz"), "--out")
         if plot is not None:
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
         from . import native
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen = _load(file, model)
-        result = chosen.simulate(
-            None if experiment == "none" else experiment,
-            dict(map(_setting, settings)),
-            to,
-            points,
-            rtol,
-            atol,
-            energy,
-            tuple(outputs) or None,
-            target,
-        )
-        for left in result.warnings:
-            click.echo(f"warning: {left}", err=True)
-        for note in result.notes:
-            click.echo(f"note: {note}", err=True)
-        if write is not None:
-            write(result)
-        if plot is not None:
-            result.plot(plot)
-        click.echo(json.dumps(result.to_json(), indent=2) if as_json else result.summary())
+        named = None if experiment == "none" else experiment
+        given = dict(map(_setting, settings))
+        try:
+            result = chosen.simulate(
+                named, given, to, points, rtol, atol, energy, tuple(outputs) or None, target, start
+            )  # fmt: skip
+        except (RunFailed, RunInterrupted) as stopped:
+            if stopped.result is not None:
+                _show(stopped.result, out, plot, as_json, isinstance(stopped, RunInterrupted))
+                click.echo(_harmless(_how_to_go_on(stopped.result, file, out)), err=True)
+            raise
+        _show(result, out, plot, as_json, True)
+
+
+def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summary: bool) -> None:
+    """Write and tell what a run found."""
+    for left in result.warnings:
+        click.echo(f"warning: {left}", err=True)
+    for note in result.notes:
+        click.echo(f"note: {note}", err=True)
+    if out is not None:
+        if out.endswith(".csv"):
+            result.to_csv(out)
+        else:
+            result.to_npz(out)
+    if plot is not None and len(result.time) > 1:
+        result.plot(plot)
+    if as_json:
+        click.echo(json.dumps(result.to_json(), indent=2))
+    elif summary and len(result.time):
+        click.echo(result.summary(_has_bars()))
+
+
+def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
+    """What is left of a run that stopped early, and what can be done with it."""
+    count = f"{len(result.time)} instant{'s' * (len(result.time) != 1)}"
+    if out is None:
+        return f"{count} {'were' if len(result.time) != 1 else 'was'} computed; `--out R.npz` keeps what there is"
+    written = f"{count} {'are' if len(result.time) != 1 else 'is'} in {out}"
+    if not out.endswith(".npz") or result.end is None:
+        return written
+    return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
+
+
+def _has_bars() -> bool:
+    """Whether what is printed goes to a terminal that has bars among its letters; a file or a pipe gets plain tables."""
+    if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
+        return False
+    try:
+        "▁█".encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
 
 
 def _load(file: str, model: str | None) -> Model:
@@ -233,14 +271,6 @@ def _setting(text: str) -> tuple[str, str]:
     if not sign or not name.strip() or not value.strip():
         raise click.UsageError(f'--set takes NAME=VALUE, as in --set "a=171 um"; this is `{text}`')
     return name.strip(), value.strip()
-
-
-def _writer(out: str | None) -> Callable[[Any], None] | None:
-    """How to write the values, by the ending of the file; refused before anything is computed."""
-    if out is None:
-        return None
-    _check_target(out, (".csv", ".npz"), "--out")
-    return lambda result: result.to_csv(out) if out.endswith(".csv") else result.to_npz(out)
 
 
 def _check_target(path: str, endings: tuple[str, ...], option: str) -> None:
@@ -268,6 +298,33 @@ def show(file: str, stage: str, experiment: str, model: str | None) -> None:
     """Print one stage of the compiler."""
     with _told():
         click.echo(_load(file, model).show(stage, None if experiment == "none" else experiment))
+
+
+@commands.command()
+@_file
+@click.option("-o", "--out", required=True, metavar="X.svg|X.png|X.pdf", help="The file to write.")
+@click.option(
+    "-e", "--experiment", metavar="NAME", help="As this experiment runs it; else everything that the text says."
+)
+@click.option("--closed", is_flag=True, help="Instances of the model as boxes.")
+@click.option("--numbers", is_flag=True, help="With the numbers of the bonds.")
+@click.option("--mechanism", metavar="NAME", help="This mechanism instead, with bodies, joints, springs.")
+@click.option("--at", metavar="TIME", help="The mechanism at this time of a run; else as it is described.")
+@_model
+def draw(
+    file: str, out: str, experiment: str | None, closed: bool, numbers: bool, mechanism: str | None, at: str | None, model: str | None
+) -> None:  # fmt: skip
+    """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
+    with _told():
+        from .diagram.picture import ENDINGS
+
+        _check_target(out, ENDINGS, "--out")
+        if at is not None and mechanism is None:
+            raise click.UsageError("--at is for a mechanism: name it with --mechanism")
+        if mechanism is not None:
+            _load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
+        else:
+            _load(file, model).draw(out, experiment, closed, numbers)
 
 
 @commands.command()
@@ -367,3 +424,8 @@ def new(file: str) -> None:
             raise click.UsageError(f"`{file}` exists already; choose another name")
         write_text(path, starter_text(path.stem))
         click.echo(f"wrote {_harmless(file)}; try: bondgraph run {_harmless(file)}")
+
+
+from . import cli_analyses  # noqa: E402  (its commands join those above)
+
+__all__ = ["cli_analyses", "commands", "main"]

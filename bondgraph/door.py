@@ -10,21 +10,26 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
-    from compiler.algebra.derivative import derivative
-    from compiler.algebra.expression import Apply, Expression, Symbol, depends_on, evaluate, symbols
+    from compiler.algebra.derivative import NoSlope, derivative
+    from compiler.algebra.expression import Apply, Expression, Number, Symbol, depends_on, evaluate, symbols, value_of
+    from compiler.algebra.formula import Bound
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
     from compiler.codegen.cost import Cost, cost
+    from compiler.codegen.limits import Leaf
     from compiler.codegen.llvm.described import Described, bind
+    from compiler.codegen.lower import Lowered
     from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
+    from compiler.codegen.tape import Tape
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from compiler.graph.domains import BUNDLES, DOMAINS
-    from compiler.graph.mechanism import Mechanism, freedoms_of
-    from compiler.graph.network import Element, Junction, Kind, MechanismNode
+    from compiler.graph.mechanism import Body, Joint, Mechanism, freedoms_of
+    from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
+    from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
     from compiler.native.arrays import Floats, Ints, Record
@@ -50,6 +55,12 @@ if TYPE_CHECKING:
 _HOMES = {
     "affine_parts": "algebra.affine", "derivative": "algebra.derivative", "Symbol": "algebra.expression", "depends_on": "algebra.expression",
     "PowerPort": "equations.system", "Element": "graph.network", "Junction": "graph.network", "Kind": "graph.network",
+    "Body": "graph.mechanism",
+    "Joint": "graph.mechanism",
+    "Bound": "algebra.formula",
+    "Number": "algebra.expression",
+    "value_of": "algebra.expression",
+    "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
@@ -69,18 +80,20 @@ _HOMES = {
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
+    "Leaf": "codegen.limits", "Lowered": "codegen.lower", "NoSlope": "algebra.derivative", "Tape": "codegen.tape",
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
-    "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
-    "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
-    "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Negative", "Override", "Path", "Plan", "PowerPort",
-    "Program", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Unknown", "Unsupported", "ValuesNeeded",
-    "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost", "dependences", "depends_on", "derivative",
-    "evaluate", "examine", "format_text", "freedoms_of", "native_available", "number_text", "object_code", "parse_expression",
-    "parse_law", "processor", "read_text", "read_unit", "record_of", "render", "scale_of", "symbols", "to_sympy", "translate",
-    "uncollected", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "Body", "BondGraph",
+    "Bound", "CausalGraph", "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic",
+    "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid",
+    "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode",
+    "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Override", "Path", "Plan", "PowerPort", "Program", "Quantity",
+    "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Tape", "Unknown",
+    "Unsupported", "ValuesNeeded", "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost",
+    "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of", "native_available",
+    "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit", "record_of", "render",
+    "scale_of", "symbols", "to_sympy", "translate", "uncollected", "value_of", "write_text",
 ]  # fmt: skip
 
 

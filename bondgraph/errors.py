@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .results import Result
 
 
 class UsageError(Exception):
@@ -10,18 +13,42 @@ class UsageError(Exception):
 
 
 class RunFailed(Exception):
-    """The text is fine, but the numbers failed; the message says at which time and with which quantity."""
+    """The text is fine, but the numbers failed; the message says at which time and with which quantity.
+
+    `result` is what was computed up to then, if the run had begun.
+    """
+
+    result: Result | None = None
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Somebody pressed Ctrl-C while a run was on its way; `result` is what was computed up to then."""
+
+    def __init__(self, what: str, result: Result) -> None:
+        super().__init__(what)
+        self.result = result
 
 
 class RateNotFinite(RunFailed):
     """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
 
-    def __init__(self, what: str, time: float, state: Any) -> None:
+    def __init__(self, what: str, time: float, state: Any, mode: Any = None) -> None:
         super().__init__(what)
-        self.time, self.state = time, state
+        self.time, self.state, self.mode = time, state, mode
 
-    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[str, float, Any]]:
-        return type(self), (str(self), self.time, self.state)  # as it goes from one process to another
+    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[Any, ...]]:
+        return type(self), (str(self), self.time, self.state, self.mode)  # as it goes from one process to another
+
+
+class StepsCollapsed(RunFailed):
+    """No step is short enough at a time and in a state; `ahead`: where the flow leads from there, ever further."""
+
+    def __init__(self, what: str, time: float, state: Any, ahead: tuple[tuple[float, Any], ...], mode: Any) -> None:
+        super().__init__(what)
+        self.time, self.state, self.ahead, self.mode = time, state, ahead, mode
+
+    def __reduce__(self) -> tuple[type[StepsCollapsed], tuple[Any, ...]]:
+        return type(self), (str(self), self.time, self.state, self.ahead, self.mode)
 
 
 class MissingPackage(ImportError):

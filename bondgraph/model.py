@@ -16,7 +16,13 @@ if TYPE_CHECKING:
 
     import networkx
 
-    from .analysis import PortHamiltonian, SymbolicPortHamiltonian
+    from .analysis.equilibrium import Equilibrium
+    from .analysis.linear import Linearization
+    from .analysis.modes import Modes
+    from .analysis.operating_point import Asked, OperatingPoint
+    from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
+    from .analysis.response import Measured, Response
+    from .diagram.figure import Figure
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
     from .ensembles import Ensemble
     from .prepared import Prepared
@@ -141,6 +147,45 @@ class Model:
         """The bond graph in networkx; nodes carry `node=`, edges (half arrows) `bond=`."""
         return self.compilation().whole_graph.network
 
+    def draw(
+        self, path: str | Path | None = None, experiment: str | None = None, closed: bool = False, numbers: bool = False
+    ) -> Figure:
+        """The bond graph in a textbook's notation, into a .svg, .png or .pdf file if a path is given.
+
+        Drawn is everything that the text says; with an experiment what is left of it in that run. `closed`: instances are
+        boxes. `numbers`: with the numbers of the bonds. Raises `CompilationFailed`, `UsageError`, `MissingPackage`, OSError.
+        """
+        from .diagram import draw, write_figure
+
+        free = frozenset({"*"}) if experiment is None else frozenset[str]()  # nothing counts as zero
+        figure = draw(self.compilation(door.Scene(self.model, experiment, free=free)), closed, numbers)
+        if path is not None:
+            write_figure(figure, path)
+        return figure
+
+    def draw_mechanism(
+        self,
+        path: str | Path | None = None,
+        name: str | None = None,
+        experiment: str | None = "",
+        at: str | float | None = None,
+    ) -> Figure:
+        """A mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
+
+        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s).
+        Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
+        """
+        from .diagram import mechanism_of, write_figure
+
+        figure = mechanism_of(self, name, experiment, at)
+        if path is not None:
+            write_figure(figure, path)
+        return figure
+
+    def _repr_svg_(self) -> str:
+        """The diagram, for notebooks."""
+        return self.draw()._repr_svg_()
+
     # ------------------------------------------------------------ equations and stages
     def state_equations(self) -> Any:
         """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs.
@@ -168,14 +213,14 @@ class Model:
 
         Raises `UsageError` for what has no such form (mechanisms, heat from loss) and where resistors create energy.
         """
-        from .analysis import port_hamiltonian
+        from .analysis.port_hamiltonian import port_hamiltonian
 
         compilation = self.compilation(self.scene(None, settings), everything=True)
         return port_hamiltonian(compilation, state or {}, time)
 
     def symbolic_port_hamiltonian(self) -> SymbolicPortHamiltonian:
         """J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
-        from .analysis import symbolic_port_hamiltonian
+        from .analysis.port_hamiltonian import symbolic_port_hamiltonian
 
         return symbolic_port_hamiltonian(self._with_inputs())
 
@@ -218,6 +263,73 @@ class Model:
         made = self.compilation(door.Scene(self.model, None, free=frozenset({"*"})))
         return made.c_source if target == "c" else made.program.source
 
+    # ------------------------------------------------------------ analyses
+    def operating_point(self, asked: Asked | None = None) -> OperatingPoint:
+        """The model at one state and instant, with the slopes of everything; what the analyses below stand on.
+
+        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
+        """
+        from .analysis.operating_point import Asked, operating_point
+
+        return operating_point(self, asked or Asked())
+
+    def equilibrium(
+        self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        outputs: tuple[str, ...] | None = None, time: float | None = None,
+    ) -> Equilibrium:  # fmt: skip
+        """The state of rest that is reached from the start, inputs held as they are at `time` (s; None: where the experiment begins).
+
+        `experiment`: None none, "" the first; what it sets and where it starts counts. Raises as `operating_point`.
+        """
+        from .analysis.equilibrium import equilibrium
+        from .analysis.operating_point import Asked
+
+        return equilibrium(self.operating_point(Asked(experiment, settings, outputs, time=time)))
+
+    def linearize(
+        self, inputs: tuple[str, ...] | None = None, outputs: tuple[str, ...] | None = None,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+    ) -> Linearization:  # fmt: skip
+        """A, B, C, D by the exact derivatives of the equations, from `inputs` (None: the model's; parameters and signals may be such,
+        too) to `outputs` (None: all), at the equilibrium, the "start", or given states (by name, in SI). Raises as `operating_point`."""
+        from .analysis.linear import linearization
+        from .analysis.operating_point import Asked
+
+        by = self.inputs if inputs is None else tuple(inputs)
+        return linearization(self.operating_point(Asked(experiment, settings, outputs, by, state, time)))
+
+    def modes(
+        self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+    ) -> Modes:  # fmt: skip
+        """Frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
+        from .analysis.modes import modes
+        from .analysis.operating_point import Asked
+
+        return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
+
+    def response(
+        self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,
+        low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+    ) -> Response:  # fmt: skip
+        """The frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes)."""
+        from .analysis.response import response
+
+        linear = self.linearize(_names(inputs), _names(outputs), experiment, settings, state, time)
+        return response(linear, low, high, points)
+
+    def excite(
+        self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, rtol: float = 1e-9,
+    ) -> Measured:  # fmt: skip
+        """One point of a frequency response as an experimenter finds it: `given` moves harmonically about its value, by `amplitude` in
+        SI, until all transients are gone, and `seen` is taken apart into harmonics. Raises as `simulate`, and `UsageError` if it never settles."""
+        from .analysis.excitation import excite
+
+        return excite(self, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
+
     # ------------------------------------------------------------ runs
     def scene(
         self,
@@ -233,18 +345,23 @@ class Model:
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None, target: str | None = None,
+        outputs: tuple[str, ...] | None = None, target: str | None = None, start: Result | str | Path | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
         `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
         balance. `target`: native (machine code) or numpy; the first that this machine has.
-        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail.
+        `start`: a result of the same model, or its .npz file, to go on from where that ended.
+        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have
+        the `result` up to then.
         """
+        from .results import read_result
         from .simulation.run import Wanted, simulate
 
-        return simulate(self, experiment, settings or {}, outputs, Wanted(to, points, rtol, atol, energy, target))
+        before = read_result(start) if isinstance(start, str | Path) else start
+        wanted = Wanted(to, points, rtol, atol, energy, target)
+        return simulate(self, experiment, settings or {}, outputs, wanted, before)
 
     def simulate_many(
         self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,
@@ -263,6 +380,11 @@ class Model:
 
         wanted = Wanted(to, points, rtol, atol, energy, target)
         return simulate_many(self, experiment, settings, outputs, wanted, workers, executor, progress)
+
+
+def _names(names: tuple[str, ...] | str | None) -> tuple[str, ...] | None:
+    """One name, or several."""
+    return (names,) if isinstance(names, str) else names
 
 
 def _override(name: str, value: str | float) -> Override:

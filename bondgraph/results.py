@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .door import Certificate
+    from .ended import End
 
 SCHEMA = "bondgraph-result/1"
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
@@ -56,13 +57,17 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class ElementEnergy:
-    """What one element did in a run, in J: change of its stored energy, supplied as a source, dissipated."""
+    """What one element did in a run, in J: change of its stored energy, supplied as a source, dissipated.
+
+    `residual`: what its bonds brought and none of the three explains: the error of the run, or a law that creates energy.
+    """
 
     name: str
     kind: str
     stored: float
     supplied: float
     dissipated: float
+    residual: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +126,8 @@ class Result:
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
     left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
-    `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. Raises ValueError if the shapes do not fit.
+    `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
+    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -140,6 +146,8 @@ class Result:
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
     events: tuple[Occurrence, ...] = ()
+    stopped: str = ""
+    end: End | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -239,7 +247,7 @@ class Result:
                 stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
 
     def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write the arrays of `to_numpy` for `numpy.load`, and for each a text `unit of NAME`; whole or not at all.
+        """Write the arrays of `to_numpy` for `numpy.load`, for each a text `unit of NAME`, and what `read_result` needs; whole or not at all.
 
         Equal results give equal bytes. Raises OSError.
         """
@@ -247,8 +255,11 @@ class Result:
 
         import numpy as np
 
+        from .ended import arrays_of
+
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
+        arrays |= arrays_of(self)
         # numpy.savez takes names as keywords: an output called `file` would be its own argument; and it stamps the time
         with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
             for name, array in arrays.items():
@@ -265,9 +276,10 @@ class Result:
             solver       name; steps: accepted ones; evaluations: {what: count}; rtol; wall_time in s
             certificate  by `bondgraph-certificate/1`, if the result has one
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
-                         elements: {name: {kind, stored, supplied, dissipated}}}
+                         elements: {name: {kind, stored, supplied, dissipated, residual}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
             notes        what became known of the run on its way: sentences
+            stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
         """
@@ -288,6 +300,7 @@ class Result:
         }
         told["warnings"] = [_warning_json(item) for item in self.warnings]
         told["notes"] = list(self.notes)
+        told["stopped"] = self.stopped or None
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:
@@ -303,11 +316,11 @@ class Result:
 
         plot_result(self, path)
 
-    def summary(self) -> str:
+    def summary(self, sparks: bool = False) -> str:
         """A table for terminals: the outputs in the units of the report, the solver's work, the energy if asked for."""
         from .views.tables import summary
 
-        return summary(self)
+        return summary(self, sparks)
 
 
 def extremes(values: NDArray[np.float64]) -> dict[str, float]:
@@ -338,6 +351,13 @@ def _last(time: NDArray[np.float64]) -> float | None:
     return _finite(time[-1]) if len(time) else None
 
 
+def read_result(path: str | os.PathLike[str]) -> Result:
+    """A result from a file of `to_npz`. Raises OSError, and UsageError if the file is none."""
+    from .ended import read
+
+    return read(os.fspath(path))
+
+
 def _warning_json(item: LimitLeft) -> dict[str, Any]:
     values = {name: {"value": _finite(value), "unit": unit} for name, value, unit in item.values}
     told = {"time": item.time, "owner": item.owner, "condition": item.condition, "text": item.text}
@@ -348,7 +368,7 @@ def _energy_json(energy: EnergyBalance) -> dict[str, Any]:
     sums = ("stored", "supplied", "dissipated")
     told: dict[str, Any] = {"unit": "J"} | {key: _finite(getattr(energy, key)) for key in (*sums, "residual")}
     told["elements"] = {
-        element.name: {"kind": element.kind} | {key: _finite(getattr(element, key)) for key in sums}
+        element.name: {"kind": element.kind} | {key: _finite(getattr(element, key)) for key in (*sums, "residual")}
         for element in energy.elements
     }
     return told

@@ -43,6 +43,9 @@ class Certificate:
     notes: tuple[str, ...]  # laws that do what one may not expect, such as a resistor that creates energy
     constraints: int = 0  # of closing joints, solved for where they stand and held by projection
     redundant: tuple[str, ...] = ()  # those that follow from others where the mechanism was drawn
+    events: tuple[
+        str, ...
+    ] = ()  # what happens at instants: `when`, `every`, switched junctions, delays, with their lines
 
     @property
     def reduced(self) -> bool:
@@ -62,6 +65,8 @@ class Certificate:
         if self.constraints:
             redundant = f", {len(self.redundant)} of them redundant" if self.redundant else ""
             parts.append(f"{_count(self.constraints, 'constraint')} of closing joints{redundant}")
+        if self.events:
+            parts.append(_count(len(self.events), "event"))
         for word, linear in (("linear", True), ("nonlinear", False)):
             sizes = sorted(x.size for x in self.loops if x.linear is linear)
             if sizes:
@@ -77,6 +82,7 @@ class Certificate:
         yield f"states, of {_count(self.degrees_of_freedom, 'degree')} of freedom", self.states
         yield "in derivative form", self.dependent
         yield "constraints that follow from others where it is drawn", self.redundant
+        yield "at instants", self.events
         for loop in self.loops:
             word = "linear" if loop.linear else "nonlinear"
             yield f"{word} loop of {_count(loop.size, 'unknown')} through", loop.members
@@ -91,7 +97,7 @@ class Certificate:
             "loops": [{"linear": x.linear, "size": x.size, "members": list(x.members)} for x in self.loops],
             "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
             "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
-            "constraints": self.constraints, "redundant": list(self.redundant),
+            "constraints": self.constraints, "redundant": list(self.redundant), "events": list(self.events),
         }  # fmt: skip
 
 

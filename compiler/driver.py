@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .causality import CausalGraph, assign_causality
+from .codegen.identity import identity
 from .codegen.lower import Lowered, lower, moving
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
@@ -19,7 +20,16 @@ from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
 from .memory import uncollected
-from .reduction import Certificate, StateSpace, behind_loops, certify, reduce_equations, refuse_singular_loops
+from .reduction import (
+    Certificate,
+    StateSpace,
+    behind_loops,
+    certify,
+    reduce_equations,
+    refuse_idle_coordinates,
+    refuse_singular_loops,
+    without_what_cancels,
+)
 from .reduction.errors import DerivativeWithoutEnd
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
@@ -135,16 +145,28 @@ class Compilation:
         with self._instances():
             space = self._reduced
             refuse_singular_loops(space, self.equations, self.scene.free)
+            refuse_idle_coordinates(space)
             return space
 
     @cached_property
     def _reduced(self) -> StateSpace:
-        return reduce_equations(self.equations, self.everything, self.graph.span)
+        span = self.graph.span
+        try:
+            return reduce_equations(self.equations, self.everything, span)
+        except CompilationFailed as failed:
+            less = without_what_cancels(self.equations)
+            if less is None or not all(isinstance(d, DerivativeWithoutEnd) for d in failed.diagnostics):
+                raise
+        # What nothing reads any longer must have a solution all the same.
+        refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
+        return reduce_equations(less, self.everything, span)
 
     @cached_property
     def lowered(self) -> Lowered:
+        space = self.state_space
+        known = [space.quantities[name] for name in self.scene.by if name in space.quantities]
         with self._instances():
-            return lower(self.state_space)
+            return lower(space, by=tuple(dict.fromkeys(known)))
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -170,7 +192,7 @@ class Compilation:
         units = {name: quantities[name].unit for name in sorted(self.later)}
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
         looped = frozenset() if not self.later else behind_loops(space) & self.later
-        return Facts(mechanisms, storages, bool(space.claims), shown, units, positive, looped)
+        return Facts(mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self.lowered))
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
         """Raises `CompilationFailed` where a linear loop has no solution with these values of what is set when a run begins."""

@@ -43,6 +43,9 @@ class Scene:
     preferences: tuple[
         tuple[str, str], ...
     ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
+    by: tuple[
+        str, ...
+    ] = ()  # quantities by which everything is differentiated as well; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
     fixed: frozenset[str] = frozenset()  # of what is set: a zero there is one for the whole run, as if the text said so
 
@@ -82,3 +85,4 @@ class Facts:
     units: Mapping[str, str]  # of what is set when a run begins
     positive: tuple[tuple[str, Formula], ...]  # what is never negative, over parameters by name
     looped: frozenset[str]  # what is set when a run begins and decides whether a linear loop has a solution
+    identity: str = ""  # of the equations: a run goes on only from what was computed with the same

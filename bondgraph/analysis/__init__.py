@@ -1,5 +1,1 @@
-"""What a model is, read from its equations: its port-Hamiltonian form."""
-
-from .port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian, port_hamiltonian, symbolic_port_hamiltonian
-
-__all__ = ["PortHamiltonian", "SymbolicPortHamiltonian", "port_hamiltonian", "symbolic_port_hamiltonian"]
+"""What a model is and does, read from its equations: rest, linear models, modes, responses, its port-Hamiltonian form."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
     """As `run`, from state x; None if it cannot be done this way."""
-    form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch)
+    form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
     if form is None:
         return None
     looked_at = stepper.powers is not None or bool(stepper.program.limits)

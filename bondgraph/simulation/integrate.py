@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RunFailed
+from ..errors import RunFailed, StepsCollapsed
 from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
 from .steps.radau import C, Problem, Radau, StepFailed
-from .stuck import MOST_STEPS, not_finite, stuck
-from .trajectory import Tolerances, Trajectory
-from .watch.choice import Choice
+from .stuck import MOST_STEPS, ahead, not_finite, stuck
+from .trajectory import Kept, Tolerances, Trajectory, empty
+from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
@@ -50,14 +50,17 @@ def integrate(
     events: Events | None = None,
     off: tuple[str, ...] = (),
     history: History | None = None,
+    into: Trajectory | None = None,
 ) -> Trajectory:
-    """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
+    """Integrate over the stretches, into a trajectory that an error leaves as far as it came. Raises `RunFailed` with time and variable.
+
+    `watch` looks at each accepted step.
 
     `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
 
     `powers` are integrated along the solution, outside the error control.
     """
-    fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints)
+    fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)
     if events is not None:
         from .events.instants import EventStepper
 
@@ -72,7 +75,7 @@ def integrate(
         x = stepper.run_to_end(stretch, x)
         if stepper.result.handover is not None:
             break
-    return stepper.done(x)
+    return stepper.done(x, stretches[-1].mode)
 
 
 class Stepper:
@@ -88,6 +91,7 @@ class Stepper:
         powers: Powers | None,
         watch: Watch,
         constraints: Constraints,
+        into: Trajectory | None = None,
     ) -> None:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
@@ -100,9 +104,10 @@ class Stepper:
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
+        self.whole = float(instants[-1] - instants[0])  # how long the run is
         self.traffic = 0.0  # the work at all ports so far, whatever its sign
         self.position = 0  # the next instant to be reported
-        self.result = Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
+        self.result = into if into is not None else empty(program, instants)
 
     @cached_property
     def tolerances(self) -> Tolerances:
@@ -122,13 +127,31 @@ class Stepper:
 
         return Watcher(self.constraints, self.loops, self.result.poses)
 
-    def done(self, x: Any) -> Trajectory:
-        """What has been kept, with the state at the end."""
+    def done(self, x: Any, mode: Any) -> Trajectory:
+        """What has been kept, with the state and the mode at the end."""
         if self.result.handover is not None:
             self.result.states = self.result.states[: self.position]
+            self.result.kept = None
         self.result.states[self.position :] = x
+        self.position = len(self.result.states)
         self.result.final = x
+        if self.result.handover is None:
+            self.keep(float(self.instants[-1]), x, mode, float(self.instants[-1]))
         return self.result
+
+    def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
+        """What is sure so far: a step has been accepted, and all that looks at it has done so."""
+        result, history = self.result, self.history
+        count, on = self.happened
+        result.kept = Kept(
+            time, x, mode, begun, self.position if position is None else position, len(result.pieces), len(result.jumps),
+            count, 0 if history is None else len(history.starts), result.work if work is None else work, on,
+        )  # fmt: skip
+
+    @property
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """How many events there were, and which events' conditions hold."""
+        return 0, {}
 
     def remember(self, history: History | None) -> None:
         """Keep what delayed signals will be; no step is longer than the shortest delay."""
@@ -155,6 +178,7 @@ class Stepper:
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
             self.result.states[self.position] = x
             self.position += 1
+        self.keep(stretch.start, x, stretch.mode, stretch.start)
         if not len(self.program.states.names):
             return self._without_states(stretch, x)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
@@ -187,42 +211,52 @@ class Stepper:
         relative = self.tolerances.scaled
         peak = np.maximum(np.abs(x) / magnitude, 1.0)
         steps = 0
-        while not solver.finished:
-            self._step(solver, steps, stretch.mode)
-            steps += 1
-            before = self.position
-            stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
-            self._sample(solver, stretch)
-            self.look(solver, stretch, self.instants[before : self.position])
-            if self.powers is not None:
-                start, stop = solver.last_step
-                stop = stop if self.flip is None else self.flip.time
-                self._add_work(start, stop, partial(self._along, solver), stretch)
-            if self.history is not None:
-                start, stop = solver.last_step
-                stop = stop if self.flip is None else self.flip.time
-                self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
-            if self.flip is not None:
-                self.grow(self.flip.state)
-                break
-            if self.history is not None and self.history.next_cut(solver.time, stretch.stop) < stretch.stop:
-                self.reached = solver.time  # a signal will jump that did not when this stretch began
-                break
-            self.grow(solver.state * magnitude)
-            peak = np.maximum(peak, np.abs(solver.state))
-            # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
-            solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
-            if self.choice is not None and not solver.finished:
-                self.result.handover = self.choice.look(solver.time, solver.state * magnitude, stretch.mode)
-                if self.result.handover is not None:
+        try:
+            while not solver.finished:
+                if not self._step(solver, steps, stretch):
                     break
-            if self.constraints and not solver.finished:
-                solver = self._past_singular_pose(solver, stretch)
-        self.result.steps += steps
-        self.count(solver.evaluations)
+                steps += 1
+                stretch = self._passed(solver, stretch)
+                if self.flip is not None:
+                    self.grow(self.flip.state)
+                    break
+                state = solver.state * magnitude
+                self.grow(state)
+                if self.history is not None and self.history.next_cut(solver.time, stretch.stop) < stretch.stop:
+                    self.reached = solver.time  # a signal will jump that did not when this stretch began
+                    break
+                peak = np.maximum(peak, np.abs(solver.state))
+                # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
+                solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
+                if self.choice is not None and not solver.finished:
+                    self.result.handover = self.choice.look(solver.time, state, stretch.mode)
+                    if self.result.handover is not None:
+                        break
+                if self.constraints and not solver.finished:
+                    solver = self._past_singular_pose(solver, stretch)
+                    if self.result.handover is not None:
+                        break
+                self.keep(solver.time, solver.state * magnitude, stretch.mode, stretch.start)
+        finally:
+            self.result.steps += steps
+            self.count(solver.evaluations)
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
+
+    def _passed(self, solver: Radau, stretch: Segment) -> Segment:
+        """All that looks at an accepted step: events, reports, limits, work, delays. The stretch, from the last flip in it on."""
+        before = self.position
+        stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
+        self._sample(solver, stretch)
+        self.look(solver, stretch, self.instants[before : self.position])
+        start, stop = solver.last_step
+        stop = stop if self.flip is None else self.flip.time
+        if self.powers is not None:
+            self._add_work(start, stop, partial(self._along, solver), stretch)
+        if self.history is not None:
+            self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
+        return stretch
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
         """A state on its invariants, with the unknowns that belong to it."""
@@ -240,6 +274,8 @@ class Stepper:
         state = solver.state * tolerances.magnitude
         watcher.look(solver.time, state, mode)
         solver.problem.longest = min(self.longest, watcher.longest)
+        if self.chosen_anew(solver.time, state, mode, solver.wish):
+            return solver
         crossed = watcher.crossing(solver.time, state, mode, solver.wish, stretch.stop, tolerances.relative)
         if crossed is None:
             return solver
@@ -247,6 +283,13 @@ class Stepper:
         self.count(solver.evaluations)
         watcher.begin(end := crossed.start + crossed.size, after, mode)
         return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+
+    def chosen_anew(self, time: float, state: Any, mode: Any, step: float) -> bool:
+        """Whether to stop here, as other constraints should take part from now on: the next leg chooses them."""
+        if self.choice is None or not self.singular.other_rows(time, state, mode, step):
+            return False
+        self.result.handover = Handover(time, *self.choice.stored(time, state, mode))
+        return True
 
     def beyond(self, crossed: Crossed, state: Any, stretch: Segment) -> Any:
         """The state after a crossing; what the run keeps of it is kept. `state`: before."""
@@ -307,6 +350,7 @@ class Stepper:
             if inside:
                 self.result.states[self.position] = x
                 self.position += 1
+            self.keep(now, x, stretch.mode, stretch.start)
             before = now
         return x
 
@@ -350,10 +394,13 @@ class Stepper:
         from .steps.factorise import dense, is_large, sparse
 
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
-        follows = follower(program, self.inputs, self.constants, stretch)
+        follows = follower(program, self.inputs, self.constants, stretch, self.whole)
         problem = Problem(
             derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
         )
+        if program.bends is not None:
+            bends = program.bends
+            problem.bends = lambda time, scaled: bends(time, scaled * magnitude, *fixed)
         if self.constraints:
 
             def hold(time: float, scaled: Any) -> Any:
@@ -368,17 +415,25 @@ class Stepper:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            raise not_finite(self.program, start, slope, x)
+            raise not_finite(self.program, start, slope, x, mode)
 
-    def _step(self, solver: Radau, steps: int, mode: Any) -> None:
-        """One accepted step."""
+    def _step(self, solver: Radau, steps: int, stretch: Segment) -> bool:
+        """One accepted step; false where none leads on, but an event just ahead does."""
         try:
             solver.step()
         except StepFailed as failed:
-            raise self.failed(solver, failed.what, mode) from None
+            told = self.failed(solver, failed.what, stretch.mode)
+            if isinstance(told, StepsCollapsed) and self.flips_just_ahead(told, stretch):
+                return False
+            raise told from None
         self.steps += 1
         if steps >= MOST_STEPS or self.steps > self.most_steps:
-            raise self.failed(solver, "steps", mode)
+            raise self.failed(solver, "steps", stretch.mode)
+        return True
+
+    def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
+        """Whether an event stepper sees an event where steps collapse: beyond it the law of this side may have no value."""
+        return False
 
     def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
@@ -387,8 +442,12 @@ class Stepper:
         if what != "steps":
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
-            return not_finite(self.program, solver.time, slope, state)
-        return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
+            return not_finite(self.program, solver.time, slope, state, mode)
+        told = stuck(self.program, solver, what, state, slope, self.tolerances)
+        if what in ("newton", "error"):
+            places = ahead(self.program, self.tolerances, self.whole, solver.time, state, slope)
+            return StepsCollapsed(told, solver.time, state, places, mode)
+        return RunFailed(told)
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""

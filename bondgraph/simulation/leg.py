@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import RateNotFinite, RunFailed, UsageError
+from ..ended import End
+from ..errors import RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .integrate import integrate
@@ -17,12 +18,12 @@ from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
 from .start.nominal import Looks, Magnitudes, nominal_magnitudes
 from .start.start import consistent_start
-from .trajectory import Tolerances, Trajectory
+from .trajectory import Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from ..door import Plan, Program
+    from ..door import Plan, Program, Scene, StateSpace
     from ..prepared import Prepared
     from .events.events import Events
     from .events.history import History
@@ -71,13 +72,16 @@ class Leg:
         self.held: dict[str, Any] | None = (
             None  # what storages held where the leg before ended, then where this one ends
         )
+        self.scene: Scene = compilation.scene
+        self.whole = False  # whether it came to its end
+        self.used: Any = None  # the magnitudes, if they were asked for
         self.values: Any = None  # of the outputs, shape (points, outputs)
         self.balance: EnergyBalance | None = None
 
     def _history(self, program: Program) -> History | None:
         from .events.history import history_of
 
-        return history_of(program, self._given(program), None if self.begin is None else self.begin.history)
+        return history_of(program, self._given(program), None if self.begin is None else self.begin.past)
 
     def _given(self, program: Program) -> Any:
         """The parameters of this run, shape (P,)."""
@@ -105,8 +109,9 @@ class Leg:
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:
-            held = [self.begin.stored[n] for n in names]
-            full = np.array([*held, *state[len(names) :]])
+            from .events.begin import unknowns_in
+
+            full = np.array([*(self.begin.stored[n] for n in names), *unknowns_in(program, self.begin, state)])
             if constraints:
                 from .start.assembly import choose_rows
 
@@ -143,10 +148,10 @@ class Leg:
 
     def _tolerances(self) -> Tolerances:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
-        magnitude = self._magnitudes()
+        magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         held = np.full(len(self.state), self.atol is not None)
-        multipliers = [len(self.program.states.names) + m for m in self.program.multipliers if m >= 0]
+        multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
         absolute[multipliers] = np.inf  # they follow from the states, and grow without bound near a singular pose
         for index, value in self.told.items():
             absolute[index], held[index] = value, True
@@ -175,11 +180,18 @@ class Leg:
                 self.constraints, largest,
             )  # fmt: skip
 
+        names = (*self.program.states.names, *self.program.unknowns.names)
         if self.events is not None:
             return self._magnitudes_with_events(found_with)
-        found = found_with(self._choice())
+        if all(n in self.known for n in names):
+            return np.array([self.known[n] for n in names])
+        found = found_with(self._choice(), self._peaks(names))
         self.notes = () if found.note is None else (found.note,)
         return found.values
+
+    def _peaks(self, names: Sequence[str]) -> Any:
+        """The largest that states have been before this leg."""
+        return np.array([0.0 if self.begin is None else self.begin.peaks.get(n, 0.0) for n in names])
 
     def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
         """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
@@ -202,7 +214,7 @@ class Leg:
             )  # fmt: skip
             if self.history is not None and saved is not None:
                 self.history.restore(saved)
-            first = found_with(UntilEvent(events, self._choice()), largest)
+            first = found_with(UntilEvent(events, self._choice()), np.maximum(largest, self._peaks(names)))
             self.notes = () if first.note is None else (first.note,)
             known = dict(zip(names, map(float, first.values), strict=True)) | known
         events.measure(np.array([known[n] for n in names]))
@@ -214,33 +226,98 @@ class Leg:
         return Choice(self.program, self.constants, self.inputs, storages, self.begin)
 
     def go(self) -> None:
-        """Integrate and evaluate the outputs, up to the end or to where other states should go on."""
+        """Integrate and evaluate the outputs, up to the end or to where other states should go on.
+
+        Whatever is raised on the way, `cut` gives what is sure before it.
+        """
         program = self.program
+        self.choice = self._choice()
+        self.trajectory = empty(program, self.instants)
         try:
-            self.trajectory = integrate(
+            integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
-                self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
-                self.constraints, self.events, self.off, self.history,
+                self._powers if self.energy else None, self.watch, self.choice, self.compilation.certificate.linear,
+                self.constraints, self.events, self.off, self.history, self.trajectory,
             )  # fmt: skip
         except RateNotFinite as failed:
             from .watch.finite import cause_of
 
-            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
+            modes = self._modes(failed.mode)
+            cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters, modes)
             raise RunFailed(f"{failed}: {cause}") from None
-        if self.history is not None:
-            self.history.window = (-np.inf, np.inf)
-        if self.constraints:
-            from .closed.singular import told_of
-
-            self.notes += told_of(self.constraints.assembled, self.trajectory.poses)
-        self.instants = self.instants[: len(self.trajectory.states)]
+        except StepsCollapsed as failed:
+            raise self._explained(failed) from None
+        self._finish()
         self.values = self._outputs()
+        self.whole = True
         if not np.isfinite(self.values).all():
             from .watch.finite import check_finite
 
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def _modes(self, mode: Any) -> dict[str, float]:
+        """What only events change, by name."""
+        hybrid = self.program.hybrid
+        return {} if hybrid is None or mode is None else dict(zip(hybrid.modes.names, map(float, mode), strict=False))
+
+    def _explained(self, failed: StepsCollapsed) -> RunFailed:
+        """Why steps collapsed, if something a little ahead has no value."""
+        from .watch.finite import cause_ahead
+
+        space, here = self.compilation.state_space, (failed.time, failed.state)
+        for ahead in failed.ahead:
+            cause = cause_ahead(self.program, space, here, ahead, self.parameters, self._modes(failed.mode))
+            if cause is not None:
+                return RunFailed(f"no step leads on from t = {failed.time:.9g} s: just ahead {cause}")
+        return RunFailed(str(failed))
+
+    def cut(self) -> None:
+        """Keep what is sure: up to the last accepted step, or if only an output is no number, up to there."""
+        kept = self.trajectory.kept
+        if not self.whole:
+            kept = self.trajectory.cut(self.stretches)
+            if kept is not None and self.events is not None:
+                del self.events.log[kept.happened :]
+            self._finish()
+            self.values = np.empty((0, len(self.program.outputs.names)))
+            if kept is not None:
+                self.values = self._outputs()
+        wrong = np.flatnonzero(~np.isfinite(self.values).all(axis=1))
+        if len(wrong):
+            self.instants, self.values = self.instants[: wrong[0]], self.values[: wrong[0]]
+            self.trajectory.kept = None  # where it stands lies beyond what can be shown
+        elif self.energy and kept is not None:
+            self.balance = self._balance()
+
+    def _finish(self) -> None:
+        if self.history is not None:
+            self.history.window = (-np.inf, np.inf)
+        if self.constraints and len(self.trajectory.states):
+            from .closed.singular import told_of
+
+            assembled = self.constraints.assembled if self.begin is None else None  # others take part from there on
+            self.notes += told_of(assembled, self.trajectory.poses)
+        self.instants = self.instants[: len(self.trajectory.states)]
+
+    def end(self, until: float) -> End | None:
+        """Where this leg ended, for another run to go on; None if nothing is known of it."""
+        kept, program = self.trajectory.kept, self.program
+        if kept is None:
+            return None
+        stored, peaks = self.choice.stored(kept.time, kept.state, kept.mode)
+        count = len(program.states.names)
+        names = (*program.states.names, *program.unknowns.names)
+        hybrid = program.hybrid
+        modes = {} if hybrid is None else dict(zip(hybrid.modes.names, map(float, kept.mode), strict=False))
+        return End(
+            self.compilation.facts.identity, dict(zip(program.parameters.names, map(float, self.parameters), strict=True)),
+            kept.time, until, stored, peaks, dict(zip(program.unknowns.names, map(float, kept.state[count:]), strict=True)),
+            dict(self.known) if self.used is None else dict(zip(names, map(float, self.used), strict=True)), modes,
+            tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off if hybrid is not None else (), self.scene.preferences,
+            None if self.history is None else self.history.past(kept.remembered),
+        )  # fmt: skip
 
     @property
     def occurrences(self) -> list[Occurrence]:
@@ -254,14 +331,20 @@ class Leg:
     def _outputs(self) -> Any:
         """Shape (points, outputs)."""
         values = np.empty((len(self.instants), len(self.program.outputs.names)))
-        for stretch in self.trajectory.pieces or self.stretches:
+        pieces = self.trajectory.pieces or self.stretches
+        for stretch in pieces:
             chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
             if chosen.any():
                 values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
-        if self.trajectory.handover is not None:
+        if self.trajectory.handover is not None or not len(self.instants):
             return values
-        last = (self.trajectory.pieces or self.stretches)[-1]
-        mode = last.mode if last.start == last.stop else mode_after(self.program, self.constants, last.stop, last)
+        last = pieces[-1]
+        if self.instants[-1] < last.stop:
+            return values
+        if self.instants[-1] < self.stretches[-1].stop:  # cut off at a reported instant
+            mode = last.mode
+        else:
+            mode = last.mode if last.start == last.stop else mode_after(self.program, self.constants, last.stop, last)
         final = self.trajectory.states[-1:]
         self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
@@ -286,8 +369,24 @@ class Leg:
         held, self.held = self.held, held_in(space, after)
         arguments = self._arguments()
         found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps)
+        self._audit(space, found)
         passed = None if held is None else impulse_loss(space, held, before, arguments)
         return found if passed is None else added([passed, found]) or found
+
+    def _audit(self, space: StateSpace, found: EnergyBalance) -> None:
+        """Name the laws that create energy: resistors that give power, storages whose work is not what they store."""
+        from .watch.energy import givers, unexplained
+
+        turnover = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
+        powers = []
+        for stretch in self.trajectory.pieces or self.stretches:
+            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
+            if chosen.any():
+                powers.append(self._powers(self.instants[chosen], self.trajectory.states[chosen], stretch.mode))
+        if powers:
+            watts = np.concatenate(powers)
+            self.notes += tuple(givers(space, self.instants[: len(watts)], watts, turnover))
+        self.notes += tuple(unexplained(found, turnover, self.rtol))
 
     def _arguments(self) -> dict[int, float]:
         """The values of the storages' parameters."""

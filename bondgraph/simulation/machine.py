@@ -29,7 +29,15 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
     stepper.check_rates(stretch.start, x, stretch.mode)
     constraints = stepper.constraints.always_compiled
     solver = CompiledRadau(
-        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest, constraints
+        stepper.program,
+        stepper.inputs,
+        stepper.constants,
+        stepper.tolerances,
+        stretch,
+        x,
+        stepper.longest,
+        constraints,
+        stepper.whole,
     )
     first = stepper.position
     solver.report(stepper.instants, first, stepper.result.states)
@@ -50,6 +58,8 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
         while answer := steps(solver, look, MOST_COMPILED):
             if answer != HANDOVER:
                 _near_singular_pose(stepper, solver, stretch)
+                if stepper.result.handover is not None:
+                    break
                 continue
             assert stepper.choice is not None
             state = solver.state * stepper.tolerances.magnitude
@@ -57,7 +67,11 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
             if stepper.result.handover is not None:
                 break
     except StepFailed as failed:
+        _keep(stepper, solver, stretch)
         raise stepper.failed(solver, failed.what, stretch.mode) from None
+    except BaseException:
+        _keep(stepper, solver, stretch)
+        raise
     stepper.position, stepper.traffic = solver.position, solver.traffic
     if stepper.position > first:
         times, states = (a[first : stepper.position] for a in (stepper.instants, stepper.result.states))
@@ -67,6 +81,24 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
     return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
 
 
+def _keep(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:
+    """What is sure where machine code stands. A step that is pending has not been looked at: it does not count."""
+    last = solver.ends - 1 - (1 if solver.pending else 0)
+    if last < 0 or solver.ends == 0:
+        return
+    time, n = float(solver.end_time[last]), solver.n
+    state = solver.end_state[last * n : (last + 1) * n] * stepper.tolerances.magnitude
+    position = max(stepper.position, int(np.searchsorted(stepper.instants, time, "right")))
+    position = min(position, solver.position)
+    work = None if stepper.powers is None else np.array(solver.work)
+    if position > stepper.position:
+        times, states = (a[stepper.position : position] for a in (stepper.instants, stepper.result.states))
+        states[:] = stepper.loops.solve_all(times, states, stretch.mode)
+    stepper.result.steps += solver.steps
+    stepper.count(solver.evaluations)
+    stepper.keep(time, state, stretch.mode, stretch.start, work, position)
+
+
 def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:
     """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
     state = solver.state * stepper.tolerances.magnitude
@@ -74,6 +106,8 @@ def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segmen
     watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
     watcher.check_redundant(solver.time, state, stretch.mode)
     wish = solver.size
+    if stepper.chosen_anew(solver.time, state, stretch.mode, wish):
+        return
     crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, stepper.tolerances.relative)
     if crossed is None:
         solver.note_tried(watcher.tried)

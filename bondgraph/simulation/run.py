@@ -54,17 +54,25 @@ def check_wanted(wanted: Wanted) -> None:
 
 
 def simulate(
-    model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: Wanted
+    model: Model,
+    experiment: str | None,
+    settings: Settings,
+    outputs: tuple[str, ...] | None,
+    wanted: Wanted,
+    start: Result | None = None,
 ) -> Result:
-    """Run a model with some settings."""
-    target = chosen_target(wanted.target)
-    wanted = replace(wanted, target=target)
-    settled = settle(model, experiment, settings, outputs, wanted.energy, target)
+    """Run a model with some settings. `start`: a result that is gone on from.
+
+    A `RunFailed` and a `RunInterrupted` carry the result up to where they were raised.
+    """
+    energy = wanted.energy or (start is not None and start.energy is not None)
+    wanted = replace(wanted, target=chosen_target(wanted.target), energy=energy)
+    settled = settle(model, experiment, settings, outputs, energy, wanted.target or "")
     try:
-        return run(model, settled.scene, settled.values, wanted)
+        return run(model, settled.scene, settled.values, wanted, start)
     except RunFailed:
         scene = with_zeros(model, experiment, settings, outputs)
-        found = None if scene is None else _with_zeros(model, scene, wanted)
+        found = None if scene is None else _with_zeros(model, scene, wanted, start)
         if found is not None:
             return found
         if settled.values:
@@ -72,12 +80,12 @@ def simulate(
         raise
 
 
-def _with_zeros(model: Model, scene: Scene, wanted: Wanted) -> Result | None:
+def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
     """The run in which zeros are as good as written in the text; None if that fails as well."""
     from ..door import CompilationFailed
 
     try:
-        found = run(model, scene, {}, wanted)
+        found = run(model, scene, {}, wanted, start)
     except (CompilationFailed, RunFailed):
         return None
     names = ", ".join(f"`{n} = 0`" for n in sorted(scene.fixed))
@@ -85,7 +93,7 @@ def _with_zeros(model: Model, scene: Scene, wanted: Wanted) -> Result | None:
     return replace(found, notes=(*found.notes, note))
 
 
-def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted) -> Result:
+def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted, start: Result | None = None) -> Result:
     """Run a scene of a model; `values` are set when it begins."""
     began = clock.perf_counter()
     to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy
@@ -98,20 +106,59 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
-    instants = left = np.linspace(plan.start, stop, count)
-    legs: list[Leg] = []
-    wishes: dict[str, str] = {}
-    tried: set[tuple[str, ...]] = set()
-    with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
-        begin: Handover | None = None
+    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, began)
+    if start is not None:
+        from .resume import resumed
+
+        run.scene, run.begin, run.instants = resumed(start, made, scene, values, prepared, energy, run.instants)
+        run.before = start
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
+            run.go()
+    except RunFailed as failed:
+        failed.result = run.cut(f"it failed: {failed}")
+        raise
+    except KeyboardInterrupt:
+        result = run.cut("it was interrupted")
+        if result is None:
+            raise
+        from ..errors import RunInterrupted
+
+        raise RunInterrupted(f"interrupted at t = {run.reached:.9g} s", result) from None
+    return run.result("")
+
+
+class Run:
+    """One run: its legs so far, and how it goes on."""
+
+    def __init__(
+        self, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], plan: Plan, stop: float, count: int,
+        rtol: float, atol: float | None, energy: bool, began: float,
+    ) -> None:  # fmt: skip
+        self.made, self.scene, self.values, self.plan, self.stop = made, scene, values, plan, stop
+        self.rtol, self.atol, self.energy, self.began = rtol, atol, energy, began
+        self.instants = np.linspace(plan.start, stop, count)
+        self.legs: list[Leg] = []
+        self.leg: Leg | None = None  # that is on its way
+        self.begin: Handover | None = None
+        self.before: Result | None = None  # that this run goes on from
+
+    def go(self) -> None:
+        """All legs, to the end. Raises `RunFailed`."""
+        wishes, tried = dict(self.scene.preferences), set[tuple[str, ...]]()
+        begin, left, legs = self.begin, self.instants, self.legs
         while not legs or begin is not None:
-            chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
-            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin, values)
+            self.leg = None
+            chosen = replace(self.scene, preferences=tuple(sorted(wishes.items())))
+            leg = Leg(
+                self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values
+            )
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
-                scene = replace(scene, off=leg.begins_without)
+                self.scene = replace(self.scene, off=leg.begins_without)
                 continue
             leg.held = legs[-1].held if legs else None
+            self.leg = leg
             leg.go()
             legs.append(leg)
             before, begin, left = begin, leg.trajectory.handover, left[len(leg.values) :]
@@ -119,22 +166,51 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted)
                 break
             if begin.dependent:
                 wishes |= {begin.dependent: "integral", begin.state: "derivative"}
-                _check_choice(made, scene, wishes, begin, len(legs))
+                _check_choice(self.made, self.scene, wishes, begin, len(legs))
             if begin.off is not None:
-                scene = replace(scene, off=begin.off)
+                self.scene = replace(self.scene, off=begin.off)
             begin = _with_earlier(begin, before, leg)
-    program = legs[0].program
-    columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
-    evaluations: Counter[str] = Counter()
-    for leg in legs:
-        evaluations.update(leg.trajectory.evaluations)
-    return Result(
-        program.name, plan.experiment, instants, columns, np.concatenate([leg.values for leg in legs]), plan.report, _solver(program, legs),
-        sum(leg.trajectory.steps for leg in legs), dict(evaluations), rtol, clock.perf_counter() - began,
-        _balance(legs) if energy else None, _warnings(legs), legs[0].compilation.certificate,
-        tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *_impulses(legs)])),
-        tuple(o for leg in legs for o in leg.occurrences),
-    )  # fmt: skip
+
+    def cut(self, why: str) -> Result | None:
+        """What is sure where the run broke off; None if it had not begun."""
+        leg = self.leg
+        if leg is not None and (not self.legs or self.legs[-1] is not leg):
+            try:
+                with np.errstate(all="ignore"):
+                    leg.cut()
+            except RunFailed:
+                leg.values = None
+            if leg.values is not None:
+                self.legs.append(leg)
+        return self.result(why) if self.legs else None
+
+    @property
+    def reached(self) -> float:
+        """How far the run came."""
+        kept = self.legs[-1].trajectory.kept if self.legs else None
+        return self.plan.start if kept is None else kept.time
+
+    def result(self, stopped: str) -> Result:
+        """All legs as one result, with what came before them."""
+        legs, plan = self.legs, self.plan
+        program = legs[0].program
+        columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
+        evaluations: Counter[str] = Counter()
+        for leg in legs:
+            evaluations.update(leg.trajectory.evaluations)
+        values = np.concatenate([leg.values for leg in legs])
+        found = Result(
+            program.name, plan.experiment, self.instants[: len(values)], columns, values, plan.report, _solver(program, legs),
+            sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
+            _balance(legs) if self.energy else None, _warnings(legs), legs[0].compilation.certificate,
+            tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *_impulses(legs)])),
+            tuple(o for leg in legs for o in leg.occurrences), stopped, legs[-1].end(self.stop),
+        )  # fmt: skip
+        if self.before is None:
+            return found
+        from .resume import joined
+
+        return joined(self.before, found)
 
 
 def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
@@ -146,8 +222,9 @@ def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
 def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handover:
     """A handover with what earlier programs knew: what stands still in one may move in the next."""
     if before is not None:
-        begin = replace(begin, stored=before.stored | begin.stored, peaks=before.peaks | begin.peaks)
-    return replace(begin, magnitudes=leg.known, history=leg.history)
+        begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
+    past = None if leg.history is None else leg.history.past()
+    return replace(begin, magnitudes=leg.known, past=past)
 
 
 def _impulses(legs: Sequence[Leg]) -> Iterator[str]:

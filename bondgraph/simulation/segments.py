@@ -14,6 +14,7 @@ from ..errors import RunFailed
 from .zeros import crossing
 
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
+NODES = 4096  # places at which what time alone moves is known, of a whole run
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
 SPARSE = 16  # places for each change of sign, else more are taken
@@ -25,6 +26,7 @@ ROUNDING = 16  # units in the last place of a time
 SEEN = np.array([0.0, 0.155, 0.645, 1.0])
 LOOKS = np.concatenate([SEEN, [0.075, 0.3, 0.5, 0.85]])
 BETWEEN = np.linalg.solve(np.vander(SEEN).T, np.vander(LOOKS[4:], 4).T).T
+CUBIC = np.linalg.inv(np.vander(SEEN))  # from the values there to the coefficients of that cubic, the highest first
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,30 +58,55 @@ def _multiples(period: float, start: float, stop: float) -> Any:
     return times[(times > start) & (times < stop)]
 
 
-def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Callable[[float, float], bool]:
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """What time alone moves on a stretch: how much of each signal a step may overlook, and what they are at many places."""
+
+    allowed: Any  # (signals,)
+    times: Any  # (places,), rising
+    values: Any  # (places, signals)
+
+
+def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
+    """The signals on a stretch, at places that lie irregularly: the denser, the larger its share of the `whole` run is.
+
+    What turns up at none of these places (shorter than 1/4096 of a run) is not known, and may be stepped over.
+    """
+    span = stretch.stop - stretch.start
+    share = span / whole if whole > 0 else 0.0
+    numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))
+    times = stretch.start + span * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / len(numbers)
+    times = np.clip(times, *inside(stretch))
+    first = program.signals(times[:1], inputs, constants, stretch.mode)
+    if not first.shape[-1]:
+        return Signals(np.zeros(0), times[:0], np.zeros((0, 0)))
+    values = program.signals(times, inputs, constants, stretch.mode)
+    allowed = SHARE * np.ptp(values, axis=0) + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
+    return Signals(allowed, times, values)
+
+
+def follower(
+    program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0
+) -> Callable[[float, float], bool]:
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
-    the signal between them, to a share of the range that the signal has. A rectifier whose diode is off at all of a step's
-    places would else not see the next peak."""
-    allowed, ends = overlooked(program, inputs, constants, stretch), inside(stretch)
-    if not len(allowed):
+    the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
+    is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
+    that is short beside a step would not be seen at all."""
+    known, ends = signals_on(program, inputs, constants, stretch, whole), inside(stretch)
+    if not len(known.allowed):
         return lambda start, stop: True
 
     def follows(start: float, stop: float) -> bool:
         times = np.clip(start + (stop - start) * LOOKS, *ends)
         values = program.signals(times, inputs, constants, stretch.mode)
-        off = np.abs(BETWEEN @ values[: len(SEEN)] - values[len(SEEN) :])
-        return not bool((off > allowed).any())
+        seen = values[: len(SEEN)]
+        if (np.abs(BETWEEN @ seen - values[len(SEEN) :]) > known.allowed).any():
+            return False
+        first, last = np.searchsorted(known.times, (start, stop))
+        shares = (known.times[first:last] - start) / (stop - start)
+        return not bool((np.abs(np.vander(shares, 4) @ CUBIC @ seen - known.values[first:last]) > known.allowed).any())
 
     return follows
-
-
-def overlooked(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Any:
-    """What a step may overlook of each signal: a share of the range that it has in a stretch."""
-    span = stretch.stop - stretch.start
-    grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
-    if not grid.shape[-1]:
-        return np.zeros(0)
-    return SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
 
 
 def inside(stretch: Segment) -> tuple[float, float]:

@@ -22,12 +22,29 @@ def _names(program: Program) -> tuple[str, ...]:
     return (*program.states.names, *program.unknowns.names)
 
 
-def not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNotFinite:
+# How far to look for what makes steps collapse: shares of what moves a state by its magnitude, and of the run.
+REACHES = (1e-15, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1e-1, 1.0)
+SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
+
+
+def ahead(
+    program: Program, tolerances: Tolerances, whole: float, time: float, state: Any, slope: Any
+) -> tuple[tuple[float, Any], ...]:
+    """Where the slope leads from a state, ever further: what makes steps collapse lies there. `whole`: how long the run is."""
+    step = np.where(np.arange(len(state)) < len(program.states.names), slope, 0.0)
+    speed = float((np.abs(step) / np.maximum(tolerances.magnitude, np.abs(state))).max(initial=0.0))
+    reach = min(whole, 1 / speed if speed > 0 else np.inf)
+    least = 10 * float(np.spacing(max(abs(time), 1e-300)))
+    spans = sorted({max(least, x) for x in (*(r * reach for r in REACHES), *(s * whole for s in SHARES))})
+    return tuple((time + x, state + x * step) for x in spans if x <= max(reach, 1e-9 * whole, least))
+
+
+def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any) -> RateNotFinite:
     names = _names(program)
     bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
     rates = " and ".join(f"`{b}`" for b in bad)
-    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state)
+    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state, mode)
 
 
 def stuck(

@@ -11,7 +11,7 @@ from ..door import Compilation, cost
 from .tables import columns, counted, short, visible
 
 if TYPE_CHECKING:
-    from ..door import Certificate, Cost, Span
+    from ..door import Certificate, Cost, Lowered, Span
 
 SCHEMA = "bondgraph-explanation/1"
 SHOWN = 10  # lines of the table of what is expensive
@@ -38,6 +38,8 @@ class Explanation:
     certificate: Certificate
     cost: Cost
     arguments: tuple[str, ...]  # parameters that stay arguments of the program
+    conditions: tuple[str, ...] = ()  # on states, which are located in a run: where they stand
+    bends: int = 0  # of laws of states, at which steps may end
 
     def to_json(self) -> dict[str, Any]:
         """`bondgraph-explanation/1`."""
@@ -51,7 +53,7 @@ class Explanation:
                 "once": count.once, "with_time": count.with_time, "rates": count.rates, "jacobian": count.jacobian,
                 "jacobian_entries": count.entries, "outputs": count.outputs,
             },
-            "functions": dict(count.functions),
+            "functions": dict(count.functions), "conditions": list(self.conditions), "bends": self.bends,
             "lines": [{"place": _place(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
         }  # fmt: skip
 
@@ -72,6 +74,12 @@ class Explanation:
             )
         if self.certificate.unneeded:
             yield f"  no output needs {counted(len(self.certificate.unneeded), 'state')}: {_some(self.certificate.unneeded)}"
+        if self.certificate.events or self.conditions or self.bends:
+            yield from ("", "what happens at instants")
+            yield from (f"  {event}" for event in self.certificate.events)
+            yield from (f"  a condition on states in {place}" for place in self.conditions)
+            if self.bends:
+                yield f"  {counted(self.bends, 'bend')} of laws (min, max, abs, points of a table), at which steps may end"
         yield from ("", "what remains")
         yield from self._remaining()
         yield from ("", "most operations in an evaluation")
@@ -109,8 +117,15 @@ def explain(compilation: Compilation) -> Explanation:
     names = [lowered.space.variables[v].name for v in lowered.parameters]
     return Explanation(
         certificate.model, compilation.plan.experiment, tuple(lowered.space.outputs), tuple(_left_out(compilation)),
-        certificate, cost(lowered), tuple(names),
+        certificate, cost(lowered), tuple(names), tuple(_conditions(lowered)), len(lowered.bends),
     )  # fmt: skip
+
+
+def _conditions(lowered: Lowered) -> dict[str, None]:
+    """Where conditions on states stand, each place once; those of `when` are told as events."""
+    told = {(e.span.source.name, e.span.line) for e in lowered.space.events}
+    notes = (item.note for item in lowered.events.located)
+    return {f"`{n.owner}` ({_place(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
 
 
 def _left_out(compilation: Compilation) -> Iterator[LeftOut]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,11 +61,16 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
     OSError.
     """
     check_picture(path)
+    drawn(lambda: _figure(result), path)
+
+
+def drawn(make: Callable[[], Any], path: str | os.PathLike[str]) -> None:
+    """Make a figure in our style and write it into `path`; whole or not at all."""
     import matplotlib
 
     kind = Path(path).suffix.lower()[1:]
     with matplotlib.rc_context(STYLE):
-        figure = _figure(result)
+        figure = make()
         undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
         with replacing(path) as stream:
             figure.savefig(stream, format=kind, dpi=160, metadata=undated)

@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING
 from ..results import extremes
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ..results import EnergyBalance, Result
 
 LONGEST_NAME = 60
+BARS, SPARKS = "▁▂▃▄▅▆▇█", 24
 TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("ps", 1e12), ("fs", 1e15))
 
 
@@ -51,15 +55,20 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
     return f"{name[:half]} ... {name[-half:]}"
 
 
-def summary(result: Result) -> str:
-    """The table of a result: each output's last, least and greatest value, the solver's work, the energy if it is there."""
+def summary(result: Result, sparks: bool = False) -> str:
+    """The table of a result: each output's last, least and greatest value, the solver's work, the energy if it is there.
+    `sparks`: each output also as a row of little bars over time, for terminals that have them."""
     rows = [
-        (short(item.name), *(f"{v:.6g}" for v in extremes(values).values()), "" if item.unit == "1" else item.unit)
+        (
+            short(item.name), *(f"{v:.6g}" for v in extremes(values).values()), "" if item.unit == "1" else item.unit,
+            *((spark(result.time, values),) if sparks else ()),
+        )
         for item, values in result.shown()
-    ]
+    ]  # fmt: skip
     parts = [f"{visible(result.title)}, {_span(result)}"]
     if rows:
-        parts.append(_table([("", "final", "minimum", "maximum", "unit"), *rows], "<>>><"))
+        heads = ("", "final", "minimum", "maximum", "unit", *(("over time",) if sparks else ()))
+        parts.append(aligned([heads, *rows], "<>>><" + "<" * sparks))
     if result.certificate is not None:
         notes = (f"note: {note}" for note in result.certificate.notes)
         parts.append("\n".join(map(visible, (result.certificate.line, *notes))))
@@ -67,6 +76,33 @@ def summary(result: Result) -> str:
     if result.energy is not None:
         parts.append(_energy(result.energy))
     return "\n\n".join(parts)
+
+
+def spark(time: NDArray[np.float64], values: NDArray[np.float64], width: int = SPARKS) -> str:
+    """Values over time as a row of bars from the least to the greatest: each column the mean of its share of the time, a blank where
+    nothing finite is. What does not change is a row in the middle."""
+    import numpy as np
+
+    finite = np.isfinite(values)
+    if not finite.any():
+        return " " * width
+    low, high = float(values[finite].min()), float(values[finite].max())
+    first, last = float(time[0]), float(time[-1])
+    columns = (
+        np.zeros(len(time), int)
+        if first == last
+        else np.minimum((time - first) / (last - first) * width, width - 1).astype(int)
+    )
+    bars, level = [], " "
+    for column in range(width):
+        here = values[finite & (columns == column)]
+        if len(here):
+            share = (float(here.mean()) - low) / (high - low) if high > low else 0.5
+            level = BARS[min(len(BARS) - 1, int(share * len(BARS)))]
+        elif (columns == column).any():
+            level = " "  # values that are no numbers
+        bars.append(level)
+    return "".join(bars)
 
 
 def _span(result: Result) -> str:
@@ -93,15 +129,18 @@ def _work(result: Result) -> str:
 
 
 def _energy(energy: EnergyBalance) -> str:
-    rows = [("energy in J", "kind", "stored", "supplied", "dissipated")]
+    rows = [("energy in J", "kind", "stored", "supplied", "dissipated", "residual")]
     rows += [
-        (short(e.name), e.kind, f"{e.stored:.6g}", f"{e.supplied:.6g}", f"{e.dissipated:.6g}") for e in energy.elements
+        (short(e.name), e.kind, f"{e.stored:.6g}", f"{e.supplied:.6g}", f"{e.dissipated:.6g}", f"{e.residual:.2g}")
+        for e in energy.elements
     ]
-    rows.append(("sum", "", f"{energy.stored:.6g}", f"{energy.supplied:.6g}", f"{energy.dissipated:.6g}"))
-    return _table(rows, "<<>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
+    told = f"{energy.stored:.6g}", f"{energy.supplied:.6g}", f"{energy.dissipated:.6g}", f"{energy.residual:.2g}"
+    rows.append(("sum", "", *told))
+    return aligned(rows, "<<>>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
 
 
-def _table(rows: Sequence[tuple[str, ...]], sides: str) -> str:
+def aligned(rows: Sequence[tuple[str, ...]], sides: str) -> str:
+    """Rows as lines; `sides` has < or > for each column."""
     widths = [max(len(row[place]) for row in rows) for place in range(len(sides))]
     lines = ("  ".join(f"{t:{s}{w}}" for t, s, w in zip(row, sides, widths, strict=True)).rstrip() for row in rows)
     return "\n".join(lines)

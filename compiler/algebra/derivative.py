@@ -12,6 +12,7 @@ from .expression import (
     CURVES,
     MINUS_ONE,
     ONE,
+    SLOPES,
     ZERO,
     Apply,
     Expression,
@@ -26,6 +27,10 @@ from .expression import (
     select,
 )
 from .table import curve_slope
+
+
+class NoSlope(Exception):
+    """A derivative by the points of a table or a random number's seed, which do not change in a run."""
 
 
 def derivative(x: Expression, symbol: Symbol) -> Expression:
@@ -148,6 +153,8 @@ def partial(node: Apply, i: int) -> Expression:
             return select(first, ONE, ZERO) if i == 0 else select(first, ZERO, ONE)
     if node.operator in CURVES and i == 1:
         return curve_slope(node)
+    if node.operator in CURVES or node.operator in SLOPES:
+        raise NoSlope(node.operator)
     raise AssertionError(node.operator)
 
 

@@ -12,9 +12,11 @@ class JumpsWithoutEnd(Diagnostic):
     """BG601."""
 
     code = "BG601"
-    title = "`{function}` of an expression of time jumps at instants that this version does not find"
-    advice = "Write the signal with step, pulse, ramp or `if` on time."
+    title = "`{function}` of an expression of {what} jumps at instants that this version does not find"
+    advice = "{instead}"
     function: str
+    what: str
+    instead: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from ..algebra.formula import Formula
 from ..equations.system import Assignment
 from ..errors import ValuesNeeded
 from ..reduction import LinearLoop, StateSpace
+from ..reduction.state_space import Step
 from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME, dependence_of
 from .events import LoweredEvents, behind_the_run, event_notes, event_variables
@@ -80,9 +81,16 @@ class Lowered:
     limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
     lags: tuple[Expression, ...] = ()  # of delayed signals, of parameters
     delayed: tuple[Expression, ...] = ()  # what they will be
+    bends: list[Expression] = field(
+        default_factory=list
+    )  # zero where a law of states bends: steps end there if it shows
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     solved: Solved | None = None  # with the multipliers of closing joints solved for
     differentiated: int = 0  # formulas whose partial derivatives were formed
+    by: tuple[int, ...] = ()  # variables by which all is differentiated beside states and unknowns
+    slopes: dict[int, dict[int, Expression]] = field(
+        default_factory=dict
+    )  # variable -> column (states, unknowns, then `by`) -> nonzero slope
 
     def event_symbol(self, position: int) -> Symbol:
         """An item of the mode that does not come from time alone."""
@@ -112,9 +120,12 @@ class Lowered:
     _bits: dict[Expression, int] = field(default_factory=dict)
 
 
-def lower(space: StateSpace, located: bool = True) -> Lowered:
-    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian."""
-    result = Lowered(space)
+def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = ()) -> Lowered:
+    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian.
+
+    `by`: more variables to differentiate by; of one that is computed, by what is added to it.
+    """
+    result = Lowered(space, by=by)
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
     used = _used(space)
     for number, variable in enumerate(space.variables):
@@ -132,6 +143,9 @@ def lower(space: StateSpace, located: bool = True) -> Lowered:
     for position, number in enumerate(moving(space)):
         result.values[number] = Symbol(Leaf("state", position))
         slopes[number] = {position: ONE}
+    count = len(slopes)
+    seeds = {number: position for position, number in enumerate(by, count)}
+    slopes |= {number: {seeds[number]: ONE} for number in by if number in result.values}
     switching = Switching(result, len(space.discretes))
     behind = behind_the_run(space) if located else set[int]()
     formulas: set[Formula] = set()
@@ -144,13 +158,16 @@ def lower(space: StateSpace, located: bool = True) -> Lowered:
             _lower_assignment(result, step, slopes, switching, formulas)
             if uses[step.target] > 1:
                 result.values[step.target] = closed(result.values[step.target])
+        for target in (seeds.keys() & targets(step)) if seeds else ():
+            slopes.setdefault(target, {})[seeds[target]] = ONE
+    result.slopes = slopes
     result.differentiated = len(formulas)
     rates = [*(s.rate for s in space.states), *(u.residual for u in space.unknowns)]
     result.rates = tuple(result.values[v] for v in rates)
     result.signals = tuple(_signals(result))
     for row, rate in enumerate(rates):
         for column, entry in slopes.get(rate, {}).items():
-            if entry != ZERO:
+            if entry != ZERO and column < count:
                 result.jacobian[row, column] = entry
     result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
     result.claims = tuple(result.values[c.variable] - _entry(result, c.start) for c in space.claims)
@@ -158,7 +175,7 @@ def lower(space: StateSpace, located: bool = True) -> Lowered:
     result.dependents = tuple(result.values[d.variable] for d in space.dependents)
     for row, dependent in enumerate(space.dependents):
         for column, slope in slopes.get(dependent.variable, {}).items():
-            if result.dependence(slope) & ~PARAMETER:
+            if column < count and result.dependence(slope) & ~PARAMETER:
                 result.sensitivities[row, column] = slope
     result.forced = tuple(result.values[f.variable] for f in space.forced)
     nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
@@ -227,6 +244,11 @@ def _signals(result: Lowered) -> Iterable[Expression]:
                 yield node
         elif isinstance(node, Apply):
             stack.extend(node.operands)
+
+
+def targets(step: Step) -> tuple[int, ...]:
+    """The variables that a step computes."""
+    return step.targets if isinstance(step, LinearLoop) else (step.target,)
 
 
 def moving(space: StateSpace) -> list[int]:

@@ -32,6 +32,7 @@ from ..algebra.expression import (
 from .limits import Leaf
 
 if TYPE_CHECKING:
+    from ..reduction import StateSpace
     from .lower import Lowered
 
 DROPPED = 1e-14  # share of its own diagonal below which a pivot is dropped: round-off of what cancels
@@ -55,9 +56,10 @@ def solve_multipliers(lowered: Lowered) -> Solved | None:
     bound = [i for i in space.invariants if i.multiplier is not None]
     if not bound:
         return None
-    places = [unknowns[i.multiplier] for i in bound if i.multiplier is not None]
+    places = [unknowns[v] for v in solved_for(space)]
     leaves: list[Expression] = [Symbol(Leaf("state", p)) for p in places]
-    parts = [Number(1.0) if i.part is None else lowered.values[i.part] for i in bound]
+    parts: list[Expression] = [Number(1.0) if i.part is None else lowered.values[i.part] for i in bound]
+    parts += [Number(1.0) for _ in space.balances]
     matrix: Matrix = {}
     for i, row in enumerate(places):
         for j in range(i + 1):
@@ -66,16 +68,25 @@ def solve_multipliers(lowered: Lowered) -> Solved | None:
                 matrix[i, j] = entry if i == j else multiply(parts[j], entry)
     at_zero = _Replacing(dict.fromkeys(leaves, ZERO))
     right = [negate(at_zero(lowered.rates[p])) for p in places]
-    values = _solution(matrix, right)
+    values = _solution(matrix, right, len(bound))
     put = _Replacing(dict(zip(leaves, values, strict=True)))
     chosen = set(places)
     rates = tuple(ZERO if p in chosen else put(x) for p, x in enumerate(lowered.rates))
     return Solved(rates, tuple(values))
 
 
-def _solution(matrix: Matrix, right: list[Expression]) -> list[Expression]:
+def solved_for(space: StateSpace) -> tuple[int, ...]:
+    """The unknowns that a program solves for where they stand: multipliers, then balances."""
+    return (
+        *(i.multiplier for i in space.invariants if i.multiplier is not None),
+        *(b.variable for b in space.balances),
+    )
+
+
+def _solution(matrix: Matrix, right: list[Expression], multipliers: int) -> list[Expression]:
+    """The first rows belong to multipliers; what is left of the others has no pivot before these are gone, and none to be dropped then."""
     count = len(right)
-    order, fill, products = _order(matrix, count)
+    order, fill, products = _order(matrix, count, multipliers)
     if products > LARGEST:
         whole = [matrix.get((max(i, j), min(i, j)), ZERO) for i in range(count) for j in range(count)]
         node = Apply("solve", (*whole, *right))
@@ -86,7 +97,7 @@ def _solution(matrix: Matrix, right: list[Expression]) -> list[Expression]:
     lower: dict[int, list[tuple[int, Expression]]] = {}
     for k in order:
         own, pivot = matrix.get((k, k), ZERO), work.get((k, k), ZERO)
-        inverse[k] = _inverse(pivot, own)
+        inverse[k] = _inverse(pivot, own if k < multipliers else pivot)
         lower[k] = []
         for i in fill[k]:
             factor = multiply(work[_pair(i, k)], inverse[k])
@@ -111,8 +122,11 @@ def _pair(i: int, j: int) -> tuple[int, int]:
     return (i, j) if i >= j else (j, i)
 
 
-def _order(matrix: Mapping[tuple[int, int], Expression], count: int) -> tuple[list[int], dict[int, list[int]], int]:
-    """Least degree first (Tinney and Walker, Proc. IEEE 55, 1967): the order, what each pivot reaches, and the products."""
+def _order(
+    matrix: Mapping[tuple[int, int], Expression], count: int, first: int
+) -> tuple[list[int], dict[int, list[int]], int]:
+    """Least degree first (Tinney and Walker, Proc. IEEE 55, 1967), but the `first` before the others: the order, what each pivot
+    reaches, and the products."""
     near: list[set[int]] = [set() for _ in range(count)]
     for i, j in matrix:
         if i != j:
@@ -120,7 +134,7 @@ def _order(matrix: Mapping[tuple[int, int], Expression], count: int) -> tuple[li
             near[j].add(i)
     left, order, fill, products = set(range(count)), [], {}, 0
     while left:
-        k = min(left, key=lambda v: (len(near[v]), v))
+        k = min(left, key=lambda v: (v >= first, len(near[v]), v))
         left.discard(k)
         reached = sorted(near[k])
         order.append(k)

@@ -180,12 +180,17 @@ class Program:
     parts: tuple[
         int, ...
     ]  # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
+    eliminated: tuple[
+        int, ...
+    ]  # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
     solved: Callable[[float, Array, Array, Array, Array], Array] | None
     # as derivative, whatever the multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed
     native: Native | None = None  # where the functions lie, if they are machine code
     hybrid: Hybrid | None = None  # None: only time makes anything jump
+    bends: Callable[[float, Array, Array, Array, Array], Array] | None = None
+    # as output -> zero where a law of states bends but does not jump; None if none does
     delays: Delays | None = None
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import TYPE_CHECKING
 
 from ..algebra.derivative import derivative
@@ -20,7 +21,7 @@ from ..algebra.expression import (
     select,
     substitute,
 )
-from ..algebra.table import domain, is_table
+from ..algebra.table import domain, is_table, table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..source import Span
@@ -32,6 +33,13 @@ from .program import ConditionNote
 
 if TYPE_CHECKING:
     from .lower import Lowered
+
+
+OF_TIME = "time", "Write the signal with step, pulse, ramp or `if` on time."
+OF_STATES = (
+    "states behind a rate",
+    "Keep the count in a `mode` and let a `when` move it on, or sample it: `every 1 ms { n = floor(x) }`.",
+)
 
 
 class Switching:
@@ -76,8 +84,8 @@ class Switching:
         if x.operator == "sign" and (alone or self.located):
             g = x.operands[0]
             return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
-        if alone and x.operator in ("floor", "ceil"):
-            raise CompilationFailed([JumpsWithoutEnd(span, x.operator)])
+        if (alone or self.located) and x.operator in ("floor", "ceil"):
+            raise CompilationFailed([JumpsWithoutEnd(span, x.operator, *(OF_TIME if alone else OF_STATES))])
         operands = tuple(map(self.replaced, x.operands))
         if alone and is_table(x):
             for knot in domain(x):  # where the curve or one of its derivatives bends
@@ -87,7 +95,28 @@ class Switching:
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
             self._instant(self.replaced(g))
-        return x if operands == x.operands else _rebuilt(x.operator, operands)
+        found = x if operands == x.operands else _rebuilt(x.operator, operands)
+        if self.located and not alone:
+            self._bend(x, operands)
+        return found
+
+    def _bend(self, x: Apply, operands: tuple[Expression, ...]) -> None:
+        """Where a law of states bends but does not jump: no event, but a place at which a step may have to end."""
+        if x.operator == "abs":
+            g = operands[0]
+        elif x.operator in ("min", "max"):
+            g = operands[0] - operands[1]
+        elif x.operator == "linear" and x.operands[0] == ZERO:
+            knots = domain(
+                x
+            )  # counted on the way from knot to knot, and a sine of the count: one function whatever their number
+            g = call(
+                "sin", Number(pi) * table("linear", operands[1], knots, [Number(float(i)) for i in range(len(knots))])
+            )
+        else:
+            return
+        if self.result.dependence(g) & STATE and g not in self.result.bends:
+            self.result.bends.append(g)
 
     def _mode(self, condition: Apply, alone: bool) -> Expression:
         operands = tuple(map(self.replaced, condition.operands))

@@ -29,6 +29,7 @@ from .naming import bond_names, port_name, unit_of
 from .system import (
     Argument,
     Assignment,
+    Balance,
     Claim,
     Delayed,
     Derivative,
@@ -59,6 +60,7 @@ class EquationBuilder:
         self.states: list[State] = []
         self.claims: list[Claim] = []
         self.invariants: list[Invariant] = []
+        self.balances: list[Balance] = []
         self.pieced: set[int] = set()
         self.ports: list[PowerPort] = []
         self.storages: list[Storage] = []
@@ -94,7 +96,7 @@ class EquationBuilder:
             {n: self.root(v) for n, v in outputs.items()}, {n: self.root(v) for n, v in self.quantities.items()},
             tuple(self.ports), tuple(self.storages), self.stored, tuple(self.claims),
             tuple(replace(t, condition=self.root(t.condition), values=tuple((n, self._through(v), u) for n, v, u in t.values)) for t in limits),
-            tuple(self.invariants),
+            tuple(self.invariants), tuple(self.balances),
             tuple(replace(d, start=self._through(d.start)) for d in self.discretes), tuple(self._event(e) for e in self.events),
             tuple(replace(s, condition=self.root(s.condition)) for s in self.switches),
             tuple(replace(d, value=self.root(d.value), lag=self._through(d.lag)) for d in self.delays),
@@ -192,6 +194,10 @@ class EquationBuilder:
     ) -> None:  # fmt: skip
         """What every state of a run keeps at zero, its rate too; `multiplier` and `part` as in `Invariant`."""
         self.invariants.append(Invariant(position, velocity, name, span, multiplier, part))
+
+    def balance(self, variable: int, told: Diagnostic) -> None:
+        """An implicit unknown that is solved with the multipliers, see `Balance`."""
+        self.balances.append(Balance(variable, told))
 
     def folded(self, bound: Bound) -> Expression:
         """What the text bound, over variable numbers, with known zeros put in."""
@@ -417,9 +423,12 @@ class EquationBuilder:
         return True
 
     def held(self, expression: Expression, name: str, unit: str, span: Span) -> int:
-        """The variable that holds an expression: a new one, unless it is one already."""
+        """The variable that holds an expression: a new one, unless it is one already, which then has this unit if it had none."""
         if isinstance(expression, Symbol):
             assert isinstance(expression.key, int)
+            old = self.variables[expression.key]
+            if unit and not old.unit:
+                self.variables[expression.key] = replace(old, unit=unit)
             return expression.key
         variable = self.variable(name, "computed", unit)
         self.assign(variable, expression, span, name)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..algebra.expression import Expression, Symbol, substitute
 from ..algebra.formula import Formula
+from ..errors import Diagnostic
 from ..source import Span
 
 Argument = int | float  # a variable by number, or a number
@@ -100,6 +101,18 @@ class Invariant:
     span: Span
     multiplier: int | None = None
     part: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """An implicit unknown that is solved with the multipliers, after these: with them gone, its residual falls by up to 1 where it rises by 1.
+
+    It stands for a coordinate of a mechanism that moves no inertia but through closing joints; where it does not even so, the residual
+    does not change: that is told.
+    """
+
+    variable: int
+    told: Diagnostic
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +220,7 @@ class EquationSystem:
     claims: tuple[Claim, ...]
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
+    balances: tuple[Balance, ...] = ()
     discretes: tuple[Discrete, ...] = ()
     events: tuple[EventRow, ...] = ()
     switches: tuple[Switch, ...] = ()

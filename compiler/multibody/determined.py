@@ -3,62 +3,46 @@
 The articulated inertia along a coordinate (all that hangs on it free) against that with all joints outside of it held. Where the
 first is nothing but rounding, the motion is made up by others: two hinges in line with nothing between, a body without inertia about
 the axis that it turns about. Zeros that fold show earlier (`recursion.py`).
+
+Within a closed loop that is no mistake: what the coordinate does not move itself, it moves through the closing joint. There the coordinate
+is lent an inertia, and an unknown effort takes it back (`massless.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from ..algebra.expression import Expression, Number, evaluate, symbols
+from ..algebra.expression import Expression
 from .kinematics import Kinematics
+from .massless import Lent
 from .moving import Moving
 from .recursion import PLACES, Recursion
 from .script import Script
+from .values import Values
 from .vectors import UNIT
 
 NOTHING = 1e-13  # of the inertia with the rest held
 Square = list[list[float]]
+Place = tuple[int, int]  # a link, and the number of one of its coordinates
 
 
-class Values:
-    """Numbers for expressions: parameters as they are in this scene, states anywhere."""
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """The coordinates that are lent an inertia, with that, and the first along which nothing moves."""
 
-    def __init__(self, script: Script) -> None:
-        self.script = script
-        self.known: dict[int, float] = {}
-
-    def of(self, x: Expression) -> float:
-        """The value of an expression."""
-        if isinstance(x, Number):
-            return x.value
-        self._find([s.key for s in symbols(x)])
-        return evaluate(x, self.known.__getitem__)
-
-    def _find(self, wanted: list[int]) -> None:
-        while wanted:  # not by recursion: angles of a long chain are sums of sums
-            variable = wanted[-1]
-            if variable not in self.known:
-                definition = self.script.builder.definition(variable)
-                missing: list[int] = []
-                if isinstance(definition, Expression):
-                    missing = [s.key for s in symbols(definition) if s.key not in self.known]
-                    if not missing:
-                        self.known[variable] = evaluate(definition, self.known.__getitem__)
-                else:  # a state: some number that no other has
-                    anything = 0.2 + 0.6180339887498949 * (variable + 1) % 1.0
-                    self.known[variable] = anything if definition is None else definition
-                if missing:
-                    wanted += missing
-                    continue
-            wanted.pop()
+    lent: Mapping[Place, float]
+    lost: tuple[Moving, int] | None
 
 
-def undetermined(kinematics: Kinematics, recursion: Recursion) -> tuple[Moving, int] | None:
-    """A link and the number of a coordinate along which nothing moves, if there is one."""
+def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, Lent]) -> Survey:
+    """What moves along the coordinates. `around`: for each link within a closed loop, the inertias to be lent there."""
     values = Values(kinematics.script)
     count = len(kinematics.moving)
     free = [[[values.of(x) for x in row] for row in recursion.inertias[i].matrix(m.branch.active)] for i, m in enumerate(kinematics.moving)]  # fmt: skip
     held = [[list(row) for row in rows] for rows in free]
+    own = [[list(row) for row in rows] for rows in free]
+    lent: dict[Place, float] = {}
     for index in reversed(range(count)):
         moving = kinematics.moving[index]
         matrix, whole = free[index], held[index]
@@ -68,10 +52,14 @@ def undetermined(kinematics: Kinematics, recursion: Recursion) -> tuple[Moving, 
                 continue
             column = [values.of(x) for x in (*pair[0], *pair[1])]
             push = _times(matrix, column)
-            inertia = sum(a * b for a, b in zip(column, push, strict=True))
-            scale = sum(a * b for a, b in zip(column, _times(whole, column), strict=True))
+            inertia, scale = _along(column, push), _along(column, _times(whole, column))
+            if index in around:
+                itself = _along(column, _times(own[index], column)) if moving.link.bodies else scale
+                if min(itself, inertia) <= NOTHING * scale:
+                    lent[index, number] = around[index].of(any(column[:3]))
+                    inertia += lent[index, number]
             if inertia <= NOTHING * scale:
-                return moving, number
+                return Survey(lent, (moving, number))
             for r in PLACES:
                 for c in PLACES:
                     matrix[r][c] -= push[r] * push[c] / inertia
@@ -79,7 +67,11 @@ def undetermined(kinematics: Kinematics, recursion: Recursion) -> tuple[Moving, 
             carried = _carried(values, moving)
             for rows, to in ((matrix, free[moving.parent]), (whole, held[moving.parent])):
                 _add(to, rows, carried)
-    return None
+    return Survey(lent, None)
+
+
+def _along(column: Sequence[float], push: Sequence[float]) -> float:
+    return sum(a * b for a, b in zip(column, push, strict=True))
 
 
 def _times(rows: Square, v: Sequence[float]) -> list[float]:

@@ -12,9 +12,10 @@ class ClosedLoop(Diagnostic):
     """BG201."""
 
     code = "BG201"
-    title = "The {kind} `{joint}` closes a loop ({loop}), which this kind of joint cannot do"
-    advice = "Let another joint of the loop close it: a hinge, slide, weld, ball, cylinder or universal joint that is declared after this one."
-    kind: str
+    title = (
+        "`{joint}` is locked where it starts, not where it was drawn, and so is all of the loop that it closes ({loop})"
+    )
+    advice = "Draw one joint of the loop where it is locked, leave out its `start`, or unlock it."
     joint: str
     loop: str
 
@@ -25,7 +26,7 @@ class NothingMoves(Diagnostic):
 
     code = "BG202"
     title = "Nothing with {what} moves along `{coordinate}`: its acceleration is not determined"
-    advice = "Give the body `{body}` a {what}, or join something with {what} to it."
+    advice = "Give the body `{body}` {what}, or join something with {what} to it."
     coordinate: str
     body: str
     what: str
@@ -39,14 +40,3 @@ class RodWithoutLength(Diagnostic):
     title = "The rod `{joint}` has no length: its two ends are drawn at one place"
     advice = "What holds two points together is a hinge, in space a ball."
     joint: str
-
-
-@dataclass(frozen=True, slots=True)
-class NoCoordinate(Diagnostic):
-    """BG204."""
-
-    code = "BG204"
-    title = "`{coordinate}` is asked for, but the {kind} closes a loop, where only hinges, slides and cylinders have coordinates"
-    advice = "The joint farthest from the ground closes a loop, in order of declaration: declare those that lead to this one first, or read bodies' poses."
-    coordinate: str
-    kind: str

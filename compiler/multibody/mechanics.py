@@ -8,9 +8,10 @@ from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
 from .chords import Chords
 from .closure import Closure
-from .determined import undetermined
+from .determined import survey
 from .energy import energy
 from .kinematics import Kinematics
+from .massless import lent_around
 from .motion import MechanismEquations, Motion
 from .placed import Placed
 from .ports import Ports
@@ -29,7 +30,8 @@ def mechanism_equations(
     """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
     ports that are read elsewhere."""
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
-    tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting)
+    read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
+    tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting, read)
     return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
 
 
@@ -57,11 +59,11 @@ class Mechanics:
         if self.result.diagnostics:
             return self.result
         claim_starts(self.script, self.claimed, self.result)
+        found = survey(self.kinematics, self.recursion, lent_around(self.kinematics, self.recursion))
+        self.recursion.lend(found.lent)
         self.recursion.run()
-        if not self.recursion.diagnostics:
-            lost = undetermined(self.kinematics, self.recursion)
-            if lost is not None:
-                self.recursion.nothing(*lost)
+        if not self.recursion.diagnostics and found.lost is not None:
+            self.recursion.nothing(*found.lost)
         self.result.diagnostics += self.recursion.diagnostics
         if not self.result.diagnostics:
             self.closure.end()

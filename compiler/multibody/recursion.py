@@ -9,8 +9,9 @@ robots and similar multibody systems without inversion of the mass matrix (1986)
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import sqrt
 
-from ..algebra.expression import MINUS_ONE, ONE, ZERO, Expression, Symbol, add, divide, multiply, negate
+from ..algebra.expression import MINUS_ONE, ONE, ZERO, Expression, Number, Symbol, add, divide, multiply, negate
 from ..graph.mechanism import GROUND
 from .axes import to_own, to_world
 from .coordinates import is_turning
@@ -28,12 +29,13 @@ PLACES = range(6)
 class Elimination:
     """One coordinate of a link, eliminated: its column, U = I S (over D: `share`), and u = effort - S p."""
 
-    __slots__ = ("column", "inertia", "number", "pull", "push", "unit", "whole")
+    __slots__ = ("column", "inertia", "loan", "number", "pull", "push", "unit", "whole")
 
     def __init__(self, number: int, column: Row, unit: int | None, push: Row, inertia: Expression) -> None:
         self.number, self.column, self.unit, self.push, self.inertia = number, column, unit, push, inertia
         self.pull: Expression = ZERO
         self.whole: Row = push
+        self.loan: tuple[Expression, int] | None = None  # the root of an inertia that it is lent, and the unknown
 
 
 class Recursion:
@@ -47,6 +49,7 @@ class Recursion:
         self.matrices: list[Square] = []
         self.loads: list[Row] = []
         self.steps: list[list[Elimination]] = [[] for _ in self.moving]
+        self.lent: dict[tuple[int, int], tuple[Expression, int]] = {}
         self.known: dict[int, Row] = {}  # accelerations of points of reference and axes
         self.pushed: dict[int, Vector] = {}  # what is not in these yet: of a world force on a floating body
         self.gravity = self.script.place(kinematics.mechanism.gravity, "gravity", "m/s^2")
@@ -62,6 +65,15 @@ class Recursion:
         if not self.diagnostics:
             for index in range(len(self.moving)):
                 self._outwards(index)
+
+    def lend(self, inertias: Mapping[tuple[int, int], float]) -> None:
+        """Lend coordinates (links, and their numbers) an inertia, which an unknown takes back: see `massless.py`."""
+        for (index, number), inertia in sorted(inertias.items()):
+            told = self._nothing(self.moving[index], number)
+            unit = "N" if told.what == "mass" else "N*m"
+            unknown = self.script.builder.variable(self.script.named(f"{told.coordinate} balance"), "computed", unit)
+            self.script.builder.balance(unknown, told)
+            self.lent[index, number] = Number(sqrt(inertia)), unknown
 
     # ------------------------------------------------------------ inwards
     def _load(self, moving: Moving, inertia: LinkInertia) -> Row:
@@ -125,15 +137,21 @@ class Recursion:
         moving = self.moving[index]
         effort = self._effort(moving, number)
         places = [i for i in PLACES if column[i] != ZERO]
-        unit = places[0] if len(places) == 1 and column[places[0]] in (ONE, MINUS_ONE) else None
+        loan = self.lent.get((index, number))
+        unit = places[0] if loan is None and len(places) == 1 and column[places[0]] in (ONE, MINUS_ONE) else None
         if unit is not None and column[unit] == MINUS_ONE:  # the coordinate counted the other way round
             column, effort = [negate(c) for c in column], negate(effort)
         push = [self._let(f"{name}.u{r}", add(*(matrix[r][k] * column[k] for k in places))) for r in PLACES]
-        inertia = self._let(f"{name}.d", add(*(column[k] * push[k] for k in places)))
+        inertia = add(*(column[k] * push[k] for k in places))
+        if loan is not None:
+            root, unknown = loan
+            inertia, effort = inertia + root * root, effort + root * Symbol(unknown)
+        inertia = self._let(f"{name}.d", inertia)
         if inertia == ZERO:
             self.nothing(moving, number)
             return False
         step = Elimination(number, column, unit, push, inertia)
+        step.loan = loan
         step.pull = self._let(f"{name}.drive", effort - add(*(column[k] * load[k] for k in places)))
         self.steps[index].append(step)
         if is_last:
@@ -160,6 +178,9 @@ class Recursion:
 
     def nothing(self, moving: Moving, number: int) -> None:
         """Tell that nothing moves along a coordinate."""
+        self.diagnostics.append(self._nothing(moving, number))
+
+    def _nothing(self, moving: Moving, number: int) -> NothingMoves:
         link = moving.link
         name = link.coordinates[number]
         what = "inertia" if is_turning(name.rpartition(".")[2]) else "mass"
@@ -169,7 +190,7 @@ class Recursion:
                 outside.add(index)
         found = [b for i in sorted(outside) for b in self.kinematics.tree.links[i].bodies]
         body = found[0] if found else self.kinematics.mechanism.bodies[0]
-        self.diagnostics.append(NothingMoves(body.span, name, body.name, what))
+        return NothingMoves(body.span, name, body.name, what)
 
     def _hand_over(self, index: int, matrix: Square, load: Row, prescribed: Row, name: str) -> None:
         """What is left of a link's inertia and load, on its parent, about the parent's point."""
@@ -248,6 +269,8 @@ class Recursion:
             else:
                 rate = divide(step.pull, step.inertia) - add(*(step.whole[k] * known[k] for k in PLACES))
             value = self._assigned(index, step, rate)
+            if step.loan is not None:
+                self._taken_back(index, step, value)
             known = [add(known[k], multiply(step.column[k], value)) for k in PLACES]
         self.known[index] = known
         if floats:
@@ -267,6 +290,13 @@ class Recursion:
             return self._let(f"{link.coordinates[step.number]}.own rate", rate)
         self.script.builder.assign(target, negate(rate) if sign else rate, self.script.span, self.script.owner)
         return negate(Symbol(target)) if sign else Symbol(target)
+
+    def _taken_back(self, index: int, step: Elimination, value: Expression) -> None:
+        """The unknown effort that takes a loan back."""
+        assert step.loan is not None
+        root, unknown = step.loan
+        part = self.moving[index].link.part
+        self.script.builder.vanishing(unknown, root * value - Symbol(unknown), part.span, self.script.named(part.name))
 
     def _float_rates(self, index: int, known: Row) -> None:
         """The second rates of a floating body's place: its acceleration seen from the world."""

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from ..algebra.expression import Expression, Number, Symbol
 from ..algebra.formula import Bound
+from ..errors import Diagnostic
 from ..graph.mechanism import Mechanism
 from ..graph.mechanism import Vector as Place
 from ..source import Span
@@ -26,6 +27,7 @@ class Writer(Protocol):
     def invariant(
         self, position: int, velocity: int | None, name: str, span: Span, multiplier: int | None = None, part: int | None = None
     ) -> None: ...  # fmt: skip
+    def balance(self, variable: int, told: Diagnostic) -> None: ...
     def differentiated(self, target: int, of: int, span: Span, owner: str) -> None: ...
 
 

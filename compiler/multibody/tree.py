@@ -107,18 +107,22 @@ def ends_of(mechanism: Mechanism) -> Mapping[str, str]:
     return {GROUND: GROUND, **bodies, **{f.name: f.body for f in mechanism.frames}}
 
 
-def spanning_tree(mechanism: Mechanism, bonded: Set[str] = frozenset(), apart: Set[str] = frozenset()) -> Tree:
+def spanning_tree(
+    mechanism: Mechanism, bonded: Set[str] = frozenset(), apart: Set[str] = frozenset(), read: Set[str] = frozenset()
+) -> Tree:
     """Grow the tree from the ground; what remains starts from a body with its own pose.
 
-    Loops are cut elsewhere than at `bonded` joints where that can be: a coordinate takes efforts at no cost, and flows.
-    `apart`: welds that are links of their own.
+    Loops are cut elsewhere than at `bonded` joints where that can be, as a coordinate takes efforts at no cost, and flows; then elsewhere than at
+    those that are `read`, as a coordinate costs nothing to read. `apart`: welds that are links of their own.
     """
-    return _Growth(mechanism, bonded, apart).tree()
+    return _Growth(mechanism, bonded, apart, read).tree()
 
 
 class _Growth:
-    def __init__(self, mechanism: Mechanism, bonded: Set[str], apart: Set[str]) -> None:
-        self.mechanism, self.on, self.bonded = mechanism, ends_of(mechanism), bonded
+    def __init__(self, mechanism: Mechanism, bonded: Set[str], apart: Set[str], read: Set[str]) -> None:
+        self.mechanism, self.on = mechanism, ends_of(mechanism)
+        moved = {j.name for j in mechanism.joints if j.locked and j.starts}  # these cannot close a loop
+        self.kept_in = (moved, bonded, read)
         self.welds = [j for j in mechanism.joints if is_weld(j) and j.name not in apart]
         self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in mechanism.bodies)]}
         self.links: list[Link] = []
@@ -135,7 +139,7 @@ class _Growth:
         free = [j for j in self.mechanism.joints if j.kind not in CLOSING and not is_chord(j) and j.name not in merged]
         neighbours = self._neighbours(free)
         order = self._order(neighbours)
-        if self.bonded and any(j.name in self.bonded and j.name not in order for j in free):
+        if any(j.name in kept and j.name not in order for kept in self.kept_in for j in free):
             neighbours = self._neighbours(self._forest(free, order))
         self._grow(GROUND, None, members, neighbours)
         for group in members:
@@ -171,7 +175,7 @@ class _Growth:
         return names
 
     def _forest(self, joints: Sequence[Joint], order: Sequence[str]) -> list[Joint]:
-        """Joints without a loop: bonded ones first, then those of the other tree (J. Kruskal, 1956)."""
+        """Joints without a loop: those first that had better not close one, then those of the other tree (J. Kruskal, 1956)."""
         by_name, above = {j.name: j for j in joints}, {name: self._root(name) for name in self.group}
 
         def top(name: str) -> str:
@@ -180,7 +184,7 @@ class _Growth:
                 name = above[name]
             return name
 
-        first = [j.name for j in joints if j.name in self.bonded]
+        first = [j.name for kept in self.kept_in for j in joints if j.name in kept]
         kept: set[str] = set()
         for name in (*first, *order):
             one, other = (top(self._group_of(end)) for end in (by_name[name].first, by_name[name].second))

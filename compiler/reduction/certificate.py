@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
+from pathlib import PurePath
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import Expression, Symbol, depends_on, symbols
 from ..certificate import Certificate, Loop
 from ..equations.system import Assignment, EquationSystem
+from ..source import Span
 from .mobility import redundant_constraints
 from .state_space import LinearLoop, StateSpace
 
@@ -40,8 +42,23 @@ def certify(
         dependence.linear, dependence.varying, dependence.driven,
         left_out,
         tuple(system.variables[s.variable].name for s in system.states if s.variable not in needed),
-        max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant,
+        max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant, tuple(_events(space)),
     )  # fmt: skip
+
+
+def _events(space: StateSpace) -> Iterator[str]:
+    """What happens at instants, each with its line."""
+
+    def place(span: Span) -> str:
+        return f"{PurePath(span.source.name).name}:{span.line}"
+
+    for event in space.events:
+        owner = f" of `{event.owner}`" if event.owner else ""
+        yield f"{'when' if event.period is None else 'every'} {event.words}{owner} ({place(event.span)})"
+    for switch in space.switches:
+        yield f"`{switch.junction}` goes on and off ({place(switch.span)})"
+    for delay in space.delays:
+        yield f"{space.variables[delay.variable].name} ({place(delay.span)})"
 
 
 def _degrees_of_freedom(space: StateSpace, system: EquationSystem) -> int:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 
-def needed(targets: Iterable[int], inputs: Sequence[Sequence[int]]) -> set[int]:
-    """Everything that the targets depend on, themselves included."""
-    seen: set[int] = set()
+def needed(
+    targets: Iterable[int], inputs: Sequence[Sequence[int]], known: set[int] | None = None
+) -> set[int]:  # fmt: skip
+    """Everything that the targets depend on, themselves included; added to what is `known`, with all that this depends on."""
+    seen: set[int] = set() if known is None else known
     stack = list(targets)
     while stack:
         node = stack.pop()

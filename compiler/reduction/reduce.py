@@ -34,7 +34,8 @@ class _Reduction:
         self.differentiator = differentiator
         self.pieced = {*differentiator.order, *(d.target for d in system.derivatives), *system.pieced}
         self.unknowns: list[Unknown] = []
-        self.multipliers = frozenset(i.multiplier for i in system.invariants if i.multiplier is not None)
+        bound = (i.multiplier for i in system.invariants if i.multiplier is not None)
+        self.multipliers = frozenset((*bound, *(b.variable for b in system.balances)))
         self.diagnostics: list[Diagnostic] = []
 
     def run(self) -> StateSpace:
@@ -90,7 +91,8 @@ class _Reduction:
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
             system.stored if self.everything else {}, dependents,
-            claims, tuple(forced), self._index(used, steps), system.limits, invariants, frozenset(self.pieced), discretes, events, system.switches, delays,
+            claims, tuple(forced), self._index(used, steps), system.limits, invariants,
+            tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
         )  # fmt: skip
 
     def _events(
@@ -140,12 +142,14 @@ class _Reduction:
         """The constraints whose multipliers this run needs, and other invariants of its states."""
         kept = []
         states = {s.variable for s in self.system.states}
+        behind: set[int] = set()
         for invariant in self.system.invariants:
             values = [v for v in (invariant.position, invariant.velocity) if v is not None]
             bound = invariant.multiplier
             if bound in used if bound is not None else needed(values, inputs) & states & used:
                 kept.append(invariant)
-                used |= needed(values, reach)
+                if not behind.issuperset(values):
+                    used |= needed(values, reach, behind)
         return tuple(kept)
 
     def _index(self, used: set[int], steps: Sequence[Step]) -> int:

@@ -1,27 +1,31 @@
 """Loops that have strokes but no solution at the values of this run: a gain of exactly 1, storages that sum to nothing.
 
-Only what is known before the run is looked at: loops whose matrix depends on parameters that this scene fixes. Each number is
-carried with the size of what it was summed from, so that what cancels is told from what is small.
+What this scene fixes has its value, what a run may change takes several at random: only a loop that is singular at all of them
+is refused. Each number is carried with what rounding may have done to it (a running error analysis, Wilkinson 1986), so that what
+cancels is told from what is small.
 """
 
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate, value_of
-from ..equations.system import EquationSystem
+from ..equations.system import Assignment, EquationSystem
 from ..errors import CompilationFailed
 from .errors import SingularLoop
 from .state_space import Entry, LinearLoop, StateSpace
 
 ROUNDING = 5e-15  # what is left of terms that cancel
 LARGEST = 60  # unknowns of a loop that is looked at; a larger one shows at the start of its run
+SAMPLES = 6  # a loop that is singular in all of them is taken to be so always
+DECADES = (-6.0, 3.0)
 
 
 class Sized(NamedTuple):
-    """A value, and the size of the terms that it was summed from."""
+    """A value, and a measure of its rounding errors, in units of the last place of 1: the size of the terms of a sum."""
 
     value: float
     size: float
@@ -36,26 +40,56 @@ def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: froze
 
     `free` parameters may take other values ("*": all may).
     """
-    if not any(isinstance(step, LinearLoop) for step in space.steps):
+    loops = [s for s in space.steps if isinstance(s, LinearLoop) and len(s.targets) <= LARGEST]
+    if not loops:
         return
-    found = []
     explicit = {a.target for a in system.assignments if not a.implicit}
-    known: dict[int, Sized] = {}
-    for number, variable in enumerate(space.variables):
-        if variable.role == "parameter" and variable.value is not None and not {variable.name, "*"} & free:
-            known[number] = Sized(variable.value, abs(variable.value))
-    for step in space.steps:
-        if not isinstance(step, LinearLoop):
-            arguments = [_entry(a, known) for a in step.arguments]
-            value = _value(step.formula.expression, arguments)
-            if value is not None:
-                known[step.target] = value
-        elif len(step.targets) <= LARGEST:
-            matrix = _matrix(step, known, explicit)
-            if matrix is not None and _is_singular(matrix):
-                found.append(SingularLoop(step.span, _members(space, step)))
-    if found:
-        raise CompilationFailed(found)
+    fixed = {
+        number: Sized(variable.value, abs(variable.value))
+        for number, variable in enumerate(space.variables)
+        if variable.role == "parameter" and variable.value is not None and not {variable.name, "*"} & free
+    }
+    steps, leaves = _behind(space, loops)
+    singular = set()
+    for sample in range(SAMPLES):
+        known = _evaluated(steps, {leaf: _guess(sample, leaf) for leaf in leaves} | fixed)
+        for loop in [*loops]:
+            matrix = _matrix(loop, known, explicit)
+            if matrix is not None and not _is_singular(matrix):
+                loops.remove(loop)
+                singular.discard(loop)
+            elif matrix is not None:
+                singular.add(loop)
+        if not loops:
+            return
+    if singular:
+        raise CompilationFailed([SingularLoop(x.span, _members(space, x)) for x in loops if x in singular])
+
+
+def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[list[Assignment], list[int]]:
+    """What must be computed before the matrices of the loops, in order, and what that begins with; solutions of loops are not computed."""
+    wanted = {e for loop in loops for row in loop.matrix for e in row if not isinstance(e, float)}
+    steps = []
+    for step in reversed(space.steps):
+        if isinstance(step, Assignment) and step.target in wanted:
+            steps.append(step)
+            wanted.remove(step.target)
+            wanted |= {a for a in step.arguments if not isinstance(a, float)}
+    return steps[::-1], sorted(wanted)
+
+
+def _guess(sample: int, variable: int) -> Sized:
+    """A value for what a run may change (time, states, inputs), another one in each sample."""
+    source = random.Random(f"{sample} {variable}")
+    value = source.choice((-1, 1)) * 10 ** source.uniform(*DECADES)
+    return Sized(value, abs(value))
+
+
+def _evaluated(steps: Sequence[Assignment], known: Mapping[int, Sized]) -> Mapping[int, Sized | None]:
+    values: dict[int, Sized | None] = {**known}
+    for step in steps:
+        values[step.target] = _value(step.formula.expression, [_entry(a, values) for a in step.arguments])
+    return values
 
 
 def behind_loops(space: StateSpace) -> frozenset[str]:
@@ -90,7 +124,7 @@ def _members(space: StateSpace, loop: LinearLoop) -> str:
     return f"{named} (at {', '.join(values[:4])})" if values else named
 
 
-def _matrix(loop: LinearLoop, known: Mapping[int, Sized], explicit: Set[int]) -> list[list[Sized]] | None:
+def _matrix(loop: LinearLoop, known: Mapping[int, Sized | None], explicit: Set[int]) -> list[list[Sized]] | None:
     """The numbers of a loop; None if one is not known. On the diagonal stands 1 less a gain, perhaps folded to one number."""
     matrix: list[list[Sized]] = []
     for i, row in enumerate(loop.matrix):
@@ -104,7 +138,7 @@ def _matrix(loop: LinearLoop, known: Mapping[int, Sized], explicit: Set[int]) ->
     return matrix
 
 
-def _entry(entry: Entry, known: Mapping[int, Sized]) -> Sized | None:
+def _entry(entry: Entry, known: Mapping[int, Sized | None]) -> Sized | None:
     return Sized(entry, abs(entry)) if isinstance(entry, float) else known.get(entry)
 
 
@@ -131,21 +165,34 @@ def _sized(x: Expression, known: Sequence[Sized]) -> Sized:
         return Sized(value, abs(value))
     parts = [_sized(o, known) for o in x.operands]
     value = value_of(x.operator, [p.value for p in parts])
-    return Sized(value, _SIZES[x.operator](parts) if x.operator in _SIZES else abs(value))
+    return Sized(value, _SIZES.get(x.operator, _size_of_value)(parts, value))
 
 
-def _product(parts: list[Sized]) -> float:
-    size = 1.0
-    for part in parts:
-        size *= part.size
-    return size
+def _size_of_sum(parts: list[Sized], value: float) -> float:
+    return sum(p.size for p in parts)
 
 
-_SIZES: Mapping[str, Callable[[list[Sized]], float]] = {
-    "add": lambda parts: sum(p.size for p in parts),
-    "multiply": _product,
-    "divide": lambda parts: parts[0].size * parts[1].size / parts[1].value ** 2,
-}
+def _size_of_product(parts: list[Sized], value: float) -> float:
+    """Relative errors add up; a factor of zero leaves its error times the others."""
+    total = abs(value)
+    for i, part in enumerate(parts):
+        total += part.size * math.prod(abs(p.value) for j, p in enumerate(parts) if j != i)
+    return total
+
+
+def _size_of_quotient(parts: list[Sized], value: float) -> float:
+    above, below = parts
+    return abs(value) + (above.size + abs(value) * below.size) / abs(below.value)
+
+
+def _size_of_value(parts: list[Sized], value: float) -> float:
+    """Of a function that is nowhere steep."""
+    return abs(value) * (1 + sum(p.size / abs(p.value) for p in parts if p.value))
+
+
+_SIZES: Mapping[str, Callable[[list[Sized], float], float]] = {
+    "add": _size_of_sum, "multiply": _size_of_product, "divide": _size_of_quotient,
+}  # fmt: skip
 
 
 def _is_singular(rows: list[list[Sized]]) -> bool:
@@ -161,17 +208,18 @@ def _is_singular(rows: list[list[Sized]]) -> bool:
         for row in rows:
             if row is best:
                 continue
-            factor = row[column].value / pivot.value
-            size = row[column].size * pivot.size / pivot.value**2
-            rest.append(
-                [
-                    Sized(x.value - factor * y.value, x.size + size * y.size)
-                    for j, (x, y) in enumerate(zip(row, best, strict=True))
-                    if j != column
-                ]
-            )
+            value = row[column].value / pivot.value
+            factor = Sized(-value, _size_of_quotient([row[column], pivot], value))
+            pairs = [pair for j, pair in enumerate(zip(row, best, strict=True)) if j != column]
+            rest.append([_less(x, factor, y) for x, y in pairs])
         rows = rest
     return False
+
+
+def _less(x: Sized, factor: Sized, y: Sized) -> Sized:
+    """x + factor*y."""
+    product = factor.value * y.value
+    return Sized(x.value + product, x.size + _size_of_product([factor, y], product))
 
 
 def _pivot_of(row: list[Sized]) -> float:

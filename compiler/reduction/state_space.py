@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..equations.system import (
     Assignment,
+    Balance,
     Claim,
     Delayed,
     Discrete,
@@ -47,7 +48,7 @@ class Unknown:
     span: Span
     members: tuple[str, ...]
     loop: int  # unknowns with the same number are of one loop
-    multiplier: bool = False  # of a constraint: the residual is affine in all multipliers together
+    multiplier: bool = False  # of a constraint, or a balance: the residual is affine in all of these together
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +92,7 @@ class StateSpace:
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
+    balances: tuple[Balance, ...] = ()
     pieced: frozenset[int] = (
         frozenset()
     )  # derivatives of others, and what is computed in pieces: conditions there are nobody's

@@ -8,34 +8,25 @@ from pathlib import Path
 
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
-from ..graph.domains import Domain
-from ..graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, MechanismNode, Node, Port, Switch
+from ..graph.network import BondGraph
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, tree
-from .connect import Connector
 from .domain_table import slot_defaults, wall_items
 from .elaborate import Elaborator
 from .errors import (
     NoSingleModel,
-    UnknownAttribute,
     UnknownName,
-    WrongLaw,
-    WrongMechanism,
-    WrongValue,
 )
 from .events import read_events
 from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
 from .known import Known
-from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .load import Loader
-from .mechanisms import build_mechanism
-from .part_attributes import static_bounds
-from .requirements import read_condition, read_requirements
+from .nodes import Nodes
+from .requirements import read_requirements
 from .resolve import MAXIMUM_MISTAKES
-from .scope import AlreadyTold, Broken, ElementEntry, FileScope, ModelDefinition, Scope, Wrong, suggestion
+from .scope import Broken, FileScope, ModelDefinition, suggestion
 from .starts import read_starts
-from .transducers import expand_transducers
 from .unconnected import unconnected
 
 
@@ -200,7 +191,7 @@ class _Opened:
         elaborator = self.elaborator
         for pending in elaborator.pending:
             elaborator.guard(elaborator.quantity, pending)
-        nodes = _Nodes(elaborator, self.known)
+        nodes = Nodes(elaborator, self.known)
         nodes.build()
         starts = read_starts(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
@@ -257,247 +248,3 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
         if name not in elaborator.quantities:
             span = elaborator.root.definition.model.name_span
             elaborator.tell(UnknownName(span, name, "what can be set", suggestion(name, settable)))
-
-
-class _Nodes:
-    """Makes the nodes and bonds of the flat graph."""
-
-    def __init__(self, elaborator: Elaborator, known: Known) -> None:
-        self.elaborator = elaborator
-        self.nodes: list[Node] = []
-        self.bonds: list[Bond] = []
-        self.switches: list[Switch] = []
-        self.walls: dict[tuple[str, str], int] = {}
-        self.ends: dict[tuple[str, str], End] = {}
-        self._laws = known.laws
-        self._interned = known.interned
-
-    def build(self) -> None:
-        elaborator = self.elaborator
-        for scope, declaration, entry in elaborator.elements:
-            before = len(self.nodes)
-            elaborator.guard(self._element, scope, declaration, entry)
-            if (
-                len(self.nodes) == before and declaration.kind != "splitter"
-            ):  # its law is wrong: its bonds can still be checked
-                for number, port in enumerate(entry.ports):
-                    self.ends[entry.name, port] = End(before, number)
-                self.nodes.append(_placeholder(entry))
-        connector = Connector(elaborator)
-        connector.connect()
-        for name, kind, domain, scope, span in connector.anonymous:
-            self.ends[name, ""] = End(len(self.nodes), 0)
-            self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
-        self._mechanisms(connector)
-        self.bonds = connector.bonds(self.ends)
-        self.walls = connector.passed
-        self._share_ports()
-        expand_transducers(self.nodes, self.bonds)
-
-    def _element(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> None:
-        if declaration.kind == "splitter":
-            return
-        index = len(self.nodes)
-        definition = f"{scope.definition.name}.{entry.name.removeprefix(scope.path).split('[')[0]}"
-        if declaration.kind in ("0", "1"):
-            if isinstance(declaration.definition, tree.Law):
-                raise Wrong(
-                    WrongLaw(
-                        declaration.definition.span,
-                        f"The junction `{entry.name}` has a law",
-                        "A junction has none: a 0-junction shares its effort, a 1-junction its flow.",
-                    )
-                )
-            domain = next(iter(entry.ports.values()))
-            self.ends[entry.name, ""] = End(index, 0)
-            self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
-            for attribute in declaration.attributes:
-                self._active(scope, attribute, entry)
-            return
-        compiled = self._law(scope, declaration, entry)
-        arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
-        ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
-        for number, port in enumerate(ports):
-            self.ends[entry.name, port.name] = End(index, number)
-        attributes = self._attributes(scope, declaration, entry, compiled.stored)
-        kind = plain_kind(declaration.kind)
-        self.nodes.append(
-            Element(
-                entry.name, node_kind(declaration.kind), kind != declaration.kind, ports, compiled.law, arguments, compiled.stored,
-                attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
-            )
-        )  # fmt: skip
-
-    def _active(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry) -> None:
-        """When a junction is on."""
-        known = any(s.junction == entry.name for s in self.switches)
-        if attribute.name != "active" or attribute.target is not None or known:
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`, once."))
-        hint = "A junction is on where a condition holds: `active = not open`, `active = x > 0 m`."
-        _, condition = read_condition(self.elaborator, attribute.value, scope, hint)
-        self.switches.append(Switch(entry.name, condition, attribute.span))
-
-    def _law(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> CompiledLaw:
-        elaborator = self.elaborator
-        known = self._laws.setdefault(id(declaration), [])
-        found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
-        if found is None:
-            try:
-                compiled = compile_law(
-                    declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
-                )
-            except Wrong:
-                if elaborator.table_of(scope.definition).diagnostics:
-                    raise AlreadyTold from None  # with a wrong domain its letters mean nothing
-                raise
-            found = replace(compiled, law=self._interned.setdefault(compiled.law, compiled.law))
-            known.append(found)
-        elaborator.check(found.checks, found.slots, scope)
-        return found
-
-    def _attributes(
-        self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry, stored: tuple[str, ...]
-    ) -> _Attributes:
-        result = _Attributes({}, {}, None, None)
-        ports = list(entry.ports)
-        for attribute in declaration.attributes:
-            self.elaborator.guard(self._attribute, scope, attribute, entry, ports, stored, result)
-        return result
-
-    def _attribute(
-        self,
-        scope: Scope,
-        attribute: tree.Attribute,
-        entry: ElementEntry,
-        ports: list[str],
-        stored: tuple[str, ...],
-        result: _Attributes,
-    ) -> None:
-        """One attribute of an element."""
-        if attribute.name in ("start", "nominal") and stored:
-            self._stored_value(scope, attribute, entry, ports, stored, result)
-            return
-        if attribute.name not in ("prefer", "require"):
-            known = (["start", "nominal"] if stored else []) + ["prefer", "require"]
-            hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
-        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.words
-        allowed = ["integral", "derivative", "effort", "flow"] if stored else ["effort", "flow"]
-        if word not in allowed:
-            hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
-            raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
-        if attribute.name == "prefer":
-            result.prefer = word
-        else:
-            result.require = word
-
-    def _stored_value(
-        self,
-        scope: Scope,
-        attribute: tree.Attribute,
-        entry: ElementEntry,
-        ports: list[str],
-        all_stored: tuple[str, ...],
-        result: _Attributes,
-    ) -> None:
-        words = attribute.target.words if attribute.target is not None else ""
-        port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
-        domain: Domain | None = entry.ports.get(port)
-        stored = all_stored[ports.index(port) if port in ports else 0]
-        variable = None if domain is None else (domain.variable(letter) if letter else stored)
-        allowed = stored + {"q": "e", "p": "f"}[stored]
-        if (
-            domain is None
-            or variable is None
-            or variable not in allowed
-            or (attribute.name == "nominal" and variable != stored)
-        ):
-            names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
-            raise Wrong(
-                UnknownAttribute(
-                    attribute.span,
-                    entry.name,
-                    f"{attribute.name} {words}".strip(),
-                    f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}.",
-                )
-            )
-        (bound,) = static_bounds(
-            self.elaborator, attribute.value, scope, domain.dimension(variable), f"`{attribute.name} {words}`", 1
-        )
-        target = result.starts if attribute.name == "start" else result.nominals
-        number = ports.index(port)
-        if number in target:
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}", "It is given twice."))
-        target[number] = (variable, bound)
-
-    def _mechanisms(self, connector: Connector) -> None:
-        elaborator = self.elaborator
-        for scope, statement, entry in elaborator.mechanisms:
-            mechanism = build_mechanism(elaborator, scope, statement, entry)
-            used = dict.fromkeys(
-                t.port for s in connector.segments for t in (s.tail, s.head) if t.node == entry.name and not t.side
-            )
-            ports = tuple(Port(p, elaborator.port_domain(entry.name, p).name) for p in used)
-            for number, port in enumerate(ports):
-                self.ends[entry.name, port.name] = End(len(self.nodes), number)
-            if not mechanism.bodies and not elaborator.diagnostics:
-                elaborator.tell(
-                    WrongMechanism(
-                        statement.span,
-                        f"The mechanism `{entry.name}` has no body",
-                        "Declare what moves: `body name { mass = … }`.",
-                    )
-                )
-            self.nodes.append(
-                MechanismNode(
-                    entry.name,
-                    Kind.MECHANISM,
-                    ports,
-                    mechanism,
-                    f"{scope.definition.name}.{statement.name}",
-                    entry.span,
-                )
-            )
-
-    def _share_ports(self) -> None:
-        """A part of a mechanism takes any number of bonds, which share its flow: a 1-junction stands there if they are several."""
-        by_port: dict[End, list[int]] = {}
-        for number, bond in enumerate(self.bonds):
-            for end in (bond.tail, bond.head):
-                if isinstance(self.nodes[end.node], MechanismNode):
-                    by_port.setdefault(end, []).append(number)
-        for end, numbers in by_port.items():
-            if len(numbers) < 2:
-                continue
-            node = self.nodes[end.node]
-            assert isinstance(node, MechanismNode)
-            port = node.ports[end.port]
-            junction = End(len(self.nodes), 0)
-            self.nodes.append(Junction(f"{node.name}.{port.name}", Kind.ONE, port.domain, node.definition, node.span))
-            for number in numbers:
-                bond = self.bonds[number]
-                moved = (
-                    Bond(junction, bond.head, bond.domain, bond.span)
-                    if bond.tail == end
-                    else Bond(bond.tail, junction, bond.domain, bond.span)
-                )
-                self.bonds[number] = moved
-            first = self.bonds[numbers[0]]
-            self.bonds.append(Bond(junction, end, port.domain, first.span))
-
-
-@dataclass(slots=True)
-class _Attributes:
-    starts: dict[int, tuple[str, Bound]]
-    nominals: dict[int, tuple[str, Bound]]
-    prefer: str | None
-    require: str | None
-
-
-def _placeholder(entry: ElementEntry) -> Node:
-    """Stands for what is wrong, so that its bonds can be checked; the graph is never used."""
-    if entry.kind in ("0", "1"):
-        return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
-    ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
-    kind = node_kind(entry.kind)
-    return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)

@@ -76,89 +76,102 @@ class DomainTable:
 
 def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> DomainTable:
     """Spread the domains of one definition; `table_of` gives those of the models it uses."""
-    table = DomainTable()
-    model = definition.model
-    names = set(_names(model.statements)) | set(definition.file.constants)
-    kinds: dict[str, tree.Declaration] = {}
-    walls: dict[str, tree.PortItem] = {}
-    for statement in _flat(model.statements):
-        if isinstance(statement, tree.Declaration):
-            kinds.update({d.name: statement for d in statement.names})
-            if statement.kind in ELEMENT_KINDS and not model.plain:
-                _learn_from_declaration(table, statement, names)
-        elif isinstance(statement, tree.Ports):
-            for item in statement.items:
-                walls[item.name] = item
-                for component, domain in wall_components(item).items():
-                    if domain is not None and domain in DOMAINS:
-                        table.learn((item.name, component), domain, item.span)
-                    elif domain is not None:
-                        hint = suggestion(
-                            domain, [*DOMAINS, *BUNDLES], "Domains: " + ", ".join(DOMAINS) + ", planar, spatial."
-                        )
-                        table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
-    slots = slot_defaults(model.statements)
-    mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
+    return _Spreading(definition, table_of).table
 
-    def ends(place: tree.Path | tree.Nest, is_head: bool) -> dict[str, Key]:
+
+class _Spreading:
+    """What the declarations of one definition tell, and then what its bonds carry on."""
+
+    def __init__(self, definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> None:
+        self.table, self.table_of = DomainTable(), table_of
+        self.file = definition.file
+        self.kinds: dict[str, tree.Declaration] = {}
+        self.walls: dict[str, tree.PortItem] = {}
+        model = definition.model
+        self.slots = slot_defaults(model.statements)
+        self.mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
+        names = set(_names(model.statements)) | set(definition.file.constants)
+        for statement in _flat(model.statements):
+            if isinstance(statement, tree.Declaration):
+                self.kinds.update({d.name: statement for d in statement.names})
+                if statement.kind in ELEMENT_KINDS and not model.plain:
+                    _learn_from_declaration(self.table, statement, names)
+            elif isinstance(statement, tree.Ports):
+                for item in statement.items:
+                    self._wall(item)
+        for statement in _flat(model.statements):
+            if isinstance(statement, tree.Bonds) and not model.plain:
+                self._bonds(statement)
+        self.table.guess()
+
+    def _wall(self, item: tree.PortItem) -> None:
+        """A port of the model itself."""
+        self.walls[item.name] = item
+        for component, domain in wall_components(item).items():
+            if domain is not None and domain in DOMAINS:
+                self.table.learn((item.name, component), domain, item.span)
+            elif domain is not None:
+                every = "Domains: " + ", ".join(DOMAINS) + ", planar, spatial."
+                hint = suggestion(domain, [*DOMAINS, *BUNDLES], every)
+                self.table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
+
+    def _bonds(self, statement: tree.Bonds) -> None:
+        for group in statement.places:
+            for place in group:
+                self._nested(place)
+        for first, second in zip(statement.places, statement.places[1:], strict=False):
+            for tail in first:
+                for head in second:
+                    self._connect(self._ends(tail, False), self._ends(head, True), head.span)
+
+    def _nested(self, place: tree.Path | tree.Nest) -> None:
+        if isinstance(place, tree.Nest):
+            for member in place.members:
+                self._connect(self._ends(place, False), self._ends(member, True), member.span)
+                self._nested(member)
+
+    def _connect(self, tails: dict[str, Key], heads: dict[str, Key], span: Span) -> None:
+        for component in tails.keys() & heads.keys():
+            self.table.join(tails[component], heads[component], span)
+
+    def _ends(self, place: tree.Path | tree.Nest, is_head: bool) -> dict[str, Key]:
         """component -> key of what a bond reaches at a place."""
         if isinstance(place, tree.Nest):
             return {"": (f"@{place.span.start}", "")}
         members = [s.name for s in place.steps if isinstance(s, tree.Member)]
-        if place.head in mechanisms:
-            return _mechanism_ends(table, mechanisms[place.head], place, members)
-        if place.head in walls:
-            components = wall_components(walls[place.head])
-            wanted = members[:1] or list(components)
+        if place.head in self.mechanisms:
+            return _mechanism_ends(self.table, self.mechanisms[place.head], place, members)
+        if place.head in self.walls:
+            wanted = members[:1] or list(wall_components(self.walls[place.head]))
             return {("" if members else c): (place.head, c) for c in wanted}
-        declaration = kinds.get(place.head)
+        declaration = self.kinds.get(place.head)
         if declaration is None:
             return {}
         if is_two_sided(declaration):
             return {"": (place.head, "1" if is_head else "2")}
         if declaration.kind in ELEMENT_KINDS:
-            ports = element_ports(declaration, place.head)
             if members:
                 return {"": (place.head, members[0])}
-            return {p: (place.head, p) for p in ports}
-        inner = definition.file.models.get(slots.get(declaration.kind, declaration.kind))
+            return {p: (place.head, p) for p in element_ports(declaration, place.head)}
+        return self._ends_of_instance(place, declaration.kind, members)
+
+    def _ends_of_instance(self, place: tree.Path, kind: str, members: list[str]) -> dict[str, Key]:
+        """The same for a port of another model, whose own table tells its domain."""
+        inner = self.file.models.get(self.slots.get(kind, kind))
         if inner is None or not members:
             return {}
-        inner_table = table_of(inner)
         item = next((i for i in wall_items(inner.model) if i.name == members[0]), None)
         if item is None:
             return {}
-        wanted = members[1:2] or list(wall_components(item))
+        inner_table = self.table_of(inner)
         result: dict[str, Key] = {}
-        for component in wanted:
+        for component in members[1:2] or list(wall_components(item)):
             key = (place.head, members[0], component)
             domain = inner_table.of(members[0], component)
             if domain is not None:
-                table.learn(key, domain.name, place.span)
+                self.table.learn(key, domain.name, place.span)
             result["" if members[1:] else component] = key
         return result
-
-    def connect(tails: dict[str, Key], heads: dict[str, Key], span: Span) -> None:
-        for component in tails.keys() & heads.keys():
-            table.join(tails[component], heads[component], span)
-
-    def nested(place: tree.Path | tree.Nest) -> None:
-        if isinstance(place, tree.Nest):
-            for member in place.members:
-                connect(ends(place, False), ends(member, True), member.span)
-                nested(member)
-
-    for statement in _flat(model.statements):
-        if isinstance(statement, tree.Bonds) and not model.plain:
-            for group in statement.places:
-                for place in group:
-                    nested(place)
-            for first, second in zip(statement.places, statement.places[1:], strict=False):
-                for tail in first:
-                    for head in second:
-                        connect(ends(tail, False), ends(head, True), head.span)
-    table.guess()
-    return table
 
 
 def _words(key: Key) -> str:

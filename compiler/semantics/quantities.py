@@ -9,7 +9,7 @@ from typing import Any
 from ..algebra.expression import ZERO, Number, select, substitute, symbols
 from ..algebra.formula import Bound, Formula
 from ..graph.network import Delay, Integral, Named, Quantity
-from ..graph.units import ONE, SECOND, Dimension
+from ..graph.units import ONE, SECOND, Dimension, Scale
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
@@ -146,83 +146,91 @@ class QuantityResolver(Resolver):
     def _resolve_quantity(self, pending: Pending) -> Scalar | Items:
         item = pending.item
         override = self.overrides.get(pending.name)
-        value, scope, is_default = pending.value, pending.scope, pending.is_default
-        number: float | None = None
-        later = False
         if override is not None and pending.role in ("parameter", "input"):
             self.used_overrides.add(pending.name)
-            if override.value is None:
-                later = True
-            elif isinstance(override.value, float):
-                number = override.value
-            else:
-                value, scope, is_default = override.value, self.root, False
+        else:
+            override = None
         unit = scale_of(item.unit) if item.unit is not None else None
         if unit is not None and pending.owner.plain:
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
         declared = None if unit is None else unit.dimension
         if (
-            declared is None and (not is_default or number is not None or later) and item.value is not None
+            declared is None and (not pending.is_default or override is not None) and item.value is not None
         ):  # the default tells the dimension
             found = self._dimension(self.template(item.value, pending.owner, unit).value)
             declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
-        if number is not None:
-            return self._enter_quantity(pending, "", Bound(_constant(number), ()), declared, item.span)
-        if later:
+        if override is None:
+            return self._valued(pending, pending.value, pending.scope, declared, unit if pending.is_default else None)
+        if override.value is None:
             return self._enter_later(pending, "", declared, item.span)
+        if isinstance(override.value, float):
+            return self._enter_quantity(pending, "", Bound(_constant(override.value), ()), declared, item.span)
+        return self._valued(pending, override.value, self.root, declared, None)
+
+    def _valued(
+        self,
+        pending: Pending,
+        value: tree.Expression | None,
+        scope: Scope,
+        declared: Dimension | None,
+        unit: Scale | None,
+    ) -> Scalar | Items:
+        """A quantity from its value, which is read in `scope`; bare numbers in it count in `unit`."""
         if value is None:
-            if not self.part:
-                role = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}.get(
-                    pending.role, "Signal"
-                )
-                self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
-                raise AlreadyTold
-            self.quantities[pending.name] = Named(
-                pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
-            )
-            return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
+            return self._without_value(pending, declared)
         if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
-            return self._integral(value, scope, pending.name, pending.role, declared, item.description or "")
-        template = self.template(value, scope, unit if is_default else None)
+            return self._integral(value, scope, pending.name, pending.role, declared, pending.item.description or "")
+        template = self.template(value, scope, unit)
         if pending.role in ("parameter", "constant", "mode"):
             self._require_static(template, scope, pending)
-        parts = template.value if isinstance(template.value, tuple) else (template.value,)
-        for part in parts:
-            if declared is not None and part.dimension is not None and part.dimension != declared:
-                raise Wrong(
-                    DimensionMismatch(
-                        value.span,
-                        f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}",
-                        unit_hint(part.dimension, declared, value),
-                    )
-                )
-        if isinstance(template.value, tuple) and not is_default and item.value is not None:
-            default = self.template(item.value, pending.owner, unit).value
-            if not isinstance(default, tuple):
-                hint = "Its default is a single number; give it one, or an item of the list."
-                raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", "a list", hint))
+        self._check_value(pending, template.value, value, declared)
         dimension = declared if declared is not None else self._dimension(template.value) or ONE
         bounds = [self.bind(template, f, scope) for f in template.formulas]
-        if not isinstance(template.value, tuple):
-            if template.value.truth:
-                bounds = [
-                    Bound(Formula(b.formula.arity, select(b.formula.expression, Number(1.0), ZERO)), b.arguments)
-                    for b in bounds
-                ]
-            entered = self._enter_quantity(pending, "", bounds[0], dimension, value.span)
-            return replace(entered, truth=template.value.truth)
-        if pending.role in ("input", "mode"):
-            hint = (
-                "An input is one signal."
-                if pending.role == "input"
-                else "Declare a mode for each: `mode on[i] = false`."
+        if isinstance(template.value, tuple):
+            items = tuple(
+                self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
+                for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
             )
-            raise Wrong(WrongType(value.span, "A single number", "a list", hint))
-        items = tuple(
-            self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
-            for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
+            return Items(pending.name, items)
+        bound = bounds[0]
+        if template.value.truth:
+            truth = select(bound.formula.expression, Number(1.0), ZERO)
+            bound = Bound(Formula(bound.formula.arity, truth), bound.arguments)
+        entered = self._enter_quantity(pending, "", bound, dimension, value.span)
+        return replace(entered, truth=template.value.truth)
+
+    def _without_value(self, pending: Pending, declared: Dimension | None) -> Scalar:
+        """A quantity that nothing gives a value: only a part may have one."""
+        item = pending.item
+        if not self.part:
+            roles = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}
+            role = roles.get(pending.role, "Signal")
+            self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
+            raise AlreadyTold
+        self.quantities[pending.name] = Named(
+            pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
         )
-        return Items(pending.name, items)
+        return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
+
+    def _check_value(
+        self, pending: Pending, typed: Typed | tuple[Typed, ...], value: tree.Expression, declared: Dimension | None
+    ) -> None:
+        """Raises `Wrong` for a value of another dimension, or for a list where a single number must be."""
+        item = pending.item
+        for part in typed if isinstance(typed, tuple) else (typed,):
+            if declared is not None and part.dimension is not None and part.dimension != declared:
+                what = f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}"
+                raise Wrong(DimensionMismatch(value.span, what, unit_hint(part.dimension, declared, value)))
+        if not isinstance(typed, tuple):
+            return
+        if value is not item.value and item.value is not None:
+            default = self.template(item.value, pending.owner, scale_of(item.unit) if item.unit is not None else None)
+            if not isinstance(default.value, tuple):
+                hint = "Its default is a single number; give it one, or an item of the list."
+                raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", "a list", hint))
+        if pending.role in ("input", "mode"):
+            hints = {"input": "An input is one signal.", "mode": "Declare a mode for each: `mode on[i] = false`."}
+            raise Wrong(WrongType(value.span, "A single number", "a list", hints[pending.role]))
 
     # ------------------------------------------------------------ signals with memory
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:

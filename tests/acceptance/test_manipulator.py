@@ -89,10 +89,10 @@ def test_asking_for_energy_changes_nothing_where_states_were_left_out(more: str)
     }""".replace("MORE", more)
     model = bondgraph.load(text)
     lean, audited = (model.simulate(to=3.0, points=7, outputs=("x",), energy=e) for e in (False, True))
-    assert audited["x"] == pytest.approx(lean["x"], abs=1e-12 if not more else 1e-5)
+    assert audited["x"] == pytest.approx(lean["x"], abs=1e-12 if not more else 1e-7)
     assert audited.energy is not None
     assert {e.name for e in audited.energy.elements} == {"a", "b", "c", "d"}
-    assert abs(audited.energy.residual) < 25e3 * (1e-11 if not more else 1e-4)  # of what is stored
+    assert abs(audited.energy.residual) < 25e3 * (1e-11 if not more else 5e-5)  # of what is stored, over 675 periods
 
 
 @pytest.mark.parametrize(

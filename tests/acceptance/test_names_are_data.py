@@ -127,6 +127,16 @@ def test_the_archive_and_json(file: str) -> None:
     assert told["schema"] == "bondgraph-result/1"
 
 
+@pytest.mark.parametrize("closed", [(), ("--closed", "--numbers")])
+def test_the_diagram(file: str, closed: tuple[str, ...]) -> None:
+    run("draw", file, "-o", "d.svg", *closed)
+    text = Path("d.svg").read_text(encoding="utf-8")
+    harmless(text)
+    kinds = {item.tag.partition("}")[2] for item in ElementTree.fromstring(text).iter()}
+    assert kinds <= {"svg", "title", "style", "rect", "g", "path", "text", "circle"}
+    assert text.count("<style>") == 1 and "url(" not in text and "@import" not in text
+
+
 def test_latex(file: str) -> None:
     text = run("equations", file, "--latex").stdout
     for word in ("input", "write", "$", "%", "#", "openout", "canary"):

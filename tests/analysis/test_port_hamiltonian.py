@@ -10,7 +10,7 @@ import sympy
 from hypothesis import HealthCheck, given, settings
 
 import bondgraph
-from bondgraph.analysis import PortHamiltonian
+from bondgraph.analysis.port_hamiltonian import PortHamiltonian
 from bondgraph.errors import RunFailed, UsageError
 from tests.compiling import MODELS
 from tests.equations.random_network import Example, examples

@@ -200,7 +200,6 @@ NO_JOB = {
     "casadi": "wants a semi-explicit form",
     "scipy Radau + lambdify": "takes no M y' = f",
     "ngspice": "circuits only",
-    "rumoca": "not run",
 }
 
 
@@ -223,7 +222,8 @@ def measured(scene: Scene, wanted: Sequence[str] = tuple(PEERS)) -> tuple[dict[s
         if points:
             found[name] = points
         if word or not points:
-            words[name] = word or NO_JOB.get(name, "does not take this")
+            nothing = "no equations by hand for it" if not scene.hand else NO_JOB.get(name, "does not take this")
+            words[name] = word or nothing
         print(f"{scene.name}: {name}: {len(points)} points {words.get(name, '')}", file=sys.stderr, flush=True)
     return found, words
 

@@ -118,6 +118,51 @@ def test_numbers_that_fail(tmp_path: Path) -> None:
     assert "`x`" in found.stderr
 
 
+def test_a_run_that_fails_is_written_up_to_there(tmp_path: Path) -> None:
+    path, out = tmp_path / "burst.bg", tmp_path / "r.npz"
+    path.write_text("plain model Burst { output x = integral(x^2, 1) }")
+    found = run("run", str(path), "--to", "2", "--points", "201", "--out", str(out))
+    assert found.exit_code == 3
+    assert f"instants are in {out}; `bondgraph run {path} --from {out} --out {out}` goes on from t = " in found.stderr
+    with np.load(out) as arrays:
+        assert 99 <= len(arrays["time"]) <= 103 and arrays["x"][0] == 1
+    told = json.loads(run("run", str(path), "--to", "2", "--json").stdout)
+    assert told["stopped"].startswith("it failed: the solver cannot hold")
+
+
+def test_a_run_that_goes_on_from_a_file(tmp_path: Path) -> None:
+    part, whole = tmp_path / "part.npz", tmp_path / "whole.npz"
+    assert run("run", "models/oscillator.bg", "--to", "2 s", "--out", str(part)).exit_code == 0
+    assert run("run", "models/oscillator.bg", "--from", str(part), "--points", "26", "--out", str(whole)).exit_code == 0
+    expected = json.loads(run("run", "models/oscillator.bg", "--json").stdout)["outputs"]["position"]["final"]
+    with np.load(whole) as arrays:
+        assert (arrays["time"][0], arrays["time"][-1]) == (0, 5)
+        assert arrays["position"][-1] == pytest.approx(expected, rel=1e-5)
+    found = run("run", "models/rlc.bg", "--from", str(part))
+    assert found.exit_code == 2 and "is of the model `Oscillator`, not of `SeriesRlc`" in found.stderr
+    assert run("run", "models/rlc.bg", "--from", str(tmp_path / "none.npz")).exit_code == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for other processes")
+def test_an_interrupted_run_is_written_up_to_there(tmp_path: Path) -> None:
+    """Ctrl-C after a second of a run that takes hours."""
+    path, out = tmp_path / "long.bg", tmp_path / "r.npz"
+    path.write_text("plain model Long {\n output x = integral(y, 1)\n output y = integral(3*(1 - x^2)*y - x, 0)\n}\n")
+    code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "import bondgraph.simulation.integrate as i; was = i.Stepper.keep\n"
+        "def keep(self, *a, **k):\n was(self, *a, **k)\n if self.steps == 60: signal.raise_signal(signal.SIGINT)\n"
+        "i.Stepper.keep = keep\nfrom bondgraph.cli import main; main()"
+    )
+    arguments = ["run", str(path), "--to", "1e5", "--points", "1000001", "--target", "numpy", "--out", str(out)]
+    found = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    assert found.returncode == 130, found.stderr
+    assert f"instants are in {out}" in found.stderr and "interrupted at t = " in found.stderr
+    with np.load(out) as arrays:
+        assert 5 < len(arrays["time"]) < 1000
+        np.testing.assert_allclose(arrays["time"], 0.1 * np.arange(len(arrays["time"])), rtol=1e-9)
+
+
 def test_a_compiled_module_runs_alone(tmp_path: Path) -> None:
     out = tmp_path / "model.py"
     assert run("compile", "models/manipulator.bg", "-o", str(out)).exit_code == 0

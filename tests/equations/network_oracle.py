@@ -290,6 +290,11 @@ def is_regular(network: Network, rng: np.random.Generator) -> bool:
         f_w, f_s, _ = network.jacobians(w, s, 0.3)
         if f_w.shape[0] != n:
             return False
+        # What a source fixes has its value, for the laws that it modulates: two of them may be the same at all times.
+        fixed = np.flatnonzero(((f_w != 0).sum(axis=1) == 1) & ~f_s.any(axis=1))
+        places = np.argmax(f_w[fixed] != 0, axis=1)
+        w[places] -= network.residual(w, s, 0.3)[fixed].real / f_w[fixed, places]
+        f_w, f_s, _ = network.jacobians(w, s, 0.3)
         rates = network.rates(np.eye(n))
         matrix = np.block([[f_w, f_s], [-rates, rng.uniform(0.6, 0.9) * np.eye(m)]])
         rows = np.abs(matrix).max(axis=1, keepdims=True)

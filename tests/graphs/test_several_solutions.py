@@ -101,3 +101,18 @@ def test_ladders_of_laws_that_only_rise_have_one(values: list[tuple[float, float
         assert "more than one" not in str(failed)
     else:
         assert abs(found) <= abs(supply)
+
+
+@pytest.mark.parametrize("laws", [("e = f*f", "e = 0*f"), ("e = f*abs(f)", "e = f*f*f")], ids=["double", "flat"])
+def test_a_solution_where_a_law_is_flat_is_one(laws: tuple[str, str]) -> None:
+    """Newton's method comes near such a zero from all sides, and nowhere to it; and a condition on states that would have to
+    be another there (the sign in a signed root) makes no second solution."""
+    text = f"""plain model A {{
+      Se s : e = 0
+      1 j
+      R a : {laws[0]}
+      R b : {laws[1]}
+      s -> j -> a, b
+      output i = j.f
+    }}"""
+    assert bondgraph.load(text).simulate(to=1, points=4)["i"] == pytest.approx(0, abs=1e-13)

@@ -223,3 +223,27 @@ class TestNonlinear:
         text = "model A {\n  Se s : u = -1 V\n  1 loop\n  R odd : u = 1 [V/A^2]*i^2\n  s -> loop -> odd\n  output i = loop.i\n}\n"
         with pytest.raises(RunFailed, match=r"odd|loop"):
             bondgraph.load(text).simulate(to=1, points=2)
+
+
+@pytest.mark.parametrize(("kind", "ratio"), [("GY", "1.49"), ("GY", "r"), ("MGY", "r*(1 + 0.4*sin(time))")])
+def test_a_gyrator_that_gives_back_what_it_takes(kind: str, ratio: str) -> None:
+    """Between two junctions of one flow: its efforts cancel, so the other one sees a short circuit and holds the mass."""
+    text = f"""plain model A {{
+      parameter r = 3
+      {kind} back : e1 = {ratio}*f2
+      MGY far : f1 = (2 + sin(time))*e2
+      1 a, b, c
+      I mass : p = 2*f
+      R loss : e = 5*f
+      Se push : e = 7
+      a -> back -> b
+      a -> b
+      push -> c -> far -> a
+      c -> mass, loss
+      output f = c.f, e = far.e1, taken = a.f
+    }}"""
+    result = bondgraph.load(text).simulate(to=1, points=3)
+    assert result["f"] == pytest.approx(0, abs=1e-12)
+    # All of the push goes into the gyrator, whose flow is what the other loop carries round.
+    assert result["e"] == pytest.approx(7.0)
+    assert result["taken"] == pytest.approx(7 * (2 + np.sin(result.time)), rel=1e-9)

@@ -65,3 +65,25 @@ def test_a_full_matrix_of_rank_one() -> None:
     found = mistakes(text)
     assert [d.code for d in found] == ["BG502"], "the two sources meet without a resistance"
     assert mistakes(text.replace("-2*f", "-1*f")) == ()
+
+
+MODULATED = "plain model A {\n  parameter n = 2\n  Sf clock : f = 1.87*sin(3.61*time)\n  R load : e = f\n  clock -> load\n  C tank : e = q\n  R leak : e = f\n  1 k\n  k -> tank, leak\n  Se s : e = 1\n  1 a, b\n  R r : e = 3*f\n  R t : e = 2*f\n  s -> a -> r\n  a -> one -> b -> two -> a\n  b -> t\n  output o = r.f\n"
+
+
+@pytest.mark.parametrize("gain", ["1 + 0.4*sin(time)", "1 + 0.4*sin(clock.f)", "2 + tanh(tank.q)"])
+def test_a_gain_that_cancels_at_all_times(gain: str) -> None:
+    """There and back by the same ratio, whatever it is at the moment: nothing decides what goes round."""
+    ring = MODULATED + "  MTF one : e1 = (GAIN)*e2\n  MTF two : e2 = (OTHER)*e1\n}\n"
+    found = mistake(ring.replace("GAIN", gain).replace("OTHER", gain), "BG502")
+    assert "`one`, `two`" in found.sentence
+    assert mistakes(ring.replace("GAIN", gain).replace("OTHER", gain + " + 0.1")) == ()
+
+
+def test_a_gain_that_cancels_now_and_then_is_no_mistake_of_the_graph() -> None:
+    ring = MODULATED + "  MTF one : e1 = (1 + time)*e2\n  TF two : e2 = 1.5*e1\n}\n"
+    assert mistakes(ring) == ()
+
+
+def test_a_parameter_that_cancels_whatever_its_value() -> None:
+    ring = MODULATED + "  TF one : e1 = n*e2\n  TF two : e2 = n*e1\n}\n"
+    assert refused(compiled(ring, free=("n",)), "BG502")

@@ -82,3 +82,19 @@ def test_summary_is_in_the_units_of_the_report() -> None:
     assert "mA" in text
     assert "residual" in text
     assert "matrix exponential" in text
+
+
+def test_sparks() -> None:
+    """A ramp goes from the lowest bar to the highest, a pulse is where it is, what is no number is blank, what stays is in the middle."""
+    from bondgraph.views.tables import spark
+
+    time = np.linspace(0.0, 2.0, 801)
+    assert spark(time, time, 8) == "▁▂▃▄▅▆▇█"
+    assert spark(time, np.where((time > 0.5) & (time < 1.0), 1.0, 0.0), 8) in ("▁▁██▁▁▁▁", "▁▁▇█▁▁▁▁", "▁▁█▇▁▁▁▁")
+    assert spark(time, np.where(time < 1.0, np.nan, time), 4) == "  ▂▇"
+    assert spark(time, 0 * time, 3) == "▅▅▅"
+    assert spark(np.array([0.0, 1.9, 2.0]), np.array([1.0, 2.0, 3.0]), 4) == "▁▁▁▇"  # long steps hold what was
+    result = bondgraph.load("models/rlc.bg").simulate(points=11)
+    plain, barred = result.summary().splitlines(), result.summary(sparks=True).splitlines()
+    assert plain[2] == "".join(barred[2].partition("over time")[0]).rstrip()
+    assert [a.startswith(b) for a, b in zip(barred[3:], plain[3:], strict=True)] == [True] * len(plain[3:])

@@ -483,3 +483,20 @@ model Drive {
     assert {e.name: e.dissipated for e in found.energy.elements}["active"] == pytest.approx(900 - 600, rel=1e-9)
     assert found.energy.stored == pytest.approx(-300, rel=1e-9)
     assert abs(found.energy.residual) < 1e-6
+
+
+def test_a_tank_behind_two_valves_is_full_and_stays_so() -> None:
+    """Roots of the pressures: sqrt(1 - q) falls linearly to zero, in finite time; there neither sign holds, and nothing flows."""
+    text = """plain model Tank {
+      Se supply : e = 1
+      1 pipe
+      R first : f = sign(e)*sqrt(abs(e))
+      R second : f = 2*sign(e)*sqrt(abs(e))
+      C tank : e = q
+      supply -> pipe -> first, second, tank
+      output f = pipe.f, q = tank.q
+    }"""
+    found = bondgraph.load(text).simulate(to=4, points=41, rtol=1e-8)
+    left = np.maximum(1 - found.time / (2 * np.sqrt(1.25)), 0.0)
+    assert found["q"] == pytest.approx(1 - left**2, abs=1e-6)
+    assert found["f"] == pytest.approx(left / np.sqrt(1.25), abs=1e-4)

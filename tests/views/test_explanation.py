@@ -50,3 +50,25 @@ def test_as_json() -> None:
     assert {"name": "push_y", "place": "manipulator.bg:55", "because": ["fy"]} in told["gives_nothing"]
     assert told["operations"]["jacobian_entries"] == 39
     assert sum(line["operations"] for line in told["lines"]) == told["operations"]["rates"]
+
+
+def test_what_happens_at_instants_is_listed() -> None:
+    text = """model A {
+  mode count = 0
+  C s : F = 100 [N/m]*x if x > 0 m else 50 [N/m]*x { start x = 1 m }
+  I m : p = 1 kg*v
+  R d : F = 2 N*max(v/1 [m/s], 0)
+  1 b
+  b -> m, s, d
+  every 0.1 s { count = count + 1 }
+  when s.x > 1 m { count = 0 }
+  output x = s.x, n = count
+}
+"""
+    told = explain(compiled(text))
+    assert told.certificate.events == ("every 0.1 s (text.bg:8)", "when s.x > 1 m (text.bg:9)")
+    lines = told.text().split("what happens at instants\n")[1].splitlines()
+    assert lines[:2] == ["  every 0.1 s (text.bg:8)", "  when s.x > 1 m (text.bg:9)"]
+    assert lines[2] == "  a condition on states in `s` (text.bg:3)" and lines[3].startswith("  1 bend of laws")
+    assert told.to_json()["certificate"]["events"] == list(told.certificate.events)
+    assert "2 events" in told.certificate.line

@@ -22,6 +22,7 @@ ROUNDING = 4e-16  # of the size of a gap: closer it cannot be
 NOISE = 1e-13  # of that size: what is left of large positions that are subtracted
 DENSE = 60  # rows up to which the linear algebra is dense
 RANK = 1e-8  # of the largest singular value: rows that lose more say nothing at this pose
+NO_SLOPE = 1e-9  # of an angle: slopes that are rounding
 WEAK = 1e-5  # smallest pivot of a Cholesky factor that is trusted
 
 
@@ -57,6 +58,8 @@ class Constraints:
         """The magnitudes that a change is measured by."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
+        turns = [p for p in self.positions if self.program.states.units[p] == "1"]
+        self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0  # of the angles
         if self.gaps:  # else it holds nothing that could change
             self._compiled = None
 
@@ -103,13 +106,27 @@ class Constraints:
         whole[self.rows, self.columns] = entries * self.reach[self.columns]
         return whole[: self.gaps][:, self.positions], whole[self.gaps :][:, self.speeds]
 
+    def length(self, time: float, state: Any, mode: Any) -> float:
+        """That of the mechanism, m: the longest arm with which an angle opens a gap; 0 if there is none."""
+        entries = np.asarray(self.program.invariant_slopes(time, state, self.inputs, self.constants, mode))
+        arms = [
+            abs(entry)
+            for entry, row, column in zip(entries, self.rows, self.columns, strict=True)
+            if row < self.gaps and self.lengths[row] and self.program.states.units[column] == "1"
+        ]
+        return float(max(arms, default=0.0))
+
     def sizes(self, slopes: Any) -> Any:
-        """How large a gap of each row can be: rows of one unit share the largest, as one that loses its slopes is still a length."""
+        """How large a gap of each row can be: rows of one unit share the largest, as one that loses its slopes is still a length.
+
+        Where all angles have lost theirs (a planar loop in space), rounding is no size: then it is that of the angles among the positions.
+        """
         norms = np.linalg.norm(slopes, axis=1)
         result = np.ones(self.gaps)
         for same in (self.lengths, ~self.lengths):
             if same.any():
                 result[same] = norms[same].max() or 1.0
+        result[~self.lengths & (result < NO_SLOPE * self.turning)] = self.turning
         return result
 
     # ------------------------------------------------------------ projection
@@ -120,6 +137,14 @@ class Constraints:
         if self.compiled is not None:
             return self.project_all(np.array([time]), np.asarray(state)[None], mode)[0]
         return self._projected(time, state, mode)
+
+    def project_by(self, taking: Any, time: float, state: Any, mode: Any) -> Any:
+        """The nearest state that keeps some of the invariants; `taking`: which gaps."""
+        all_of_them, self.taking = self.taking, taking
+        try:
+            return self._projected(time, state, mode)
+        finally:
+            self.taking = all_of_them
 
     def _projected(self, time: float, state: Any, mode: Any) -> Any:
         state = self._closed(time, np.array(state, dtype=float), mode)

@@ -26,6 +26,7 @@ VANISHED = 1e-6  # of the largest: a singular value that is none
 SEARCH = 12
 DIFFERENCE = 1e-6
 ORDER = 1 / 6  # of the size of a crossing with its error, from below
+BETTER = 2.0  # a singular value of other rows, with which these are worth a new start
 ASIDE = 0.1  # of the way of a crossing: how far beside it the singular point may lie
 LARGEST = 400  # positions up to which singular values are computed at each step
 SHOWN = 5  # names and times in a note
@@ -98,6 +99,20 @@ class Watcher:
                 f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer "
                 "do: the mechanism is drawn in a special pose; start it elsewhere, or leave a joint out"
             )
+
+    def other_rows(self, time: float, state: Any, mode: Any, step: float) -> bool:
+        """Whether the rows that take part are about to hang together where others, which followed from them, do not."""
+        constraints = self.constraints
+        if constraints.taking.all() or not self.comes or not self.ahead < LOOK * step:
+            return False
+        from scipy.linalg import qr
+
+        slopes, _ = constraints.slopes(time, state, mode)
+        slopes = slopes / constraints.sizes(slopes)[:, None]
+        count = int(constraints.taking.sum())
+        order = qr(slopes.T, mode="economic", pivoting=True)[2][:count]
+        kept, best = (np.linalg.svd(slopes[rows], compute_uv=False)[-1] for rows in (constraints.taking, order))
+        return bool(best > BETTER * kept)
 
     @property
     def longest(self) -> float:
@@ -204,6 +219,8 @@ class Watcher:
         What slopes lose is looked at along a few of the directions that move nothing else: the derivative of slopes along a direction
         is, as second derivatives are symmetric, that of the motion along it by all positions.
         """
+        from scipy.linalg import lstsq
+
         constraints = self.constraints
         positions = constraints.positions
         state, lost, change = np.array(state), 0, np.inf
@@ -222,7 +239,7 @@ class Watcher:
                 break
             matrix = [held.T @ slopes]
             matrix += [gone.T @ self._bent(time, state, mode, way, size) for way in ways]
-            step, *_ = np.linalg.lstsq(np.concatenate(matrix), -np.concatenate(rest), rcond=1e-6)
+            step, *_ = lstsq(np.concatenate(matrix), -np.concatenate(rest), cond=1e-6, lapack_driver="gelsy")
             state[positions] += constraints.reach[positions] * step
             change, before = float(np.abs(step).max()), change
             if change < 1e-13 or (count and change > 0.5 * before):  # it leads nowhere; what is reached is looked at

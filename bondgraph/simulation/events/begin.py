@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..segments import Segment
@@ -76,7 +77,7 @@ def continued(
     program = constraints.program
     names, hybrid = program.states.names, program.hybrid
     assert hybrid is not None
-    full = np.array([*(begin.stored[n] for n in names), *state[len(names) :]])
+    full = np.array([*(begin.stored[n] for n in names), *unknowns_in(program, begin, state)])
     if constraints:
         constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
         full = constraints.project(first.start, full, first.mode)
@@ -84,13 +85,23 @@ def continued(
     for place, name in enumerate(hybrid.modes.names):
         mode[place] = begin.modes.get(name, mode[place])
     events = Events(constraints, _size(full), horizon, dict(begin.on))
-    known = np.array([begin.magnitudes.get(n, 0.0) for n in (*names, *program.unknowns.names)])
+    known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(Moment(first.start, full, mode))
     jumps: tuple[Jump, ...] = ()
     if hybrid.junctions:
-        full, jumps = after_impulse(constraints, first.start, full, mode, begin.stored, begin.peaks | begin.magnitudes)
+        full, jumps = after_impulse(
+            constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes}
+        )
     return events, events.happen(Moment(first.start, full, mode)), jumps
+
+
+def unknowns_in(program: Program, begin: Handover, state: Any) -> list[float]:
+    """The unknowns of loops as they were, where their names were known; which of several solutions they are is kept so."""
+    return [
+        begin.unknowns.get(n, float(x))
+        for n, x in zip(program.unknowns.names, state[len(program.states.names) :], strict=True)
+    ]
 
 
 def _size(state: Any) -> Any:

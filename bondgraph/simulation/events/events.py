@@ -175,7 +175,11 @@ class Events:
             key = now.mode.tobytes()
             if key in seen:
                 loop = np.array(trail[seen[key] :])[:, self.places]
-                raise RunFailed(self._sliding(at.time, np.flatnonzero(np.ptp(loop, axis=0) > 0)))
+                flipping = np.flatnonzero(np.ptp(loop, axis=0) > 0)
+                between = self._between(now, flipping)
+                if between is None:
+                    raise RunFailed(self._sliding(at.time, flipping))
+                return between
             seen[key] = len(trail)
             trail.append(now.mode)
             truth = self._just_after(now)
@@ -184,6 +188,14 @@ class Events:
             mode = now.mode.copy()
             mode[self.places] = truth
             now = self._solved(Moment(at.time, now.state, mode))
+
+    def _between(self, at: Moment, conditions: Any) -> Moment | None:
+        """The mode in which each of these conditions is as it is where its two sides are equal, if the motion stays there: a law
+        that goes through zero (a valve whose pressure has gone) ends there, one that jumps (dry friction) does not."""
+        mode = at.mode.copy()
+        mode[self.places[conditions]] = self.truth(np.zeros(len(self.places)))[conditions]
+        rest = self._solved(Moment(at.time, at.state, mode))
+        return rest if (self._just_after(rest) == (mode[self.places] == 1.0)).all() else None
 
     def _solved(self, at: Moment) -> Moment:
         held = self.constraints.project(at.time, at.state, at.mode)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...door import Program
+from ...ended import Past
 
 DEGREE = 5  # of the polynomials, as the solver's own between two steps
 NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
@@ -26,7 +27,7 @@ ROUNDS = 50  # of signals that depend on one another's past at the start
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
-def history_of(program: Program, parameters: Any, before: History | None) -> History | None:
+def history_of(program: Program, parameters: Any, before: Past | None) -> History | None:
     """The history of a program; None if it has no delays."""
     if program.delays is None:
         return None
@@ -36,7 +37,7 @@ def history_of(program: Program, parameters: Any, before: History | None) -> His
 class History:
     """What the delayed signals of a program have been. `before`: what another program knew of them."""
 
-    def __init__(self, program: Program, constants: Any, before: History | None = None) -> None:
+    def __init__(self, program: Program, constants: Any, before: Past | None = None) -> None:
         assert program.delays is not None
         self.plain, self.constants, self.count = program, constants, program.delays.count
         self.names = program.inputs.names[len(program.inputs.names) - self.count :]
@@ -52,7 +53,7 @@ class History:
             self._take(before)
         self.program = self._wrapped(program)
 
-    def _take(self, before: History) -> None:
+    def _take(self, before: Past) -> None:
         """What another program knew; what it did not know is as it was when that ended."""
         known = [before.names.index(n) if n in before.names else -1 for n in self.names]
         self.starts, self.stops, self.cuts = list(before.starts), list(before.stops), list(before.cuts)
@@ -60,6 +61,13 @@ class History:
         self.last = np.array([before.last[k] if k >= 0 else 0.0 for k in known])
         for piece in before.pieces:
             self.pieces.append(np.stack([piece[:, k] if k >= 0 else 0 * piece[:, 0] for k in known], axis=1))
+
+    def past(self, count: int | None = None) -> Past:
+        """What is known, of the first steps or of all, for another program or another run."""
+        count = len(self.starts) if count is None else count
+        last = self.last if count == len(self.starts) else self.pieces[count - 1].sum(axis=0) if count else self.first
+        starts, stops, pieces = self.starts[:count], self.stops[:count], self.pieces[:count]
+        return Past(self.names, starts, stops, pieces, list(self.cuts), self.first, last)
 
     # ------------------------------------------------------------ reading
     def at(self, time: float) -> Any:
@@ -106,7 +114,7 @@ class History:
 
         names = (
             "derivative", "jacobian_entries", "jacobian", "output", "claims", "dependent", "sensitivities", "forced", "powers", "holds",
-            "limit_values", "invariant", "invariant_slopes", "solved",
+            "limit_values", "invariant", "invariant_slopes", "solved", "bends",
         )  # fmt: skip
         present: dict[str, Any] = {n: wrap(getattr(program, n)) for n in names if getattr(program, n, None) is not None}
         hybrid, delays = program.hybrid, program.delays

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...door import Program
-from ...errors import RunFailed
+from ...errors import RunFailed, StepsCollapsed
 from ..closed.constraints import Constraints
 from ..integrate import Stepper
 from ..segments import Segment, mode_after, with_time_of
@@ -18,9 +18,10 @@ from ..watch.choice import Choice, Handover
 from ..watch.validity import Watch
 from .events import Events, Moment
 from .history import History
-from .locate import StateAt, first_flip
+from .locate import Flip, StateAt, first_flip
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
+CLOSE = 1e-8  # of the run: a condition that flips so soon after steps have collapsed is why they have
 MOST_EVENTS = 1_000_000  # of one run
 
 
@@ -48,8 +49,8 @@ class EventStepper(Stepper):
                 stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
             x = stepper.run_with_events(stretch, x, not number)
             if stepper.result.handover is not None:
-                return stepper.done(x)
-        return stepper.done(stepper.finish(stretches[-1], x))
+                return stepper.done(x, stepper.mode)
+        return stepper.done(stepper.finish(stretches[-1], x), stepper.mode)
 
     def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
         """One stretch, from event to event; returns the state at its end. `first`: its mode is that of the start."""
@@ -87,7 +88,13 @@ class EventStepper(Stepper):
             return x
         now = self._happen(Moment(stop, x, mode), None)
         self.result.pieces.append(Segment(stop, stop, now.mode))
+        self.mode = now.mode
         return now.state
+
+    @property
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """How many events there were, and which events' conditions hold."""
+        return len(self.events.log), dict(self.events.on)
 
     def _happen(self, at: Moment, flipped: Any) -> Moment:
         events, powers = self.events, self.powers
@@ -121,6 +128,20 @@ class EventStepper(Stepper):
         """Keep the largest magnitudes."""
         peak = self.result.peak
         self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
+
+    def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
+        """Whether a condition flips so close that no step could tell: its side of a law ends there (`sqrt(x) if x > 0`)."""
+        events, said = self.events, np.asarray(stretch.mode)[self.events.places] == 1.0
+        for time, state in told.ahead:
+            if time - told.time > CLOSE * max(self.whole, abs(told.time)) or time >= stretch.stop:
+                return False
+            roots = events.roots(time, state, stretch.mode)
+            wrong = np.isfinite(roots) & (events.truth(roots) != said)
+            if wrong.any():
+                self.flip = Flip(time, state, wrong)
+                self.grow(state)
+                return True
+        return False
 
     def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
         """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way."""

@@ -15,6 +15,9 @@ from .loops import LoopSolver
 from .scatter import Loop, arrivals, guesses
 
 CLOSE = 1e-6  # relative distance within which two solutions are one
+FLOOR = (
+    1e-13  # of the magnitude: where a law is flat at a solution (a valve without flow), Newton's method comes no closer
+)
 LARGEST = 100  # unknowns; more are not searched
 BENT = 1e-3  # relative change of slope between two solutions that are not one
 BETWEEN = np.arange(1, 20) / 20
@@ -33,8 +36,20 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))
         ends = (loops.newton(*loop.at, loop.full(z)) for z in sorted(found[1:], key=lambda z: np.abs(z).max()))
-        others += [z for z in ends if z is not None]
+        others += [
+            z for z in ends if z is not None and _in_mode(loops, time, np.concatenate([state[: loops.count], z]), mode)
+        ]
     return others
+
+
+def _in_mode(loops: LoopSolver, time: float, state: Any, mode: Any) -> bool:
+    """Whether the conditions on states are at a solution as the mode has them: else it solves other equations than the model's."""
+    hybrid = loops.program.hybrid
+    if hybrid is None:
+        return True
+    roots = np.asarray(hybrid.roots(time, state, loops.inputs, loops.constants, mode))
+    held = np.asarray(mode)[[c.position for c in hybrid.conditions]] == 1.0
+    return bool(((roots == 0) | ((roots < 0) == held)).all())
 
 
 def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
@@ -49,7 +64,8 @@ def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
 def _same(loop: Loop, a: Any, b: Any) -> bool:
     """Whether two solutions are one but for rounding: between two regular ones the slope along their distance must change."""
     way = b - a
-    if (np.abs(way) <= CLOSE * np.maximum(np.abs(a), np.abs(b)).max()).all():
+    near = np.maximum(CLOSE * np.maximum(np.abs(a), np.abs(b)).max(), FLOOR * loop.magnitude)
+    if (np.abs(way) <= near).all():
         return True
     slopes = loop.matrix(np.array([a, b, 0.5 * (a + b)])) * way
     size = np.abs(slopes).max(axis=(0, 2))

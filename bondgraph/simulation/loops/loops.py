@@ -31,8 +31,8 @@ class LoopSolver:
         self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
         rows, columns = program.pattern
         self._chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
-        self.affine = len(self.magnitude) > 0 and {*range(len(self.magnitude))} <= {*program.multipliers}
-        self._order = np.argsort([m for m in program.multipliers if m >= 0])
+        self.affine = len(self.magnitude) > 0 and {*range(len(self.magnitude))} <= {*program.eliminated}
+        self._order = np.argsort(program.eliminated)
         self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
 
     def solve(self, time: float, state: Any, mode: Any) -> Any:
@@ -199,7 +199,7 @@ class Eliminated:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.size = len(program.states.names) + len(program.unknowns.names)
-        self.places = np.array([len(program.states.names) + m for m in program.multipliers if m >= 0], dtype=int)
+        self.places = np.array([len(program.states.names) + m for m in program.eliminated], dtype=int)
 
     def rates(self, *arguments: Any) -> Any:
         """Time, state, inputs, constants, mode -> (…, n)."""

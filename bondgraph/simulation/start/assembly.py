@@ -171,16 +171,23 @@ def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple
 
 
 def _moved_aside(constraints: Constraints, time: float, state: Any, mode: Any, slopes: Any) -> Any:
-    """A pose beside this one, along a motion that its constraints allow; None if they allow none after all."""
+    """A pose beside this one, along a motion that its constraints allow; None if they allow none after all.
+
+    First it is held by constraints that are independent here, as what follows from others hinders beside the pose; then by all.
+    """
+    from scipy.linalg import qr
+
     _, values, right = np.linalg.svd(slopes)
     rank = int((values > FULL * values[0]).sum())
+    independent = np.zeros(constraints.gaps, dtype=bool)
+    independent[qr(slopes.T, mode="economic", pivoting=True)[2][:rank]] = True
     free, positions = right[rank:], constraints.positions
     reach = constraints.reach[positions]
     ways = [free.T @ np.random.default_rng(seed).normal(size=len(free)) for seed in range(TRIES if len(free) else 0)]
-    for way in ways:
+    for way, taking in ((way, taking) for way in ways for taking in (independent, constraints.taking)):
         aside = np.array(state)
         aside[positions] += BESIDE * reach * way / np.linalg.norm(way)
-        aside = constraints.project(time, aside, mode)
+        aside = constraints.project_by(taking, time, aside, mode)
         moved = np.linalg.norm((aside - state)[positions] / reach)
         if moved > 0.1 * BESIDE and constraints.missed(time, aside, mode) < FULL:
             return aside

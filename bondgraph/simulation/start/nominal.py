@@ -32,7 +32,7 @@ SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
 ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
-SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves of an angle, which is rounding
+SMALLEST_ANGLE = 1e-12  # rad, and rad/s
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 LARGEST = 200  # states up to which the modes are computed
 SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
@@ -86,12 +86,22 @@ def nominal_magnitudes(
         for group in set(groups):
             same = np.array([g == group for g in groups])
             result[same] = np.maximum(result[same], share * result[same].max(initial=0.0))
-    bare = np.array([u in ("1", "1/s") for u in units], dtype=bool)
-    result[bare] = np.maximum(result[bare], SMALLEST_ANGLE)
+    result = np.maximum(result, _smallest(program, constraints, state, stretches[0]))
     unknown = (result == 0) | ~np.isfinite(result)
     result[unknown] = 1.0
     names = (*program.states.names, *program.unknowns.names)
     return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
+
+
+def _smallest(program: Program, constraints: Constraints | None, state: Any, first: Segment) -> Any:
+    """Below lies what symmetry leaves of an angle, or of a length of a mechanism with closed loops: rounding."""
+    units = np.array([*program.states.units, *program.unknowns.units])
+    result = np.where(np.isin(units, ["1", "1/s"]), SMALLEST_ANGLE, 0.0)
+    if constraints:
+        places = np.concatenate([constraints.positions, constraints.speeds])
+        length = constraints.length(first.start, state, first.mode)
+        result[places] = np.where(np.isin(units[places], ["m", "m/s"]), SMALLEST_ANGLE * length, result[places])
+    return result
 
 
 def _kind(name: str, mechanisms: Sequence[str]) -> str:

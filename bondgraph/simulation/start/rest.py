@@ -22,6 +22,10 @@ GROWTH = 2.0
 LARGEST = 1e100  # what has gone so far has no rest
 SINGULAR = 1e-12  # of the largest singular value
 CLOSE = 1e-9  # of the magnitude of a state: the last correction
+ROUNDING = 1e-12  # of the terms in a rate: less of it is what rounding leaves where they cancel
+FIRST = (
+    0.1  # of the time in which the first rates make a magnitude: where nothing brings back, eigenvalues tell no time
+)
 
 
 def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
@@ -31,7 +35,11 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
         return state
     search = _Search(program, constraints, inputs, first)
     x, slope, jacobian = search.at(np.array(state))
-    size = 1.0 / max(float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0)), 1e-300)
+    if not slope.any():
+        return x
+    if search.distance(slope, jacobian) <= CLOSE:
+        return search.polished(x, slope, jacobian)
+    size = search.first(slope, jacobian)
     for _ in range(STEPS):
         found = search.step(x, slope, jacobian, size)
         if found is None:
@@ -41,7 +49,8 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
         if not np.abs(trial[:count]).max() < LARGEST:
             break
         before, after = search.distance(slope, jacobian), search.distance(new_slope, new_jacobian)
-        size *= GROWTH * min(max(before / max(after, 1e-300), 0.5), 100.0)
+        gain = before / max(after, 1e-300) if np.isfinite(before) and np.isfinite(after) else 1.0
+        size *= GROWTH * min(max(gain, 0.5), 100.0)
         x, slope, jacobian = trial, new_slope, new_jacobian
         if after <= CLOSE:
             return search.polished(x, slope, jacobian)
@@ -79,6 +88,13 @@ class _Search:
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
 
+    def first(self, slope: Any, jacobian: Any) -> float:
+        """The length of the first step: that of the fastest mode, or of what the rates do to the states."""
+        moving = slope != 0
+        reach = float((self.scale(np.zeros(self.count))[moving] / np.abs(slope[moving])).min())
+        fastest = float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+        return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
+
     def scale(self, change: Any) -> Any:
         """Magnitudes of the states, as far as they are known: those of one unit share the largest."""
         seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
@@ -101,12 +117,17 @@ class _Search:
     def correction(self, slope: Any, jacobian: Any) -> Any:
         """Newton's step of least length; where nothing brings back, it does not move. Infinite if nothing balances the rates."""
         if self.basis is not None:  # what closing joints leave
-            change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis)
+            inner = np.abs(self.basis).T @ self._noise(jacobian)
+            change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis, inner)
             return self.basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
-        return self._least(slope, jacobian)
+        return self._least(slope, jacobian, self._noise(jacobian))
+
+    def _noise(self, jacobian: Any) -> Any:
+        """What rounding may leave of each rate."""
+        return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)))
 
     @staticmethod
-    def _least(slope: Any, jacobian: Any) -> Any:
+    def _least(slope: Any, jacobian: Any, noise: Any) -> Any:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
@@ -119,7 +140,8 @@ class _Search:
         needed = -slope / rows
         if rank < len(slope):  # what no change of the states can cancel
             lost = left[:, rank:].T
-            if (np.abs(lost @ needed) > CLOSE * (np.abs(lost) @ np.abs(needed))).any():
+            allowed = CLOSE * (np.abs(lost) @ np.abs(needed)) + np.abs(lost) @ (noise / rows)
+            if (np.abs(lost @ needed) > allowed).any():
                 return np.full(len(slope), np.inf)
         change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
         return change / columns
@@ -127,7 +149,11 @@ class _Search:
     def distance(self, slope: Any, jacobian: Any) -> float:
         """How far the equilibrium is, in units of the magnitudes."""
         change = self.correction(slope, jacobian)
-        return float((np.abs(change) / self.scale(change)).max(initial=0.0))
+        seen = self.scale(change)
+        fastest = float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+        if fastest > 0:  # a speed that only rounding ever moved has a magnitude nevertheless
+            seen = np.maximum(seen, np.abs(jacobian) @ seen / fastest)
+        return float((np.abs(change) / seen).max(initial=0.0))
 
     def polished(self, full: Any, slope: Any, jacobian: Any) -> Any:
         """The last corrections, to round-off."""

@@ -17,13 +17,14 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ...door import Program
-from ..segments import ROUNDING, Segment
+from ..segments import ROUNDING, Segment, signals_on
 
 DEGREE = 10  # of the polynomials
 LARGEST = 200  # states; and of the augmented matrix
 LARGEST_MATRIX = 600
 MOST_INTERVALS = 20_000  # of a run, beyond the reported instants
 CLOSE = 1e-12  # what may be missing of b, in parts of its largest value
+BETWEEN = 1e-10  # the same at places between those that the polynomials are made of
 AFFINE = 1e-9  # what the affine form may miss of the program's own rates
 EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
 TERMS = 22  # of the series: what is left is below 1e-24 at a norm of 1/4
@@ -51,6 +52,7 @@ class Linear:
     matrix: Any  # A, balanced
     scale: Any  # of the states
     active: Any  # rows of b that are not zero everywhere
+    seen: Any  # places at which b is looked at whatever the intervals, rising
     known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # by the length of an interval
 
     def forcing(self, times: Any) -> Any:
@@ -92,8 +94,8 @@ class Intervals:
     reported: Any  # which intervals end at a reported instant
 
 
-def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Linear | None:
-    """The affine form of a program on a stretch, checked against its rates; None if it has none or is too large."""
+def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment, length: float = 0.0) -> Linear | None:
+    """The affine form of a program on a stretch of a run of that length, checked against its rates; None if it has none or is too large."""
     count = len(program.states.names)
     if not 0 < count <= LARGEST or program.unknowns.names or np.size(program.periods(constants)):
         return None
@@ -112,10 +114,12 @@ def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment)
     terms = np.abs(states) @ np.abs(matrix).T + np.abs(given)
     if (np.abs(rates - given - states @ matrix.T) > AFFINE * terms).any():
         return None
-    active = np.flatnonzero((given != 0).any(axis=0))
+    seen = signals_on(program, inputs, constants, stretch, length).times
+    pushed = program.derivative(seen, np.zeros((len(seen), count)), *fixed, stretch.mode)
+    active = np.flatnonzero((given != 0).any(axis=0) | (pushed != 0).any(axis=0))
     if count + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
         return None
-    return Linear(program, fixed, stretch, matrix * scale / scale[:, None], scale, active)
+    return Linear(program, fixed, stretch, matrix * scale / scale[:, None], scale, active, seen)
 
 
 def exponential(matrix: Any) -> Any:
@@ -245,7 +249,17 @@ def _is_followed(form: Linear, starts: Any, lengths: Any) -> bool:
     if not np.isfinite(values).all():
         return False
     tails = np.abs(np.einsum("cj,kjs->kcs", TO_COEFFICIENTS, values))[:, -2:].max(axis=(0, 1))
-    return bool((tails <= CLOSE * np.abs(values).max(axis=(0, 1))).all())
+    if not (tails <= CLOSE * np.abs(values).max(axis=(0, 1))).all():
+        return False
+    if not len(form.seen):
+        return True
+    number = np.clip(np.searchsorted(starts, form.seen, side="right") - 1, 0, len(starts) - 1)
+    places = 2 * (form.seen - starts[number]) / lengths[number] - 1
+    found = np.einsum(
+        "kc,kcs->ks", chebyshev.chebvander(places, DEGREE), np.einsum("cj,kjs->kcs", TO_COEFFICIENTS, values[number])
+    )
+    off = np.abs(found - form.forcing(form.seen)).max(axis=0)
+    return bool((off <= BETWEEN * np.abs(values).max(axis=(0, 1))).all())
 
 
 def _is_trusted(form: Linear, length: float) -> bool:

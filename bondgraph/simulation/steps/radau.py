@@ -48,7 +48,13 @@ P = np.array(
 D = P @ np.array([1.0, 2.0, 3.0])
 NEWTON_ITERATIONS = 6
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
+# A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
+# its start than a share of it; but not again and again.
+BENT, NEAREST, MOST_BENDS = 0.1, 1e-2, 4
+ON_IT = 1e-6  # of a bend's values in a step: that counts as zero
+CLOSE, ROUNDS = 1e-9, 12  # of a step, to which a bend is found, and tries to find it
 STUBBORN = 8  # rejected tries after which shorter steps must have helped
+PATIENT = 3  # rejected tries after which steps get shorter at once
 
 
 class Factorised(Protocol):
@@ -80,6 +86,7 @@ class Problem:
     follows: Callable[[float, float], bool]  # whether a step from here to there would see what time alone moves
     longest: float = np.inf  # no step is longer
     hold: Callable[[float, Any], Any] | None = None  # brings the end of a step onto the invariants of the states
+    bends: Callable[[float, Any], Any] | None = None  # time, state -> zero where a law bends
 
 
 @dataclass(slots=True)
@@ -135,6 +142,7 @@ class Radau:
         least = 10 * np.abs(np.nextafter(time, np.inf) - time)
         size, reason = min(self._size, self.stop - time, problem.longest), "error"
         norms: list[float] = []  # of the rejected tries
+        bent = 0  # how often the step was made to end at a bend
         if time + 1.01 * size >= self.stop:
             size = self.stop - time
         while size > 2 * least and not problem.follows(time, time + size):
@@ -160,10 +168,16 @@ class Radau:
             error = self._estimate(time, state, size, stages, new, bool(norms))
             norm = _norm(error)
             safety = 0.9 * (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
+            if norm > BENT and bent < MOST_BENDS and problem.bends is not None:
+                share = self._bend(time, state, size, stages)
+                if share < 1:
+                    bent, size = bent + 1, share * size
+                    continue
             if not norm <= 1:
                 reason = "error"
                 factor = 0.1 if not np.isfinite(norm) else self._factor(size, norm)
-                size *= max(SMALLEST, safety * factor)
+                # What a stiff mode rings with errs alike at all steps that are longer than its period: those are left behind quickly.
+                size *= max(SMALLEST, safety * factor) if len(norms) < PATIENT else SMALLEST
                 self.rejected += 1
                 norms.append(norm)
                 self.error = error
@@ -172,7 +186,33 @@ class Radau:
                 continue
             break
         self._accept(end, new, stages, size, norm, safety, bool(norms), iterations, rate)
+        if bent:
+            self._ends = [self._ends[-2], self._ends[-1]]  # no polynomial spans a bend
+            self._size = max(self._size, size / max(share, NEAREST))
         self.error = error
+
+    def _bend(self, time: float, state: Any, size: float, stages: Any) -> float:
+        """The share of a step at which a law bends first, along the collocation polynomial; 1 if none does."""
+        bends = self.problem.bends
+        assert bends is not None
+
+        def at(share: float) -> Any:
+            powers = np.array([share, share**2, share**3])
+            return bends(time + share * size, state + (P @ powers) @ stages)
+
+        seen = np.stack(
+            [bends(time, state), *(bends(time + c * size, state + z) for c, z in zip(C, stages, strict=True))]
+        )
+        seen[0][np.abs(seen[0]) <= ON_IT * np.abs(seen).max(axis=0)] = 0.0  # where the last step ended
+        places = np.array([0.0, *C])
+        first = 1.0
+        for row, column in zip(*np.nonzero(seen[:-1] * seen[1:] < 0), strict=True):
+            if places[row] < first:
+                ends = (places[row], places[row + 1], seen[row, column], seen[row + 1, column])
+                found = _false_position(at, column, *ends)
+                if found > NEAREST:
+                    first = min(first, found)
+        return first if first < 1 - CLOSE else 1.0
 
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n).
@@ -323,6 +363,21 @@ class Radau:
 
 def _norm(x: Any) -> float:
     return float(np.linalg.norm(x) / max(1, x.size) ** 0.5)
+
+
+def _false_position(function: Callable[[float], Any], item: Any, a: float, b: float, at_a: float, at_b: float) -> float:
+    """Nearly a zero between two places of unlike signs (Illinois: Dowell and Jarratt, BIT 11, 1971)."""
+    for _ in range(ROUNDS):
+        new = b - at_b * (b - a) / (at_b - at_a)
+        value = float(function(new)[item])
+        if value * at_b < 0:
+            a, at_a = b, at_b
+        else:
+            at_a *= 0.5
+        b, at_b = new, value
+        if value == 0 or abs(b - a) < CLOSE:
+            break
+    return b
 
 
 def _hermite(ends: list[_End], times: Any) -> Any:

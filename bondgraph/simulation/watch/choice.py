@@ -9,6 +9,7 @@ are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sci. Comput. 1
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from ...door import Program
 
 if TYPE_CHECKING:
-    from ..events.history import History
+    from ...ended import Past
 
 WORST = 1e3  # change of a dependent storage, as a share of its peak, for that of a state as a share of its own
 
@@ -26,19 +27,20 @@ WORST = 1e3  # change of a dependent storage, as a share of its peak, for that o
 class Handover:
     """Where a run stops so that another program can go on: the instant, all that is stored, and why.
 
-    Either two storages change places, or other junctions are off.
+    Either two storages change places, or other junctions are off, or the run ended there and is to go on.
     """
 
     time: float
-    stored: dict[str, float]  # by name: states and dependent storages
-    peaks: dict[str, float]  # the largest that they have been
+    stored: Mapping[str, float]  # by name: states and dependent storages
+    peaks: Mapping[str, float]  # the largest that they have been
     dependent: str = ""  # the element that was in derivative form
     state: str = ""  # the element that was a state
     off: tuple[str, ...] | None = None  # the junctions that are off from now on; None: as before
-    modes: dict[str, float] = field(default_factory=dict)  # by name: what only events change
-    on: dict[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
-    history: History | None = None  # of delayed signals
-    magnitudes: dict[str, float] = field(default_factory=dict)  # of states and unknowns
+    modes: Mapping[str, float] = field(default_factory=dict)  # by name: what only events change
+    on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
+    past: Past | None = None  # of delayed signals
+    magnitudes: Mapping[str, float] = field(default_factory=dict)  # of states and unknowns
+    unknowns: Mapping[str, float] = field(default_factory=dict)  # of loops
 
 
 class Choice:

@@ -7,6 +7,7 @@ that the residual is an independent measure of the error of the run.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,11 @@ from ...results import ElementEnergy, EnergyBalance
 if TYPE_CHECKING:
     from ...door import StateSpace, Storage
 
-SOURCES, LOSSES = ("Se", "Sf"), ("R",)
+SOURCES, LOSSES, TRANSDUCERS = ("Se", "Sf"), ("R",), ("TF", "GY")
+UNEXPLAINED = 1e4  # relative tolerances of all energy that went anywhere
+GIVEN = (
+    1e-6  # of the largest power of a resistor, and of the mean of all: what it may give and be none that creates energy
+)
 
 
 def energy_balance(
@@ -38,6 +43,9 @@ def energy_balance(
             elements.append(ElementEnergy(name, kind, 0.0, -joules, 0.0))
         elif kind in LOSSES:
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
+        elif kind in TRANSDUCERS:
+            elements.append(ElementEnergy(name, kind, 0.0, 0.0, 0.0, joules))
+    jumped = _jumped(space, jumps, arguments)
     offset = len(space.ports)
     for i, name in enumerate(space.stored):
         change = float(after[offset + i] - before[offset + i])
@@ -46,7 +54,12 @@ def energy_balance(
     for storage in space.storages:
         count = len(storage.stored)
         change = stored_change(storage, before[offset : offset + count], after[offset : offset + count], arguments)
-        elements.append(ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0))
+        brought = by_element.get(storage.element, (storage.kind, change))[1]
+        elements.append(
+            ElementEnergy(
+                storage.element, storage.kind, change, 0.0, 0.0, brought - change + jumped.get(storage.element, 0.0)
+            )
+        )
         offset += count
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
         if kind in ("C", "I", "IC") and not any(s.element == name for s in space.storages):
@@ -57,7 +70,53 @@ def energy_balance(
     stored, supplied, dissipated = (
         float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
     )
-    return EnergyBalance(tuple(elements), stored, supplied, dissipated, supplied - dissipated - stored)
+    residual = supplied - dissipated - stored
+    if len(space.stored) == 1:  # of a mechanism's own bonds nothing is kept: it has what the others have not
+        others = sum(e.residual for e in elements)
+        elements = [replace(e, residual=residual - others) if e.kind == "multibody" else e for e in elements]
+    return EnergyBalance(tuple(elements), stored, supplied, dissipated, residual)
+
+
+def _jumped(space: StateSpace, jumps: Sequence[tuple[Any, Any]], arguments: dict[int, float]) -> dict[str, float]:
+    """What events did to each storage, whose bonds brought nothing of it."""
+    found: dict[str, float] = {}
+    for before, after in jumps:
+        offset = len(space.ports) + len(space.stored)
+        for storage in space.storages:
+            stop = offset + len(storage.stored)
+            change = stored_change(storage, before[offset:stop], after[offset:stop], arguments)
+            found[storage.element] = found.get(storage.element, 0.0) + change
+            offset = stop
+    return found
+
+
+def givers(space: StateSpace, instants: Any, powers: Any, turnover: float) -> list[str]:
+    """Resistors that give power at reported instants, as sentences. `powers`: shape (instants, ports …); `turnover`: J, all that went anywhere."""
+    by_element: dict[str, Any] = {}
+    for column, port in enumerate(space.ports):
+        if port.kind in LOSSES:
+            by_element[port.element] = by_element.get(port.element, 0.0) + powers[:, column]
+    span = float(instants[-1] - instants[0]) if len(instants) > 1 else 1.0
+    told = []
+    for name, watts in by_element.items():
+        worst = int(np.argmin(watts))
+        if watts[worst] < -GIVEN * max(float(np.abs(watts).max()), turnover / max(span, 1e-300)):
+            first = int(np.flatnonzero(watts < -GIVEN * np.abs(watts).max())[0])
+            told.append(
+                f"`{name}` gives energy where a resistor takes it: from t = {instants[first]:.9g} s on, most of it "
+                f"({-watts[worst]:.6g} W) at t = {instants[worst]:.9g} s"
+            )
+    return told
+
+
+def unexplained(balance: EnergyBalance, turnover: float, rtol: float) -> list[str]:
+    """Elements whose bonds brought what they neither store nor lose, beyond what the run's tolerance leaves; as sentences."""
+    return [
+        f"`{e.name}` {'loses' if e.residual > 0 else 'creates'} {abs(e.residual):.6g} J that its law does not explain: what its bonds brought is "
+        "not what it stores more"
+        for e in balance.elements
+        if abs(e.residual) > UNEXPLAINED * rtol * turnover
+    ]
 
 
 def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, float]) -> float:
@@ -106,8 +165,9 @@ def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
         return balances[0] if balances else None
     sums: dict[tuple[str, str], Any] = {}
     for element in (e for balance in balances for e in balance.elements):
-        known = sums.get((element.name, element.kind), np.zeros(3))
-        sums[element.name, element.kind] = np.add(known, (element.stored, element.supplied, element.dissipated))
+        known = sums.get((element.name, element.kind), np.zeros(4))
+        told = (element.stored, element.supplied, element.dissipated, element.residual)
+        sums[element.name, element.kind] = np.add(known, told)
     elements = tuple(ElementEnergy(name, kind, *map(float, total)) for (name, kind), total in sums.items())
     totals = (sum(getattr(b, word) for b in balances) for word in ("stored", "supplied", "dissipated", "residual"))
     return EnergyBalance(elements, *totals)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ...door import Apply, Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
+from ...door import Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
 from ...errors import RunFailed
+from .reason import Reason, reason
 
+NO_MODES: Mapping[str, float] = {}
 SHOWN = 4  # variables of a divisor
 LOOK_FOR = (
     "look for a division by zero, a root or logarithm of a negative number, or a part of the model that nothing ties down "
@@ -29,15 +32,27 @@ def check_finite(program: Program, space: StateSpace, instants: Any, values: Any
     raise RunFailed(f"at t = {instants[point]:.9g} s {named} {'is' if len(names) == 1 else 'are'} not finite: {cause}")
 
 
-def cause_of(program: Program, space: StateSpace, time: float, state: Any, parameters: Any) -> str:
-    """The line that most likely makes something no number, at a time and in a state."""
-    return _cause(space, _known(program, space, time, state, parameters))
+def cause_of(
+    program: Program, space: StateSpace, time: float, state: Any, parameters: Any, modes: Mapping[str, float] = NO_MODES
+) -> str:
+    """The line that most likely makes something no number, at a time and in a state; `modes`: what only events change."""
+    known = _known(program, space, time, state, parameters, modes)
+    return _trouble(space, known, dict(known)) or LOOK_FOR
 
 
-def _known(program: Program, space: StateSpace, time: float, state: Any, parameters: Any) -> dict[Any, float]:
+def cause_ahead(
+    program: Program, space: StateSpace, now: tuple[float, Any], ahead: tuple[float, Any], parameters: Any, modes: Mapping[str, float]
+) -> str | None:  # fmt: skip
+    """What makes something no number between here and a little later, or passes zero where others are divided by it; None if nothing does."""
+    return _trouble(space, *(_known(program, space, *at, parameters, modes) for at in (now, ahead)))
+
+
+def _known(
+    program: Program, space: StateSpace, time: float, state: Any, parameters: Any, modes: Mapping[str, float]
+) -> dict[Any, float]:
     """The values of what is not computed, by variable."""
     given = dict(zip(program.parameters.names, parameters, strict=True))
-    given |= dict(zip(program.inputs.names, program.input_defaults, strict=True))
+    given |= dict(zip(program.inputs.names, program.input_defaults, strict=True)) | dict(modes)
     numbers = [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
     known: dict[Any, float] = {v: float(x) for v, x in zip(numbers, state, strict=True)}
     for number, variable in enumerate(space.variables):
@@ -48,41 +63,32 @@ def _known(program: Program, space: StateSpace, time: float, state: Any, paramet
     return known
 
 
-def _cause(space: StateSpace, known: dict[Any, float]) -> str:
-    """The first step that makes something that is not finite of what is."""
+def _trouble(space: StateSpace, now: dict[Any, float], ahead: dict[Any, float]) -> str | None:
+    """The first step that makes something that is not finite of what is, ahead; or divides by what passes zero on the way there."""
     for step in space.steps:
         if isinstance(step, Assignment):
-            value = _value(step.expression, known)
-            known[step.target] = value
-            if not math.isfinite(value):
+            now[step.target], ahead[step.target] = _value(step.expression, now), _value(step.expression, ahead)
+            why = reason(step.expression, now, ahead)
+            if why is None and not math.isfinite(ahead[step.target]):
+                why = Reason(f"has no value there; {LOOK_FOR}", None)
+            if why is not None:
                 name = space.variables[step.target].name
-                begin = f"`{name}`, computed at `{step.owner}` (line {step.span.line}),"
-                divisor = _vanishing(step.expression, known)
-                if divisor is None:
-                    return f"{begin} has no value there; {LOOK_FOR}"
-                read = {space.variables[v].name: known[v] for v in sorted(divisor)}
-                said = ", ".join(f"`{n}` = {v:.6g}" for n, v in list(read.items())[:SHOWN])
-                return f"{begin} is divided by {f'what is zero with {said}' if read else 'a factor of its law that is zero'}"
+                return f"`{name}`, computed at `{step.owner}` (line {step.span.line}), {why.words}{_with(space, why.about, ahead)}"
             continue
-        found = _solution(step, known)
+        found = _solutions(step, now, ahead)
         if found is None:
             members = ", ".join(f"`{m}`" for m in step.members[:6])
             return f"the algebraic loop through {members} has no unique solution with these numbers"
-        known.update(zip(step.targets, found, strict=True))
-    return LOOK_FOR
-
-
-def _vanishing(x: Expression, known: dict[Any, float]) -> set[Any] | None:
-    """What a divisor in an expression reads, if it is zero; None if no divisor is."""
-    stack = [x]
-    while stack:
-        node = stack.pop()
-        if not isinstance(node, Apply):
-            continue
-        stack += node.operands
-        if node.operator == "divide" and _value(node.operands[1], known) == 0:
-            return {s.key for s in symbols(node.operands[1])}
+        now.update(zip(step.targets, map(float, found[0]), strict=True))
+        ahead.update(zip(step.targets, map(float, found[1]), strict=True))
     return None
+
+
+def _with(space: StateSpace, about: Expression | None, known: dict[Any, float]) -> str:
+    """The values of what an expression reads."""
+    read = [] if about is None else sorted({s.key for s in symbols(about)})
+    said = ", ".join(f"`{space.variables[v].name}` = {known[v]:.6g}" for v in read[:SHOWN] if v in known)
+    return f" with {said}" if said else ""
 
 
 def _value(x: Expression, known: dict[Any, float]) -> float:
@@ -92,15 +98,22 @@ def _value(x: Expression, known: dict[Any, float]) -> float:
         return math.nan
 
 
-def _solution(loop: LinearLoop, known: dict[Any, float]) -> list[float] | None:
-    """The solution of a linear loop; None if there is not one."""
+def _matrix(loop: LinearLoop, known: dict[Any, float]) -> tuple[Any, Any]:
+    """The matrix and the right side of a linear loop."""
 
     def number(entry: int | float) -> float:
         return entry if isinstance(entry, float) else known[entry]
 
-    matrix = np.array([[number(x) for x in row] for row in loop.matrix])
-    try:
-        found = np.linalg.solve(matrix, np.array([number(x) for x in loop.right]))
-    except np.linalg.LinAlgError:
+    return np.array([[number(x) for x in row] for row in loop.matrix]), np.array([number(x) for x in loop.right])
+
+
+def _solutions(loop: LinearLoop, now: dict[Any, float], ahead: dict[Any, float]) -> tuple[Any, Any] | None:
+    """The solution of a linear loop now and ahead; None if there is not one, or none on the way from one to the other."""
+    (first, start), (last, end) = _matrix(loop, now), _matrix(loop, ahead)
+    if not (np.isfinite(first).all() and np.isfinite(last).all()):
         return None
-    return [float(x) for x in found] if np.isfinite(found).all() else None
+    signs = np.linalg.slogdet(first)[0] * np.linalg.slogdet(last)[0]
+    if signs <= 0:
+        return None
+    found = np.linalg.solve(first, start), np.linalg.solve(last, end)
+    return found if np.isfinite(found).all() else None

@@ -22,7 +22,9 @@ class Described:
     pattern: tuple[tuple[int, ...], tuple[int, ...]]
     sensitivity_pattern: tuple[tuple[int, ...], tuple[int, ...]]
     invariant_pattern: tuple[tuple[int, ...], tuple[int, ...]]
-    of_invariants: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]  # multipliers, rates, parts
+    of_invariants: tuple[
+        tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]
+    ]  # multipliers, rates, parts, eliminated
     limits: tuple[LimitNote, ...]
     operations: int
     differentiated: int
@@ -47,14 +49,15 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
         tuple(np.array(part, dtype=int) for part in pair)
         for pair in (described.pattern, described.sensitivity_pattern, described.invariant_pattern)
     )
-    multipliers, rates, parts = described.of_invariants
+    multipliers, rates, parts, eliminated = described.of_invariants
     count = len(names["STATES"].names) + len(names["UNKNOWNS"].names)
     given: dict[str, Any] = {
         "name": described.name, "source": described.source, "states": names["STATES"], "unknowns": names["UNKNOWNS"],
         "outputs": names["OUTPUTS"], "inputs": names["INPUTS"], "parameters": names["PARAMETERS"], "dependents": names["DEPENDENTS"],
         "defaults": described.defaults, "input_defaults": described.input_defaults, "pattern": pattern, "sensitivity_pattern": slopes,
         "jacobian": dense(found["jacobian_entries"], pattern, count), "limits": described.limits,
-        "invariants": names["INVARIANTS"], "invariant_pattern": held, "multipliers": multipliers, "rates": rates, "parts": parts, "solved": None,
+        "invariants": names["INVARIANTS"], "invariant_pattern": held,
+        "multipliers": multipliers, "rates": rates, "parts": parts, "eliminated": eliminated, "solved": None,
         "operations": described.operations, "differentiated": described.differentiated, "native": native,
     }  # fmt: skip
     given |= found

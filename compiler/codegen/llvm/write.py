@@ -16,7 +16,8 @@ from ...native.translate import translate
 from ...native.values import float_text
 from ..limits import Leaf
 from ..lower import Lowered
-from ..numpy.write import Writer, operations_in_order
+from ..numpy.write import Writer
+from ..order import operations_in_order
 from . import support
 
 ARGUMENTS = ("state", "inputs", "constants", "mode")
@@ -40,7 +41,7 @@ LARGEST_PRODUCT = 32  # power that is written as products
 
 
 HOT = frozenset(
-    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes"}
+    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes", "bends"}
 )  # what the steps of a run call again and again
 
 

@@ -8,6 +8,7 @@ from importlib.abc import InspectLoader
 from types import ModuleType
 
 from ..lower import Lowered, count_operations
+from ..multipliers import solved_for
 from ..program import Delays, Hybrid, Names, Program
 from .write import Writer
 
@@ -32,7 +33,7 @@ def generate_program(lowered: Lowered) -> Program:
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
         names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
         module.solved if lowered.solved is not None else None,
-        count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module),
+        count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module), module.bends if lowered.bends else None,
         Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
     )  # fmt: skip
 
@@ -49,8 +50,9 @@ def _hybrid(lowered: Lowered, module: ModuleType) -> Hybrid | None:
     )  # fmt: skip
 
 
-def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """For each gap: its multiplier among the unknowns, its rate among the invariants, its part among the parameters; or -1."""
+def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+    """For each gap: its multiplier among the unknowns, its rate among the invariants, its part among the parameters; or -1. Then
+    the unknowns that are solved for in place."""
     invariants = lowered.space.invariants
     unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
     parameters = {v: i for i, v in enumerate(lowered.parameters)}
@@ -62,6 +64,7 @@ def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], t
         tuple(-1 if i.multiplier is None else unknowns[i.multiplier] for i in invariants),
         tuple(rates),
         tuple(-1 if i.part is None else parameters[i.part] for i in invariants),
+        tuple(unknowns[v] for v in solved_for(lowered.space)),
     )
 
 

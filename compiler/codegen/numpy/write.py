@@ -6,28 +6,17 @@ states and batches: every array is turned so that its last axis comes first, and
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import PurePath
+from collections.abc import Iterable, Iterator, Sequence
 
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
-from ...algebra.table import lists
 from ...errors import printable
 from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
 from ..limits import Leaf
 from ..lower import Lowered, moving
 from .beginning import beginning
+from .body import Body, number
 from .names import Identifiers
-
-_FUNCTIONS = {
-    "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan", "atan2": "np.arctan2", "asinh": "np.arcsinh",
-    "acosh": "np.arccosh", "atanh": "np.arctanh", "abs": "np.abs", "min": "np.minimum", "max": "np.maximum", "power": "np.power",
-    "and": "np.logical_and", "or": "np.logical_or", "not": "np.logical_not", "select": "_select", "ceil": "np.ceil",
-    "noise": "_noise", "root": "_root",
-}  # fmt: skip
-_COMPARE = {"less": "<", "less_equal": "<=", "equal": "=="}
-_CURVES = {"linear": "_linear", "cubic": "_hermite", "monotone": "_hermite", "inverse": "_inverse"}
 
 
 class Writer:
@@ -67,6 +56,7 @@ class Writer:
             *(() if lowered.solved is None else (*lowered.solved.rates, *lowered.solved.multipliers)),
             *lowered.sensitivities.values(),
             *lowered.signals,
+            *lowered.bends,
             *lowered.switches,
             *lowered.crossings,
             *lowered.events.roots(),
@@ -133,8 +123,8 @@ class Writer:
                 if rows
                 else f"{heading} = ()\n"
             )
-        defaults = ", ".join(_float(lowered.space.variables[v].value) for v in lowered.parameters)
-        input_defaults = ", ".join(_float(lowered.space.variables[v].value or 0.0) for v in lowered.inputs)
+        defaults = ", ".join(number(lowered.space.variables[v].value) for v in lowered.parameters)
+        input_defaults = ", ".join(number(lowered.space.variables[v].value or 0.0) for v in lowered.inputs)
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
         parts.append(f"INPUT_DEFAULTS = ({input_defaults}{',' if lowered.inputs else ''})\n")
         parts.append(self._constants())
@@ -200,6 +190,8 @@ class Writer:
         held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
         yield "invariant_slopes", full, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held
         yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
+        if lowered.bends:
+            yield "bends", full, "Zero where a law of states bends.", lowered.bends
         yield (
             "powers",
             full,
@@ -261,7 +253,7 @@ class Writer:
         return self.arrays.setdefault(values, f"_list_{len(self.arrays) + 1}")
 
     def _constants(self) -> str:
-        body = _Body(self, {}, {*self.taken})
+        body = Body(self, {}, {*self.taken})
         for position in range(len(self.lowered.parameters)):
             leaf = Symbol(Leaf("parameter", position))
             name = self.constant_names.get(leaf) or body.identifiers.of(self._label(leaf))
@@ -279,7 +271,7 @@ class Writer:
         return "\n" + "\n".join(lines) + "\n"
 
     def _function(self, name: str, arguments: str, note: str, roots: Sequence[Expression]) -> str:
-        body = _Body(self, dict(self.constant_names), set(self.taken))
+        body = Body(self, dict(self.constant_names), set(self.taken))
         for position, leaf_name in enumerate(self.state_names):
             body.known[Symbol(Leaf("state", position))] = leaf_name
         for position, leaf_name in enumerate(self.input_names):
@@ -315,163 +307,6 @@ class Writer:
         if "time" in arguments and "time" in used:
             lines.append("time = np.asarray(time, dtype=float).T[()]")
         return lines
-
-
-class _Body:
-    """The lines of one function."""
-
-    def __init__(self, writer: Writer, known: dict[Expression, str], taken: set[str]) -> None:
-        self.writer, self.known = writer, known
-        self.identifiers = Identifiers()
-        self.identifiers.taken = taken
-        self.lines: list[str] = []
-        self.used: set[str] = set()
-        self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
-
-    def write(self, roots: Sequence[Expression], names: dict[Expression, str]) -> list[str]:
-        """Lines for all that the roots need; returns the text of each root. `names` are names that are already given."""
-        order, uses = _order(roots, self.known)
-        labels = self.writer.lowered.labels
-        for node in order:
-            label = labels.get(node)
-            given = names.get(node)
-            vector = node.operator == "solve"
-            if given is None and label is None and uses[node] < 2 and not vector and not _long(node):
-                continue
-            text = self._text(node, 0)
-            name = given or self.identifiers.of(label.name if label is not None else "t")
-            place = ""
-            if label is not None and label.span is not None:
-                owner = f" {printable(label.owner)}" if label.owner and label.owner != label.name else ""
-                place = f"  # {printable(PurePath(label.span.source.name).name)}:{label.span.line}{owner}"
-            self.lines.append(f"{name} = {text}{place}")
-            self.known[node] = name
-        return [self._text(root, 0) for root in roots]
-
-    def _text(self, node: Expression, strength: int) -> str:
-        """The node as Python; `strength` is that of the operator around it (1 sum, 2 product, 3 power)."""
-        if isinstance(node, Number):
-            text = _float(node.value)
-            return f"({text})" if node.value < 0 and strength > 1 else text
-        name = self.known.get(node)
-        if name is not None:
-            self.used.add(name)
-            return name
-        assert isinstance(node, Apply)
-        operands = node.operands
-        self.writer.operators.add(node.operator)
-        match node.operator:
-            case "linear" | "cubic" | "monotone" | "inverse":
-                points = ", ".join(map(self._list, lists(node)))
-                return f"{_CURVES[node.operator]}({self._order_of(node)}, {self._text(operands[1], 0)}, {points})"
-            case "noise":
-                place, seed = (self._text(o, 0) for o in operands[1:])
-                return f"_noise({self._order_of(node)}, {place}, {seed})"
-            case "natural_slope" | "monotone_slope":
-                return self._slope(node)
-            case "add":
-                return _bracketed(self._sum(operands), strength > 1)
-            case "multiply":
-                if operands[0] == Number(-1.0):
-                    return _bracketed("-" + " * ".join(self._text(o, 3) for o in operands[1:]), strength > 1)
-                return _bracketed(" * ".join(self._text(o, 2) for o in operands), strength > 2)
-            case "divide":
-                bottom = self._text(operands[1], 4)
-                if isinstance(
-                    operands[1], Number
-                ):  # numpy's division by zero is told by the run; Python's would end it
-                    bottom = f"np.float64({bottom})" if operands[1].value == 0.0 else bottom
-                return _bracketed(f"{self._text(operands[0], 2)} / {bottom}", strength > 2)
-            case "power" if isinstance(operands[1], Number) and operands[1].value == int(operands[1].value):
-                return _bracketed(f"{self._text(operands[0], 4)} ** {int(operands[1].value)}", strength > 3)
-            case "less" | "less_equal" | "equal":
-                return f"({self._text(operands[0], 1)} {_COMPARE[node.operator]} {self._text(operands[1], 1)})"
-            case "solve":
-                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
-                return f"_solve({count}, {', '.join(self._text(o, 0) for o in operands)})"
-            case "item":
-                index = operands[1]
-                assert isinstance(index, Number)
-                return f"{self._text(operands[0], 4)}[{int(index.value)}]"
-        function = _FUNCTIONS.get(node.operator, f"np.{node.operator}")
-        return f"{function}({', '.join(self._text(o, 0) for o in operands)})"
-
-    @staticmethod
-    def _order_of(node: Apply) -> int:
-        order = node.operands[0]
-        assert isinstance(order, Number)
-        return int(order.value)
-
-    def _list(self, items: Sequence[Expression]) -> str:
-        """A list of a table: an array of the module if it is of numbers alone."""
-        numbers = tuple(x.value for x in items if isinstance(x, Number))
-        if len(numbers) == len(items):
-            return self.writer.array(numbers)
-        return f"({', '.join(self._text(x, 0) for x in items)})"
-
-    def _slope(self, node: Apply) -> str:
-        """A slope of a curve: all those of one curve are computed at once, on a line of their own."""
-        number, points = node.operands[0], node.operands[1:]
-        assert isinstance(number, Number)
-        key = (node.operator, points)
-        if key not in self.slopes:
-            n = len(points) // 2
-            places, values = (f"({', '.join(self._text(x, 0) for x in part)})" for part in (points[:n], points[n:]))
-            self.slopes[key] = self.identifiers.of("slopes")
-            self.lines.append(f"{self.slopes[key]} = _{node.operator}({places}, {values})")
-        return f"{self.slopes[key]}[{int(number.value)}]"
-
-    def _sum(self, terms: Iterable[Expression]) -> str:
-        text = ""
-        for term in terms:
-            part = self._text(term, 1)
-            if not text:
-                text = part
-            elif part.startswith("-"):
-                text += f" - {part[1:]}"
-            else:
-                text += f" + {part}"
-        return text
-
-
-def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, object]) -> list[Apply]:
-    """The operations behind the roots that are not known, operands first."""
-    return _order(roots, known)[0]
-
-
-def _order(
-    roots: Sequence[Expression], known: Mapping[Expression, object]
-) -> tuple[list[Apply], dict[Expression, int]]:
-    """The operations behind the roots, operands first, and how often each is used."""
-    uses: dict[Expression, int] = {}
-    order: list[Apply] = []
-    done: set[Expression] = set()
-    for root in roots:
-        uses[root] = uses.get(root, 0) + 1
-        stack = [(root, False)]
-        while stack:
-            node, ready = stack.pop()
-            if ready:
-                assert isinstance(node, Apply)
-                order.append(node)
-                continue
-            if node in done or not isinstance(node, Apply) or node in known:
-                continue
-            done.add(node)
-            stack.append((node, True))
-            for operand in node.operands:
-                uses[operand] = uses.get(operand, 0) + 1
-            stack += [(o, False) for o in reversed(node.operands)]
-    return order, uses
-
-
-def _long(node: Apply) -> bool:
-    """Whether it is better on a line of its own: deep nests of unnamed operations are hard to read and to parse."""
-    depth, layer = 0, [node]
-    while layer and depth < 6:
-        layer = [o for n in layer for o in n.operands if isinstance(o, Apply)][:12]
-        depth += 1
-    return depth >= 6
 
 
 def _pattern(name: str, places: Sequence[tuple[int, int]], what: str) -> str:
@@ -517,16 +352,6 @@ def _return(results: Sequence[str], shape: tuple[int, ...]) -> str:
     items = "".join(f"            {r},\n" for r in results)
     values = f"(\n{items}        )" if results else "()"
     return f"    return _pack(\n        {values},\n        {shape},\n        batch,\n    )"
-
-
-def _bracketed(text: str, needed: bool) -> str:
-    return f"({text})" if needed else text
-
-
-def _float(value: float | None) -> str:
-    if value is None or not math.isfinite(value):
-        return f"float('{value if value is not None else 'nan'}')"
-    return repr(float(value))
 
 
 def _text(text: str) -> str:

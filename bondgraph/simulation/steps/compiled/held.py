@@ -26,7 +26,7 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
     rows, columns = program.invariant_pattern
     rates = np.asarray(program.rates, dtype=int)
     lengths = [u == "m" for u in program.invariants.units]
-    bound = [count + m for m in program.multipliers if m >= 0]
+    bound = [count + m for m in program.eliminated]
     squares = {
         name: square(rows, columns, chosen, lengths)
         for name, chosen in (("positions", np.flatnonzero(taking)), ("speeds", rates[taking & (rates >= 0)]))

@@ -16,7 +16,7 @@ import numpy as np
 
 from ....door import INTS, Fields, Handed, MachineCode, Program, record_of
 from ....native import kernel
-from ...segments import LOOKS, Segment, inside, overlooked
+from ...segments import LOOKS, Segment, inside, signals_on
 from ...watch.choice import WORST, Choice
 from .. import radau
 from ..factorise import is_large
@@ -167,10 +167,10 @@ class CompiledRadau:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints,
+        constraints: CompiledConstraints, whole: float = 0.0,
     ) -> None:  # fmt: skip
         self.program = program
-        self.values = _values(program, inputs, constants, tolerances, stretch, state, longest)
+        self.values = _values(program, inputs, constants, tolerances, stretch, state, longest, whole)
         self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
         constraints.values["mode"][:] = stretch.mode
         self.code = machine_code()
@@ -306,7 +306,14 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> in
 
 
 def _values(
-    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float
+    program: Program,
+    inputs: Any,
+    constants: Any,
+    tolerances: Tolerances,
+    stretch: Segment,
+    state: Any,
+    longest: float,
+    length: float,
 ) -> dict[str, Any]:
     """All fields of a `Stepper` where the stretch begins."""
     n, differential = len(state), len(program.states.names)
@@ -316,19 +323,23 @@ def _values(
     scaled = state / magnitude
     relative = tolerances.relative
     room_of_matrix = 0 if is_sparse(program) else n * n
-    allowed = overlooked(program, inputs, constants, stretch)
+    known = signals_on(program, inputs, constants, stretch, length)
+    allowed = known.allowed
     earliest, latest = inside(stretch)
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
     values: dict[str, Any] = {
         "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers,
+        "bends": program.bends, "bend_count": bends, "bend_seen": room(5 * bends),
         "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential,
         "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
         "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "newton_tolerance": max(10 * np.finfo(float).eps / relative, min(0.03, relative**0.5)),
+        "node_time": known.times, "node_value": known.values, "signal_nodes": len(known.times), "node_next": 0,
         "signal_count": len(allowed), "allowed": allowed, "seen": room(len(LOOKS) * len(allowed)), "earliest": earliest, "latest": latest,
         "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
         "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ... import segments
 from .. import radau
+from .bending import after_bend, first_bend
 from .dense import factorise, solve_complex, solve_real
 from .holding import hold, put_multipliers
 from .sparse import ANEW, SINGULAR
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
-NEWTON_ITERATIONS, STUBBORN = radau.NEWTON_ITERATIONS, radau.STUBBORN
+NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
+BENT, NEAREST, MOST_BENDS = radau.BENT, radau.NEAREST, radau.MOST_BENDS
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
+CUBIC = tuple(segments.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
 NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # why there is no step; the last: the matrix must be ordered anew
 
@@ -32,6 +35,8 @@ def step(s: Stepper) -> int:
     size = min(s.size, s.stop - s.time, s.longest)
     reason = ERROR
     rejected = 0
+    bent = 0
+    share = 1.0
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
     while size > 2.0 * least and not follows(s, s.time, s.time + size):
@@ -60,16 +65,25 @@ def step(s: Stepper) -> int:
             s.new[i] = s.state[i] + s.z[2 * n + i]
         norm = estimate(s, size, rejected > 0)
         safety = 0.9 * (2.0 * NEWTON_ITERATIONS + 1.0) / (2.0 * NEWTON_ITERATIONS + float(iterations))
+        if norm > BENT and bent < MOST_BENDS and s.bend_count > 0:
+            share = first_bend(s, size)
+            if share < 1.0:
+                bent += 1
+                size *= share
+                continue
         if norm <= 1.0:
             break
         reason = ERROR
-        size *= max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
+        wish = max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
+        size *= wish if rejected < PATIENT else SMALLEST
         s.rejected += 1
         s.norms[rejected % STUBBORN] = norm
         rejected += 1
         if rejected >= STUBBORN and norm > 0.5 * s.norms[rejected % STUBBORN]:
             return ROUND_OFF
     accept(s, end, size, norm, min(LARGEST, safety * factor(s, size, norm)), rejected > 0, iterations)
+    if bent > 0:
+        after_bend(s, size / max(share, NEAREST))
     return 0
 
 
@@ -171,6 +185,18 @@ def follows(s: Stepper, start: float, end: float) -> bool:
                 off += BETWEEN[q * SEEN + k] * s.seen[k * m + j]
             if abs(off) > s.allowed[j]:
                 return False
+    while s.node_next < s.signal_nodes and s.node_time[s.node_next] < start:
+        s.node_next += 1
+    node = s.node_next
+    while node < s.signal_nodes and s.node_time[node] < end:
+        at = (s.node_time[node] - start) / (end - start)
+        for j in range(m):
+            off = -s.node_value[node * m + j]
+            for k in range(SEEN):
+                off += (((at * CUBIC[k] + CUBIC[4 + k]) * at + CUBIC[8 + k]) * at + CUBIC[12 + k]) * s.seen[k * m + j]
+            if abs(off) > s.allowed[j]:
+                return False
+        node += 1
     return True
 
 

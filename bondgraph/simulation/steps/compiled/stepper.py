@@ -26,6 +26,7 @@ class Stepper(Record):
     dependent: Function
     sensitivities: Function
     powers: Function
+    bends: Function
     inputs: Floats
     constants: Floats
     mode: Floats
@@ -48,9 +49,16 @@ class Stepper(Record):
     signal_count: int
     allowed: Floats  # signal_count
     seen: Floats  # (SEEN + UNSEEN) signal_count
+    signal_nodes: int  # places at which the signals are known
+    node_time: Floats  # signal_nodes
+    node_value: Floats  # signal_nodes signal_count
+    node_next: int  # the first of them that lies ahead
     earliest: float
     latest: float
     longest: float
+    # bends of laws
+    bend_count: int
+    bend_seen: Floats  # 5 bend_count: where a step begins, at its stages, and room
     # where it stands
     time: float
     stop: float

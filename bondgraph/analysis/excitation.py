@@ -1,0 +1,44 @@
+"""A frequency response measured: the model is run with a harmonic input until its transients are gone."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ..errors import UsageError
+from .response import Measured, first_harmonic, settling_time
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+PERIODS = 4  # that are taken apart, after those that pass until it has settled
+SAMPLES = 64  # of each of them
+MOST_PERIODS = 100_000
+
+
+def excite(
+    model: Model, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None,
+    settings: dict[str, str | float], rtol: float,
+) -> Measured:  # fmt: skip
+    """`given` is an input of the model; it moves about the value that it has at the equilibrium."""
+    if given not in model.inputs:
+        raise UsageError(f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
+    linear = model.linearize((given,), (seen,), experiment, settings)
+    waited = math.ceil(settling_time(linear, given, seen, frequency) * frequency) + 1
+    if waited > MOST_PERIODS:
+        raise UsageError(f"it takes {waited} periods until `{seen}` has settled: `bode` gives its response exactly")
+    unit = linear.units.get(given, "1")
+    mean = f"{float(linear.u[0])!r} [{unit}]"
+    swing = f"{amplitude!r} [{unit}]*sin(2*pi*{frequency!r}*time/(1 [s]))"
+    periods = waited + PERIODS
+    result = model.simulate(
+        experiment,
+        {**settings, given: f"{mean} + {swing}"},
+        periods / frequency,
+        periods * SAMPLES + 1,
+        rtol,
+        outputs=(seen,),
+    )
+    last = slice(waited * SAMPLES, periods * SAMPLES)
+    value, rest = first_harmonic(result.time[last], result[seen][last], frequency)
+    return Measured(frequency, value / amplitude, rest, waited / frequency)

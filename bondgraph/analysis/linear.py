@@ -1,0 +1,96 @@
+"""The linear model at a point: x' = f + A (x - x0) + B (u - u0), y = y0 + C (x - x0) + D (u - u0), exact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import MissingPackage
+from .operating_point import OperatingPoint
+from .told import rows_of, with_units
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SCHEMA = "bondgraph-linearization/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """A (n, n), B (n, k), C (m, n), D (m, k), in SI, over `states`, `inputs` and `outputs` by the author's names.
+
+    `states` are those that stay free: coordinates that closing joints tie to others follow them, unknowns of loops are eliminated.
+    `x` (n,), `u` (k,), `y` (m,) are the values at the point, `rates` (n,) what x' is there: zero at an equilibrium.
+    """
+
+    model: str
+    experiment: str | None
+    time: float
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    x: Array
+    u: Array
+    y: Array
+    rates: Array
+
+    def to_scipy(self) -> Any:
+        """`scipy.signal.StateSpace`, continuous. Raises ValueError without an input or output, as that has no such form."""
+        if not self.inputs or not self.outputs:
+            raise ValueError("a state space of scipy has at least one input and one output")
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.A, self.B, self.C, self.D)
+
+    def to_control(self) -> Any:
+        """`control.StateSpace` of python-control, with the author's names. Raises MissingPackage without it."""
+        try:
+            import control
+        except ImportError as error:
+            raise MissingPackage('this needs python-control: pip install "bondgraph-lang[control]"') from error
+        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(self.A, self.B, self.C, self.D, **names)
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-linearization/1`: {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}},
+        A, B, C, D (rows), rates}, in SI."""
+        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
+        for word, names, values in (
+            ("states", self.states, self.x), ("inputs", self.inputs, self.u), ("outputs", self.outputs, self.y)
+        ):  # fmt: skip
+            told[word] = with_units(dict(zip(names, values.tolist(), strict=True)), self.units)
+        told |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
+        return {**told, "rates": rows_of([self.rates])[0]}
+
+    def summary(self) -> str:
+        """Matrices for terminals."""
+        from ..views.analyses import linearization_text
+
+        return linearization_text(self)
+
+
+def linearization(point: OperatingPoint) -> Linearization:
+    """The linear model at a point; its inputs are what slopes were asked by."""
+    space, reduced, program = point.compilation.state_space, point.reduced, point.program
+    chosen = reduced.chosen
+    state_slopes, by_slopes = point.of_states([space.states[i].rate for i in chosen])
+    output_slopes, through = point.of_states(list(space.outputs.values()))
+    units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
+    units |= dict(zip(program.states.names, program.states.units, strict=True))
+    quantities = [space.quantities.get(name) for name in point.by]
+    units |= {n: space.variables[v].unit for n, v in zip(point.by, quantities, strict=True) if v is not None}
+    return Linearization(
+        program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in chosen), point.by,
+        program.outputs.names, units, state_slopes, by_slopes, output_slopes, through, point.state[chosen],
+        point.values_of(point.by), point.outputs, point.rates[chosen],
+    )  # fmt: skip

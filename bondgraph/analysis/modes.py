@@ -1,0 +1,227 @@
+"""Modes: frequency, damping, shape, and in which elements their energy is.
+
+A storage's energy in a mode is half its effort times its displacement (its flow times its momentum), averaged over a cycle, by the
+slopes of its port: storages in derivative form count like others. A mechanism's is the second variation of its energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Leaf, Tape
+from .linear import linearization
+from .operating_point import OperatingPoint
+from .spectrum import spectrum
+from .told import finite, pair
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SCHEMA = "bondgraph-modes/1"
+WIDTH = 64  # modes whose energies are computed at once
+STILL = 1e-12  # of the fastest: an eigenvalue of zero
+SMALL = 1e-9  # of the largest energy: what rounding leaves
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """Of states, outputs and elements that store energy, in the order of a mode's numbers."""
+
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    elements: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One mode: of a conjugate pair the eigenvalue (1/s) with the positive imaginary part.
+
+    `shape` and `outputs`: complex amplitudes of states and outputs in SI, for an energy of 1 J (without energy: a norm of 1).
+    `energy`: the share of each element that stores some, together 1, the largest first; a spring that pushes on has a negative one.
+    """
+
+    eigenvalue: complex
+    names: Names
+    amplitudes: Any  # of the states (n,)
+    seen: Any  # of the outputs (m,)
+    energies: Any  # of the elements (k,)
+
+    @property
+    def frequency(self) -> float:
+        """The natural one, abs(eigenvalue)/2pi in Hz."""
+        return abs(self.eigenvalue) / (2 * math.pi)
+
+    @property
+    def damped_frequency(self) -> float:
+        """abs(Im)/2pi in Hz."""
+        return abs(self.eigenvalue.imag) / (2 * math.pi)
+
+    @property
+    def damping(self) -> float:
+        """-Re/abs; NaN for an eigenvalue of zero."""
+        size = abs(self.eigenvalue)
+        return 0.0 - self.eigenvalue.real / size if size else math.nan
+
+    @property
+    def shape(self) -> dict[str, complex]:
+        """Of the states."""
+        return dict(zip(self.names.states, map(complex, self.amplitudes), strict=True))
+
+    @property
+    def outputs(self) -> dict[str, complex]:
+        """Of the outputs."""
+        return dict(zip(self.names.outputs, map(complex, self.seen), strict=True))
+
+    @property
+    def energy(self) -> dict[str, float]:
+        """Shares; what is nothing but rounding is left out."""
+        size = np.abs(self.energies)
+        order = np.argsort(-size, kind="stable")
+        kept = order[size[order] > SMALL * size.max(initial=0.0)]
+        return {self.names.elements[i]: float(self.energies[i]) for i in kept}
+
+    @property
+    def where(self) -> str:
+        """The element with the largest share of the energy; empty if none has any."""
+        return next(iter(self.energy), "")
+
+    def to_json(self) -> dict[str, Any]:
+        """Part of `bondgraph-modes/1`."""
+        return {
+            "eigenvalue": pair(self.eigenvalue), "frequency": self.frequency, "damped_frequency": self.damped_frequency,
+            "damping": finite(self.damping), "energy": dict(self.energy),
+            "shape": {n: pair(x) for n, x in self.shape.items()}, "outputs": {n: pair(x) for n, x in self.outputs.items()},
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Modes(Sequence[Mode]):
+    """The modes at a point, slowest first; `units` of states and outputs."""
+
+    model: str
+    experiment: str | None
+    time: float
+    modes: tuple[Mode, ...]
+    units: Mapping[str, str]
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    def __getitem__(self, place: Any) -> Any:
+        return self.modes[place]
+
+    def __iter__(self) -> Iterator[Mode]:
+        return iter(self.modes)
+
+    @property
+    def frequencies(self) -> NDArray[np.float64]:
+        """In Hz, slowest first."""
+        return np.array([m.frequency for m in self.modes])
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-modes/1`: {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency,
+        damped_frequency, damping, energy: {element: share}, shape, outputs: {name: {re, im}}}]}, frequencies in Hz, all else in SI."""
+        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
+        return {**told, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
+
+    def summary(self) -> str:
+        """A table for terminals."""
+        from ..views.analyses import modes_text
+
+        return modes_text(self)
+
+
+def modes(point: OperatingPoint) -> Modes:
+    """All modes at a point, slowest first."""
+    linear = linearization(point)
+    found = spectrum(linear.A)
+    values, shapes = found.values, point.reduced.whole(found.shapes)
+    chosen = np.flatnonzero(values.imag >= 0)
+    chosen = chosen[np.lexsort((values[chosen].real, np.abs(values[chosen])))]
+    values, shapes = values[chosen], shapes[:, chosen]
+    names, energies = element_energies(point, values, shapes)
+    total = energies.sum(axis=0)
+    size = np.where(np.abs(total) > SMALL * np.abs(energies).sum(axis=0), np.abs(total), 1.0)
+    size = np.where(size > 0, size, 1.0)
+    with_energy = np.abs(energies).sum(axis=0) > 0
+    shapes = shapes / np.where(with_energy, np.sqrt(size), np.linalg.norm(shapes, axis=0))
+    shapes = shapes * _turned(shapes)
+    amplitudes = linear.C @ shapes[point.reduced.chosen]
+    states = point.program.states.names
+    units = dict(zip(states, point.program.states.units, strict=True)) | {n: linear.units[n] for n in linear.outputs}
+    told = Names(states, linear.outputs, tuple(names))
+    shares = energies / size
+    made = tuple(
+        Mode(complex(v), told, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
+    )  # fmt: skip
+    return Modes(linear.model, linear.experiment, point.time, made, units)
+
+
+def _turned(shapes: Any) -> Any:
+    """What turns the largest component of each column to the positive real axis."""
+    largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])] if len(shapes) else np.ones(0)
+    return np.conj(largest) / np.where(largest != 0, np.abs(largest), 1.0)
+
+
+def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[list[str], Any]:
+    """Names of elements and their energies (elements, modes) in J, for complex amplitudes of the states (n, modes).
+
+    A motion x exp(value t): averaged over a cycle for complex values, at t = 0 for real ones. Rigid motion has none.
+    """
+    space = point.compilation.state_space
+    ports = [p for p in space.ports if p.kind in ("C", "I", "IC")]
+    full = _with_unknowns(point, shapes)
+    efforts = point.sparse_slopes([p.effort for p in ports])[:, : point.all] @ full
+    flows = point.sparse_slopes([p.flow for p in ports])[:, : point.all] @ full
+    moving = np.abs(values) > STILL * np.abs(values).max(initial=0.0)
+    rate = np.where(moving, values, 1.0)
+    found: dict[str, Any] = {}
+    for port, effort, flow in zip(ports, efforts, flows, strict=True):
+        if port.kind == "C" or (port.kind == "IC" and _is_displacement(point, port)):
+            energy = (np.conj(effort) * flow / rate).real
+        else:
+            energy = (np.conj(flow) * effort / rate).real
+        found[port.element] = found.get(port.element, 0.0) + 0.5 * port.sign * np.where(moving, energy, 0.0)
+    for name, variable in space.stored.items():
+        found[name] = np.where(moving, _mechanism_energy(point, variable, full), 0.0)
+    factor = np.where(values.imag != 0, 0.5, 1.0)
+    names = list(found)
+    return names, np.array([found[n] * factor for n in names]).reshape(len(names), len(values))
+
+
+def _is_displacement(point: OperatingPoint, port: Any) -> bool:
+    """Whether a port of a field of both kinds stores a displacement: its flow is then the rate of what it stores."""
+    storage = next((s for s in point.compilation.equations.storages if s.element == port.element), None)
+    rates = {s.variable: s.rate for s in point.compilation.equations.states}
+    return storage is not None and port.flow in {rates.get(v) for v in storage.stored}
+
+
+def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:
+    """Amplitudes of states and unknowns."""
+    if point.all == point.count:
+        return shapes
+    return np.concatenate([shapes, point.reduced.unknowns[:, : point.count] @ shapes])
+
+
+def _mechanism_energy(point: OperatingPoint, variable: int, full: Any) -> Any:
+    """Half the second variation of a stored energy, for each column of amplitudes."""
+    slopes = point.lowered.slopes.get(variable, {})
+    tape, rows = Tape(list(slopes.values())), list(slopes)
+    result = np.zeros(full.shape[1])
+    for first in range(0, full.shape[1], WIDTH):
+        part = full[:, first : first + WIDTH]
+        along = np.concatenate([part.real, part.imag], axis=1)
+        directions = {Leaf("state", i): row for i, row in enumerate(along) if row.any()}
+        _, moved = tape.slopes(point.lookup, directions, along.shape[1])
+        second = np.zeros_like(along)
+        for row, change in zip(rows, moved, strict=True):
+            if change is not None and row < len(second):
+                second[row] = change
+        both = 0.5 * (along * second).sum(axis=0)
+        result[first : first + WIDTH] = both[: part.shape[1]] + both[part.shape[1] :]
+    return result

@@ -1,0 +1,248 @@
+"""A model at one state and instant, with the slopes of everything there: what all linear analyses stand on.
+
+What follows from others is eliminated by the derivatives of what ties it: unknowns of algebraic loops by their residuals, multipliers of
+closing joints likewise, and of the coordinates that closing joints tie a choice is made (QR with pivots) of which the others are functions.
+Both are exact: the rates keep the constraints, so that the directions that these leave are kept by the Jacobian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Leaf, NoSlope, Tape
+from ..errors import RunFailed, UsageError
+from ..prepared import Prepared
+
+if TYPE_CHECKING:
+    from ..door import Compilation, Lowered, Program
+    from ..model import Model
+    from ..simulation.closed.constraints import Constraints
+
+RANK = 1e-9  # of the largest: a constraint that says less follows from others
+AHEAD = 1.0  # s: how far ahead instants are looked for, where a model is asked at one
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked of a model, and where: `state` "equilibrium", "start", or values of states by name (the rest at the start).
+
+    `by`: quantities that slopes are wanted by; `outputs`: None all.
+    """
+
+    experiment: str | None = None
+    settings: Mapping[str, str | float] | None = None
+    outputs: tuple[str, ...] | None = None
+    by: tuple[str, ...] = ()
+    state: str | Mapping[str, float] = "equilibrium"
+    time: float | None = None  # None: where the experiment begins
+
+
+class OperatingPoint:
+    """States (n,) and unknowns (m,) of a model at an instant. Slopes have a column for each of them and for each of `by`."""
+
+    def __init__(
+        self, made: Prepared, constraints: Constraints, state: Any, mode: Any, time: float, by: tuple[str, ...]
+    ) -> None:
+        self.made, self.constraints, self.mode, self.time = made, constraints, mode, time
+        self.program: Program = made.program
+        self.compilation: Compilation = made.compilation
+        self.lowered: Lowered = self.compilation.lowered
+        self.state, self.by = np.asarray(state, dtype=float), by
+        self.count, self.all = len(self.program.states.names), len(self.state)
+        self.inputs, self.constants = constraints.inputs, constraints.constants
+
+    # ------------------------------------------------------------ values
+    def lookup(self, leaf: Leaf) -> float:
+        """The value of a symbol of the program."""
+        match leaf.role:
+            case "state":
+                return float(self.state[leaf.position])
+            case "parameter":
+                return float(self.constraints.parameters[leaf.position])
+            case "input":
+                return float(self.inputs[leaf.position])
+            case "mode":
+                return float(self.mode[leaf.position])
+        return self.time
+
+    @cached_property
+    def rates(self) -> Any:
+        """Of the states, (n,)."""
+        found = self.program.derivative(self.time, self.state, self.inputs, self.constants, self.mode)
+        return np.asarray(found, dtype=float)[: self.count]
+
+    @cached_property
+    def outputs(self) -> Any:
+        """Of `program.outputs`, in SI."""
+        return np.asarray(
+            self.program.output(self.time, self.state, self.inputs, self.constants, self.mode), dtype=float
+        )
+
+    def values_of(self, names: Sequence[str]) -> Any:
+        """Of quantities by name, (len(names),); those that nothing reads have the value that the author gave them."""
+        space, whole = self.compilation.state_space, self.compilation.whole_graph.quantities
+        found = {n: space.quantities[n] for n in names if n in space.quantities}
+        values = dict(
+            zip(found, Tape([self.lowered.values[v] for v in found.values()]).values(self.lookup), strict=True)
+        )
+        return np.array([values.get(n, whole[n].value if n in whole else None) for n in names], dtype=float)
+
+    # ------------------------------------------------------------ slopes
+    def slopes(self, variables: Sequence[int]) -> Any:
+        """Of variables by states, unknowns and `by`, (len(variables), n + m + k), dense. Raises `RunFailed`."""
+        return self.sparse_slopes(variables).toarray()
+
+    def sparse_slopes(self, variables: Sequence[int]) -> Any:
+        """The same, sparse by rows."""
+        from scipy.sparse import csr_array
+
+        rows = [self.lowered.slopes.get(v, {}) for v in variables]
+        values = np.array(Tape([x for row in rows for x in row.values()]).values(self.lookup), dtype=float)
+        numbers = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            name = self.compilation.state_space.variables[variables[numbers[bad[0]]]].name
+            raise RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
+        columns = [*range(self.all), *(self.all + self.by.index(self._name(v)) for v in self.lowered.by)]
+        places = np.array([columns[c] for row in rows for c in row], dtype=int)
+        return csr_array((values, (numbers, places)), shape=(len(rows), self.all + len(self.by)))
+
+    def _name(self, variable: int) -> str:
+        return next(n for n in self.by if self.compilation.state_space.quantities.get(n) == variable)
+
+    @cached_property
+    def reduced(self) -> Reduced:
+        """With unknowns and tied coordinates eliminated."""
+        return _reduced(self)
+
+    def of_states(self, variables: Sequence[int]) -> tuple[Any, Any]:
+        """The slopes of variables by the free coordinates and by `by`, what is tied following."""
+        slopes, reduced = self.slopes(variables), self.reduced
+        return reduced.through(slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Free coordinates (r,) of the states: `chosen` are their places; `directions` (n, r) how all states follow, `following` (n, k)
+    how they follow `by` while the free ones stand still; `unknowns` (m, n + k) how unknowns follow states and `by`."""
+
+    chosen: Any
+    directions: Any
+    following: Any
+    unknowns: Any
+
+    @property
+    def tied(self) -> bool:
+        """Whether some coordinates follow others."""
+        return len(self.chosen) < len(self.directions)
+
+    def whole(self, amplitudes: Any) -> Any:
+        """All states from the free coordinates."""
+        return self.directions @ amplitudes if self.tied else amplitudes
+
+    def through(self, slopes: Any) -> tuple[Any, Any]:
+        """From columns of states, unknowns and `by` to columns of free coordinates, and of `by`."""
+        n, (m, width) = len(self.directions), self.unknowns.shape
+        whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
+        whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
+        states = whole[:, :n]
+        if not self.tied:
+            return states, whole[:, n:width]
+        return states @ self.directions, states @ self.following + whole[:, n:width]
+
+
+def _reduced(point: OperatingPoint) -> Reduced:
+    space, n, size = point.compilation.state_space, point.count, point.all
+    k = len(point.by)
+    follow = np.zeros((0, n + k))
+    if size > n:
+        whole = point.slopes([u.residual for u in space.unknowns])
+        try:
+            follow = -np.linalg.solve(whole[:, n:size], np.concatenate([whole[:, :n], whole[:, size:]], axis=1))
+        except np.linalg.LinAlgError as problem:
+            names = ", ".join(f"`{u}`" for u in point.program.unknowns.names[:6])
+            raise RunFailed(
+                f"the algebraic loop of {names} has no slope at this state: two of its solutions meet"
+            ) from problem
+    if not space.invariants:
+        return Reduced(np.arange(n), np.eye(n), np.zeros((n, k)), follow)
+    values = [i.position for i in space.invariants] + [i.velocity for i in space.invariants if i.velocity is not None]
+    slopes = point.slopes(values)
+    chosen, directions, following = _tied(slopes[:, :n], slopes[:, size:])
+    return Reduced(chosen, directions, following, follow)
+
+
+def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
+    """Coordinates that stay free where slopes @ x + moved @ p = 0, and how all follow them and p."""
+    from scipy.linalg import qr
+
+    n = slopes.shape[1]
+    rows = np.abs(slopes).max(axis=1, initial=0.0)
+    slopes, moved = (a / np.where(rows > 0, rows, 1.0)[:, None] for a in (slopes, moved))
+    _, triangle, order = qr(slopes, mode="economic", pivoting=True)
+    sizes = np.abs(np.diag(triangle))
+    rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+    tied, chosen = np.sort(order[:rank]), np.sort(order[rank:])
+    directions, following = np.zeros((n, n - rank)), np.zeros((n, moved.shape[1]))
+    directions[chosen, np.arange(n - rank)] = 1.0
+    solved = np.linalg.lstsq(slopes[:, tied], np.concatenate([slopes[:, chosen], moved], axis=1), rcond=None)[0]
+    directions[tied], following[tied] = -solved[:, : n - rank], -solved[:, n - rank :]
+    return chosen, directions, following
+
+
+# ---------------------------------------------------------------- finding one
+
+
+def operating_point(model: Model, asked: Asked) -> OperatingPoint:
+    """The model compiled and put where it is asked. Raises `CompilationFailed`, `UsageError`, `RunFailed`."""
+    scene = replace(model.scene(asked.experiment, asked.settings, asked.by, asked.outputs), by=asked.by)
+    return placed(model.prepared(scene, True, "numpy"), asked)
+
+
+def placed(made: Prepared, asked: Asked) -> OperatingPoint:
+    """The same from what is compiled already."""
+    from ..simulation.leg import Leg
+
+    try:
+        program, plan = made.program, made.plan
+    except NoSlope as problem:
+        raise UsageError(
+            "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these"
+        ) from problem
+    begins = plan.start if asked.time is None else asked.time
+    plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
+    if program.delays is not None:
+        raise UsageError(
+            "signals that are what others were some time ago (`delay`) are no states: no linear analysis is made"
+        )
+    with np.errstate(all="ignore"):
+        leg = Leg(made, plan, np.array([begins, begins + AHEAD]), 1e-6, None, False, None)
+        if leg.begins_without != leg.off:
+            raise UsageError("junctions go on or off at the very start (`active`): no linear analysis is made there")
+        state, mode = leg.state, leg.stretches[0].mode
+        if isinstance(asked.state, Mapping):
+            state = _given(leg, asked.state, begins, mode)
+        elif asked.state not in ("equilibrium", "start"):
+            raise UsageError(f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
+    return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by)
+
+
+def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
+    """The state with given values, on the constraints, with the unknowns that belong to it."""
+    from ..simulation.loops.loops import LoopSolver
+
+    names = leg.program.states.names
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise UsageError(f"`{unknown[0]}` is no state; states are {', '.join(names) or 'none'}")
+    state = np.array(leg.state, dtype=float)
+    for i, name in enumerate(names):
+        state[i] = given.get(name, state[i])
+    size = np.where(state != 0, np.abs(state), 1.0)
+    state = leg.constraints.project(time, state, mode)
+    return LoopSolver(leg.program, leg.constants, leg.inputs, size).solve(time, state, mode)

@@ -1,0 +1,191 @@
+"""Frequency response: G(i w) = C (i w - A)^-1 B + D, exact from the linear model; and for checking, measured by harmonic excitation."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from .linear import Linearization
+from .spectrum import left_shapes
+from .told import finite, pair
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SCHEMA = "bondgraph-response/1"
+POINTS = 400
+BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # widths of a resonance
+AT_ONCE = 4_000_000  # numbers in the matrices that are solved together
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """`values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input."""
+
+    model: str
+    experiment: str | None
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    frequencies: NDArray[np.float64]
+    values: NDArray[np.complex128]
+
+    def of(self, given: str, seen: str) -> NDArray[np.complex128]:
+        """From an input to an output, (f,). Raises `UsageError`."""
+        for name, known, what in ((given, self.inputs, "input"), (seen, self.outputs, "output")):
+            if name not in known:
+                raise UsageError(f"there is no {what} `{name}` in this response; there is {', '.join(known) or 'none'}")
+        found: NDArray[np.complex128] = self.values[:, self.outputs.index(seen), self.inputs.index(given)]
+        return found
+
+    @property
+    def magnitude(self) -> NDArray[np.float64]:
+        """(f, m, k)."""
+        return np.abs(self.values)
+
+    @property
+    def phase(self) -> NDArray[np.float64]:
+        """(f, m, k) in degrees, without jumps by whole turns."""
+        found: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(self.values), axis=0))
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-response/1`: {schema, model, experiment, frequencies (Hz), responses: [{input, output, unit,
+        values: [{re, im}], magnitude, phase (deg)}]}."""
+        phase, magnitude = self.phase, self.magnitude
+        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
+        responses = [
+            {
+                "input": given, "output": seen, "unit": self.unit(given, seen), "values": [pair(complex(x)) for x in self.values[:, i, j]],
+                "magnitude": [finite(x) for x in magnitude[:, i, j]], "phase": [finite(x) for x in phase[:, i, j]],
+            }
+            for j, given in enumerate(self.inputs)
+            for i, seen in enumerate(self.outputs)
+        ]  # fmt: skip
+        return {**told, "frequencies": self.frequencies.tolist(), "responses": responses}
+
+    def unit(self, given: str, seen: str) -> str:
+        """Of the output over that of the input, `m/N`."""
+        above, below = self.units.get(seen, "1"), self.units.get(given, "1")
+        return above if below == "1" else f"{above}/({below})" if any(c in below for c in "*/") else f"{above}/{below}"
+
+    def summary(self) -> str:
+        """A table for terminals."""
+        from ..views.analyses import response_text
+
+        return response_text(self)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Magnitude and phase over frequency into a .png, .svg or .pdf file. Raises MissingPackage, UsageError, OSError."""
+        from ..views.bode import plot_response
+
+        plot_response(self, path)
+
+
+def response(linear: Linearization, low: float | None, high: float | None, points: int = POINTS) -> Response:
+    """At `points` frequencies from `low` to `high` (Hz, logarithmic; None: a decade around the modes) and at resonances in between."""
+    if not linear.inputs or not linear.outputs:
+        raise UsageError(
+            "a frequency response leads from an input to an output: name one that the model has (or a parameter as input)"
+        )
+    frequencies = _frequencies(np.linalg.eigvals(linear.A), low, high, points)
+    values = transfer(linear, 2j * np.pi * frequencies)
+    return Response(
+        linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, values
+    )  # fmt: skip
+
+
+def transfer(linear: Linearization, places: Any) -> Any:
+    """C (s - A)^-1 B + D at complex places s (f,), shape (f, m, k). An infinite value where s is an eigenvalue."""
+    from scipy.linalg import matrix_balance
+
+    n = len(linear.A)
+    result = np.repeat(linear.D[None].astype(complex), len(places), axis=0)
+    if not n:
+        return result
+    A, (scale, _) = matrix_balance(linear.A, permute=False, separate=True)
+    B, C = linear.B / scale[:, None], linear.C * scale
+    width = max(1, AT_ONCE // n**2)
+    for first in range(0, len(places), width):
+        part = places[first : first + width]
+        matrices = part[:, None, None] * np.eye(n) - A
+        try:
+            result[first : first + width] += C @ np.linalg.solve(matrices, np.repeat(B[None], len(part), axis=0))
+        except np.linalg.LinAlgError:
+            for i, matrix in enumerate(matrices):
+                result[first + i] = _at(matrix, B, C, linear.D)
+    return result
+
+
+def _at(matrix: Any, B: Any, C: Any, D: Any) -> Any:
+    try:
+        return D + C @ np.linalg.solve(matrix, B)
+    except np.linalg.LinAlgError:
+        return np.full(D.shape, np.inf + 0j)
+
+
+def _frequencies(poles: Any, low: float | None, high: float | None, points: int) -> Any:
+    """A logarithmic grid with resonances on it, each with some points on its flanks."""
+    moving = np.abs(poles)[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)] / (2 * np.pi)
+    if (low is None or high is None) and not len(moving):
+        raise UsageError(
+            'nothing in the model says over which frequencies to look: give a range (`--over "1 Hz .. 1 kHz"`)'
+        )
+    low = float(moving.min()) / 10 if low is None else low
+    high = float(moving.max()) * 10 if high is None else high
+    if not (0 < low < high < math.inf) or not 2 <= points <= 1_000_000:
+        raise UsageError(
+            f"frequencies run upwards from above zero, at 2 points or more; not from {low:g} to {high:g} Hz at {points}"
+        )
+    near = [
+        (abs(p.imag) + w * abs(p.real)) / (2 * math.pi) for p in poles if 0 < abs(p.real) < abs(p.imag) for w in BESIDE
+    ]
+    grid = np.geomspace(low, high, points)
+    return np.unique([*grid, *(f for f in near if low < f < high)])
+
+
+# ---------------------------------------------------------------- measured
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a harmonic excitation showed: the first harmonic of an output over that of the input, and how much else there was.
+
+    `distortion`: what is neither mean nor first harmonic, as a share of the first harmonic. `settling` in s was waited.
+    """
+
+    frequency: float
+    value: complex
+    distortion: float
+    settling: float
+
+
+def settling_time(linear: Linearization, given: str, seen: str, frequency: float, left: float = 1e-7) -> float:
+    """How long (s) until a transient has fallen to a share of the steady motion, by the modes that take part in it."""
+    values, inverse, shapes = left_shapes(linear.A)
+    i, j = linear.outputs.index(seen), linear.inputs.index(given)
+    steady = abs(transfer(linear, np.array([2j * np.pi * frequency]))[0, i, j])
+    parts = np.abs((linear.C[i] @ shapes) * (inverse.conj().T @ linear.B[:, j]) / (2j * np.pi * frequency - values))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = np.where(parts > left * steady, np.log(parts / (left * steady)) / -values.real, 0.0)
+    if not np.isfinite(times).all() or (times < 0).any():
+        raise UsageError(
+            f"`{seen}` never settles under a harmonic `{given}`: a mode that takes part in it is not damped"
+        )
+    return float(times.max(initial=0.0))
+
+
+def first_harmonic(time: Any, values: Any, frequency: float) -> tuple[complex, float]:
+    """The complex amplitude a of Im(a exp(i w t)) and the share of what else moves; least squares over whole periods."""
+    angle = 2 * np.pi * frequency * time
+    basis = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)
+    found, *_ = np.linalg.lstsq(basis, values, rcond=None)
+    size = math.hypot(found[0], found[1])
+    rest = float(np.sqrt(2 * np.mean((values - basis @ found) ** 2)))
+    return complex(found[0], found[1]), rest / size if size else math.inf

@@ -1,0 +1,145 @@
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from .cli import _check_target, _file, _load, _model, _outputs, _setting, _told, commands
+
+_experiment = click.option(
+    "-e", "--experiment", default="none", metavar="NAME", help="With what this experiment sets and starts; none if left out."
+)  # fmt: skip
+_settings = click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Set a parameter (`a=171 um`) or an input."
+)
+_json = click.option("--json", "as_json", is_flag=True, help="Print it as JSON, in SI and Hz.")
+_inputs = click.option(
+    "--input", "inputs", multiple=True, metavar="NAME", help="From this input, parameter or signal (several times: these)."
+)  # fmt: skip
+_state = click.option(
+    "--at", "state", default="equilibrium", type=click.Choice(["equilibrium", "start"]), help="At rest, or at the start."
+)  # fmt: skip
+_time = click.option(
+    "--time", "time", metavar="TIME", help="Inputs as they are then; where the experiment begins if left out."
+)
+
+
+def _named(experiment: str) -> str | None:
+    return None if experiment == "none" else experiment
+
+
+def _seconds(time: str | None) -> float | None:
+    if time is None:
+        return None
+    from .simulation.run import seconds
+
+    return seconds(time)
+
+
+def _echo(found: Any, as_json: bool) -> None:
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+
+
+@commands.command()
+@_file
+@_experiment
+@_outputs
+@_settings
+@_time
+@_json
+@_model
+def equilibrium(
+    file: str, experiment: str, outputs: Sequence[str], settings: Sequence[str], time: str | None, as_json: bool, model: str | None
+) -> None:  # fmt: skip
+    """Find the state of rest that is reached from the start, and whether it is stable."""
+    with _told():
+        chosen = _load(file, model)
+        found = chosen.equilibrium(
+            _named(experiment), dict(map(_setting, settings)), tuple(outputs) or None, _seconds(time)
+        )
+        _echo(found, as_json)
+
+
+@commands.command()
+@_file
+@_inputs
+@_outputs
+@_state
+@_experiment
+@_settings
+@_time
+@_json
+@_model
+def linearize(
+    file: str, inputs: Sequence[str], outputs: Sequence[str], state: str, experiment: str, settings: Sequence[str],
+    time: str | None, as_json: bool, model: str | None,
+) -> None:  # fmt: skip
+    """Print A, B, C, D of the linear model at rest or at the start."""
+    with _told():
+        found = _load(file, model).linearize(
+            tuple(inputs) or None, tuple(outputs) or None, _named(experiment), dict(map(_setting, settings)), state, _seconds(time)
+        )  # fmt: skip
+        _echo(found, as_json)
+
+
+@commands.command()
+@_file
+@_state
+@_experiment
+@_settings
+@_time
+@_json
+@_model
+def modes(
+    file: str, state: str, experiment: str, settings: Sequence[str], time: str | None, as_json: bool, model: str | None
+) -> None:  # fmt: skip
+    """Print frequencies, damping, and where the energy of each mode is."""
+    with _told():
+        found = _load(file, model).modes(_named(experiment), dict(map(_setting, settings)), state, _seconds(time))
+        _echo(found, as_json)
+
+
+@commands.command()
+@_file
+@_inputs
+@_outputs
+@click.option(
+    "--over", metavar='"LOW .. HIGH"', help="Frequencies, as `100 Hz .. 10 kHz`; a decade around the modes if left out."
+)
+@click.option("--points", default=400, metavar="N", help="How many frequencies, besides those of resonances (400).")
+@_state
+@_experiment
+@_settings
+@_time
+@click.option("--plot", metavar="B.png", help="Draw magnitude and phase (.png, .svg or .pdf).")
+@_json
+@_model
+def bode(
+    file: str, inputs: Sequence[str], outputs: Sequence[str], over: str | None, points: int, state: str, experiment: str,
+    settings: Sequence[str], time: str | None, plot: str | None, as_json: bool, model: str | None,
+) -> None:  # fmt: skip
+    """Print the frequency response of the linear model at rest or at the start."""
+    with _told():
+        if plot is not None:
+            _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        low, high = (None, None) if over is None else _range(over)
+        found = _load(file, model).response(
+            tuple(inputs) or None, tuple(outputs) or None, low, high, points, _named(experiment),
+            dict(map(_setting, settings)), state, _seconds(time),
+        )  # fmt: skip
+        if plot is not None:
+            found.plot(plot)
+        _echo(found, as_json)
+
+
+def _range(text: str) -> tuple[float, float]:
+    from .quantities import quantity
+
+    low, dots, high = text.partition("..")
+    if not dots:
+        raise click.UsageError(f"--over takes a range, as in `100 Hz .. 10 kHz`; this is `{text}`")
+    return quantity(low, "Hz", "--over"), quantity(high, "Hz", "--over")

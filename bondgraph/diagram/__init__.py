@@ -1,0 +1,50 @@
+"""Bond graphs as pictures: from a compilation to a figure in a textbook's notation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..door import MechanismNode
+from ..errors import UsageError
+from .compose import compose
+from .mechanism import draw_mechanism
+from .picture import write_figure
+from .place import place
+from .poses import poses_at
+from .scenery import scenery_of
+from .subject import subject_of
+from .svg import svg_text
+
+if TYPE_CHECKING:
+    from ..door import BondGraph, Compilation
+    from ..model import Model
+    from .figure import Figure
+
+__all__ = ["draw", "mechanism_of", "svg_text", "write_figure"]
+
+
+def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:
+    """The diagram of a scene. `closed`: instances are boxes; `numbers`: with the numbers of the bonds. Raises `CompilationFailed`."""
+    subject = subject_of(compilation, closed)
+    return compose(subject, place(subject), numbers)
+
+
+def mechanism_of(model: Model, name: str | None, experiment: str | None, at: str | float | None) -> Figure:
+    """The picture of a mechanism: in the reference, or at a time of an experiment. Raises as `Model.draw_mechanism` says."""
+    graph = model.compilation().whole_graph
+    names = [node.name for node in _mechanisms(graph)]
+    if not names or (name is None and len(names) > 1) or (name is not None and name not in names):
+        told = f"it has {', '.join(f'`{n}`' for n in names)}: name one" if names else "it has none"
+        raise UsageError(f"which mechanism of `{graph.name}` is to be drawn? {told}")
+    place = names.index(name or names[0])
+    if at is None:
+        return draw_mechanism(scenery_of(graph, _mechanisms(graph)[place]))
+    poses, time = poses_at(model, experiment, at)
+    graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set what places depend on
+    node = _mechanisms(graph)[place]
+    named = dict(zip((body.name for body in node.mechanism.bodies), poses[place], strict=True))
+    return draw_mechanism(scenery_of(graph, node, named), f"at {time:.6g} s")
+
+
+def _mechanisms(graph: BondGraph) -> list[MechanismNode]:
+    return [node for node in graph.nodes if isinstance(node, MechanismNode)]

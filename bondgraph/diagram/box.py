@@ -1,0 +1,203 @@
+"""A box with what hangs on it: ports in rows along its sides, its name on top, as large as that needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .glyphs import GAP, NAME, PORT, shortest
+from .lettering import text_width
+from .room import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
+from .subject import HEAD, TAIL, Line, Node
+
+if TYPE_CHECKING:
+    from .tree import Block, Branch
+
+RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
+TITLE = 40.0  # the height that kind and name take
+SPACE = 8.0
+ROW = 26.0  # between two ports of a side
+PADDING = 12.0
+SPARE = np.array((-0.0, -SPACE, 0.0, SPACE))  # between what hangs on neighbouring ports
+
+
+@dataclass(frozen=True, slots=True)
+class Boxed:
+    """A box, and where its name stands."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    title: tuple[float, float]
+
+    def at(self, x: float, y: float) -> Boxed:
+        """The same box elsewhere."""
+        title = (self.title[0] + x, self.title[1] + y)
+        return Boxed(self.left + x, self.top + y, self.right + x, self.bottom + y, title)
+
+    def port_text(self, text: str, x: float, y: float) -> tuple[str, float, float, str]:
+        """The name of a port inside the border at which it stands: text, x, y of the baseline, anchor."""
+        if x <= self.left or x >= self.right:
+            right = x >= self.right
+            return text, self.right - 6 if right else self.left + 6, y + 4, "end" if right else "start"
+        return text, x, self.bottom - 6 if y >= self.bottom else self.top + 14, "middle"
+
+
+def port_of(line: Line, node: int) -> str:
+    """The name of the port at which a line meets a node."""
+    return line.ports[TAIL if line.tail == node else HEAD]
+
+
+def box_around(
+    nodes: Sequence[Node], lines: Sequence[Line], branches: Sequence[Branch],
+    finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None,
+) -> Block:  # fmt: skip
+    """A box and its branches; seen from where the bond that carries it arrives (`along`), or from its middle."""
+    from .tree import Block, Draft
+
+    sides = _sides(branches, finished, along)
+    widths = _widths(lines, node, sides, along)
+    rows = {side: _stacked(sides[side], finished, side, widths[side]) for side in sides}
+    half, heights = _size(nodes[node], nodes[node].letter, widths, rows, along)
+    top, bottom = -heights[0], heights[1]
+    box = (-half, top, half, bottom)
+    far = corridor(along, half if along[0] else -top if along[1] > 0 else bottom) if along is not None else NOTHING
+    draft = Draft(taken=joined(rectangles([box]), far))
+    for side in (LEFT, RIGHT, UP, DOWN):
+        x, y = side
+        border = half if x else (bottom if y > 0 else -top)
+        level = _level(nodes, draft.taken, sides[side], rows[side], finished, side, border)
+        for branch, offset in sorted(zip(sides[side], rows[side], strict=True), key=lambda item: not item[0].heavy):
+            block = finished[branch.child, side]
+            foot = (x * (border + GAP), offset) if x else (offset, y * (border + GAP))
+            shifted = block.at(*((0.0, offset) if x else (offset, 0.0)))
+            assert draft.taken is not None
+            distance = push(
+                draft.taken,
+                shifted.taken,
+                side,
+                level if branch.heavy else border + shortest(nodes[branch.child]) + 2 * GAP + block.reach,
+            )
+            tip = distance - block.reach - GAP
+            end = (x * tip, offset) if x else (offset, y * tip)
+            draft.add(shifted.at(x * distance, y * distance), lane(foot, end))
+            draft.ends[branch.line, node], draft.ends[branch.line, branch.child] = foot, end
+            draft.cost += distance
+    assert draft.taken is not None
+    title = (0.0, top + 16 + 14 * (bool(sides[UP]) or along == DOWN))
+    boxed = Boxed(*box, title)
+    made = Block(
+        {node: (0.0, 0.0)} | draft.places,
+        draft.labels,
+        {node: boxed} | draft.boxes,
+        draft.ends,
+        np.delete(draft.taken, range(1, 1 + len(far)), axis=0),
+        draft.cost,
+    )
+    if along is None:
+        return made
+    x, y = along
+    reach = half if x else (-top if y > 0 else bottom)
+    return Block(made.places, made.labels, made.boxes, made.ends, made.taken, made.cost, reach)
+
+
+def _level(
+    nodes: Sequence[Node], taken: Rectangles | None, branches: Sequence[Branch], offsets: Sequence[float],
+    finished: Mapping[tuple[int, Vector], Block], side: Vector, border: float,
+) -> float:  # fmt: skip
+    """How far out the branches of a side have to be, so that what hangs on them stands in line."""
+    assert taken is not None
+    found = 0.0
+    for branch, offset in zip(branches, offsets, strict=True):
+        block = finished[branch.child, side]
+        shifted = moved(block.taken, *((0.0, offset) if side[0] else (offset, 0.0)))
+        least = border + shortest(nodes[branch.child]) + 2 * GAP + block.reach
+        found = max(found, push(taken, shifted, side, least) * branch.heavy)
+    return found
+
+
+def _sides(
+    branches: Sequence[Branch], finished: Mapping[tuple[int, Vector], Block], along: Vector | None
+) -> dict[Vector, list[Branch]]:
+    """What arrives stands left, what leaves stands right; the heavier side gives to the lighter one, then to top and bottom."""
+    taken = None if along is None else (-along[0], -along[1])
+    free = [s for s in (LEFT, RIGHT, DOWN, UP) if s != taken]
+    sides: dict[Vector, list[Branch]] = {s: [] for s in (LEFT, RIGHT, UP, DOWN)}
+
+    def height(branch: Branch, side: Vector) -> float:
+        rectangle = finished[branch.child, side].taken
+        return float(rectangle[:, 3].max() - rectangle[:, 1].min()) if side[0] else 0.0
+
+    for branch in branches:
+        wanted = RIGHT if branch.outwards else LEFT
+        sides[wanted if wanted in free else (LEFT if wanted == RIGHT else RIGHT)].append(branch)
+    for _ in branches:  # a light element more or less makes the sides equal
+        loads = {s: sum(height(b, s) for b in sides[s]) for s in (LEFT, RIGHT)}
+        full = max((LEFT, RIGHT), key=loads.__getitem__)
+        other = LEFT if full == RIGHT else RIGHT
+        last = sides[full][-1] if sides[full] else None
+        if (
+            last is None
+            or other not in free
+            or loads[full] - height(last, full) < loads[other] + height(last, other) - 1
+        ):
+            break
+        sides[other].append(sides[full].pop())
+    if taken is not None:
+        spare = list(sides[taken])
+        sides[taken] = []
+        for branch in spare:
+            sides[next(s for s in free)].append(branch)
+    return sides
+
+
+def _stacked(
+    branches: Sequence[Branch], finished: Mapping[tuple[int, Vector], Block], side: Vector, width: float
+) -> list[float]:
+    """Where the branches of a side leave it, so that they are clear of each other; symmetric about zero."""
+    down: Vector = (0.0, 1.0) if side[0] else (1.0, 0.0)
+    offsets: list[float] = []
+    taken: Rectangles = NOTHING
+    for branch in branches:
+        block = finished[branch.child, side].taken
+        offset = push(
+            taken + SPARE,
+            block,
+            down,
+            offsets[-1] + (ROW if side[0] else max(64.0, width + PADDING)) if offsets else 0.0,
+        )
+        offsets.append(offset)
+        taken = joined(taken, moved(block, down[0] * offset, down[1] * offset))
+    middle = (offsets[0] + offsets[-1]) / 2 if offsets else 0.0
+    return [o - middle for o in offsets]
+
+
+def _size(
+    node: Node, title: str, widths: Mapping[Vector, float], rows: Mapping[Vector, Sequence[float]], along: Vector | None
+) -> tuple[float, tuple[float, float]]:
+    """Half the width, and the heights above and below the middle of the rows."""
+    named = max(text_width(node.label, NAME + 1), text_width(title, PORT)) + 2 * PADDING
+    across = max((2 * max(map(abs, rows[s])) + widths[s] + 2 * PADDING for s in (UP, DOWN) if rows[s]), default=0.0)
+    half = max(named, widths[LEFT] + widths[RIGHT] + 3 * PADDING, widths[UP], widths[DOWN], across, 72.0) / 2
+    inner = max((abs(o) for s in (LEFT, RIGHT) for o in rows[s]), default=0.0) + PADDING
+    above, below = bool(rows[UP]) or along == DOWN, bool(rows[DOWN]) or along == UP
+    return float(round(half)), (inner + TITLE + 14 * above, inner + 14 * below)
+
+
+def _widths(
+    lines: Sequence[Line], node: int, sides: Mapping[Vector, Sequence[Branch]], along: Vector | None
+) -> dict[Vector, float]:
+    """How wide the names of the ports at each side are; the bond that carries the box has one, too."""
+    found = {s: max((text_width(port_of(lines[b.line], node), PORT) for b in sides[s]), default=0.0) for s in sides}
+    if along is not None:
+        taken = {b.line for s in sides for b in sides[s]}
+        entry = max(
+            (text_width(port_of(x, node), PORT) for n, x in enumerate(lines) if node in x.ends and n not in taken),
+            default=0.0,
+        )
+        found[-along[0], -along[1]] = entry
+    return found

@@ -1,0 +1,259 @@
+"""From a subject and its layout to a figure: half arrows, strokes, letters, boxes, signals, the legend.
+
+A half arrow's barb is on the side where textbooks write the flow: below a bond, or right of one that goes up or down. The causal stroke
+stands across the end of the bond that is given the effort.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from .box import port_of
+from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
+from .glyphs import PORT, STROKE, text_rectangle
+from .lettering import text_width
+from .looks import LOOKS
+from .place import Layout
+from .room import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches
+from .subject import TAIL, Line, Node, Subject
+
+BARB, SPREAD = 11.0, 7.0  # the half arrow along and across the bond
+DOUBLE = 2.0  # half the distance between the lines of a multibond
+BORDER = 16.0
+MEANINGS = {"derivative": "storage in derivative form", "loop": "in an algebraic loop"}
+
+
+def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
+    """The figure. `numbers`: with the numbers of the bonds."""
+    groups = [
+        *_lines(subject, layout),
+        *_signals(subject, layout),
+        *(_node(node, number, layout) for number, node in enumerate(subject.nodes)),
+        *_ports(subject, layout),
+    ]
+    if numbers:
+        groups += _numbers(subject, layout, groups)
+    left, top, right, bottom = bounds(layout.taken) if len(layout.taken) else (0.0, 0.0, 200.0, 20.0)
+    for way in layout.signals.values():
+        left, right = min(left, *(x for x, _ in way)), max(right, *(x for x, _ in way))
+        top, bottom = min(top, *(y for _, y in way)), max(bottom, *(y for _, y in way))
+    legend, height, width = _legend(subject, left, bottom + 20)
+    dx, dy = round(BORDER - left, 1), round(BORDER - top, 1)
+    whole = (max(right - left, width) + 2 * BORDER, bottom - top + height + 2 * BORDER)
+    shifted = tuple(group_at(g, dx, dy) for g in (*groups, *legend))
+    return Figure(math.ceil(whole[0]), math.ceil(whole[1]), f"bond graph of {subject.name}", shifted)
+
+
+# ---------------------------------------------------------------- bonds
+
+
+def _lines(subject: Subject, layout: Layout) -> Iterator[Group]:
+    for number, line in enumerate(subject.lines):
+        way = layout.bonds[number]
+        shapes: list[Shape] = [
+            *_shaft(way, len(line.bonds) > 1),
+            _barb(way, len(line.bonds) > 1),
+            _stroke(way, line.stroke),
+        ]
+        tail, head = (subject.nodes[n].name for n in line.ends)
+        facts = {
+            "bonds": " ".join(map(str, line.bonds)), "tail": tail, "head": head, "stroke": "tail" if line.stroke == TAIL else "head",
+        }  # fmt: skip
+        yield Group("bond", tuple(shapes), facts, _words_of_line(subject, line), _mark(line))
+
+
+def _words_of_line(subject: Subject, line: Line) -> str:
+    ends = [f"{subject.nodes[n].name}{'.' * bool(p)}{p}" for n, p in zip(line.ends, line.ports, strict=True)]
+    effort, flow = ends if line.stroke != TAIL else ends[::-1]
+    many = f"{len(line.bonds)} bonds, " if len(line.bonds) > 1 else ""
+    return f"{ends[0]} -> {ends[1]} ({many}{line.domain}; {line.place}): effort from {effort}, flow from {flow}"
+
+
+def _shaft(way: Sequence[Point], double: bool) -> Iterator[Stroke]:
+    if not double:
+        yield Stroke(tuple(way), "line")
+        return
+    for side in (-DOUBLE, DOUBLE):
+        yield Stroke(tuple(_beside(way, side)), "line")
+
+
+def _beside(way: Sequence[Point], side: float) -> Iterator[Point]:
+    """The same way, some distance to its left."""
+    for i, (x, y) in enumerate(way):
+        around = [_unit(way[j], way[j + 1]) for j in (i - 1, i) if 0 <= j < len(way) - 1]
+        yield x + side * sum(-v for _, v in around), y + side * sum(u for u, _ in around)
+
+
+def _unit(start: Point, end: Point) -> Point:
+    length = math.dist(start, end)
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length
+
+
+def _flow_side(along: Point) -> Point:
+    """Across a bond, to where its flow is written: below, or right of an upright one."""
+    across = (-along[1], along[0])
+    lower = across[1] > 0.3 or (abs(across[1]) <= 0.3 and across[0] > 0)
+    return across if lower else (-across[0], -across[1])
+
+
+def _barb(way: Sequence[Point], double: bool) -> Stroke:
+    tip, along = way[-1], _unit(way[-2], way[-1])
+    across = _flow_side(along)
+    if double:
+        tip = (tip[0] + DOUBLE * across[0], tip[1] + DOUBLE * across[1])
+    end = (tip[0] - BARB * along[0] + SPREAD * across[0], tip[1] - BARB * along[1] + SPREAD * across[1])
+    return Stroke((tip, end), "barb")
+
+
+def _stroke(way: Sequence[Point], where: int) -> Stroke:
+    (x, y), (u, v) = (way[0], _unit(way[0], way[1])) if where == TAIL else (way[-1], _unit(way[-2], way[-1]))
+    return Stroke(((x - STROKE * -v, y - STROKE * u), (x + STROKE * -v, y + STROKE * u)), "stroke")
+
+
+def _numbers(subject: Subject, layout: Layout, groups: Sequence[Group]) -> Iterator[Group]:
+    """The number of each bond beside its longest part, on the side of the flow if there is room, else where there is."""
+    taken = joined(NOTHING, *(_taken(shape) for group in groups for shape in group.shapes))
+    for number, line in enumerate(subject.lines):
+        first, last = line.bonds[0] + 1, line.bonds[-1] + 1
+        text = str(first) if first == last else f"{first}-{last}"
+        spots = list(_spots(text, layout.bonds[number]))
+        areas = [rectangles([text_rectangle(t.text, t.x, t.y, t.anchor, LOOKS["number"].size)]) for t in spots]
+        free = [n for n, area in enumerate(areas) if not touches(taken, area, 0.5)]
+        chosen = free[0] if free else 0
+        taken = joined(taken, areas[chosen])
+        yield Group("number", (spots[chosen],), {"bonds": " ".join(map(str, line.bonds))})
+
+
+def _spots(text: str, way: Sequence[Point]) -> Iterator[Text]:
+    """Places for a number, best first: in the middle of the free part of a bond, nearer to one end, on the other side."""
+    parts = sorted(pairwise(way), key=lambda part: -math.dist(*part))
+    for side in (1, -1):
+        for start, end in parts:
+            along = _unit(start, end)
+            across = _flow_side(along)
+            for share in (0.42, 0.5, 0.3, 0.6, 0.2, 0.75):
+                x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+                if abs(across[1]) > abs(across[0]):
+                    yield Text(text, x, y + (12.5 if side > 0 else -7.5), "number", "middle")
+                else:
+                    yield Text(text, x + 6 * side, y + 3.5, "number", "start" if side > 0 else "end")
+
+
+def _taken(shape: Shape) -> Rectangles:
+    """What a shape takes of the page."""
+    match shape:
+        case Stroke(points):
+            parts = [sorted(axis) for a, b in pairwise(points) for axis in zip(a, b, strict=True)]
+            return rectangles(
+                (x[0] - 1, y[0] - 1, x[1] + 1, y[1] + 1) for x, y in zip(parts[::2], parts[1::2], strict=True)
+            )
+        case Frame(left, top, width, height):
+            return rectangles([(left, top, left + width, top + height)])
+        case Text(text, x, y, look, anchor):
+            return rectangles([text_rectangle(text, x, y, anchor, LOOKS[look].size)])
+    return NOTHING
+
+
+def _mark(item: Line | Node) -> str:
+    return "derivative" if item.derivative else "loop" if item.loop else ""
+
+
+# ---------------------------------------------------------------- nodes
+
+
+def _node(node: Node, number: int, layout: Layout) -> Group:
+    x, y = layout.places[number]
+    facts = {"name": node.name, "letter": node.letter}
+    words = f"{node.letter} {node.name} ({node.place})"
+    if node.shape == "box":
+        box = layout.boxes[number]
+        shapes: list[Shape] = [
+            Frame(box.left, box.top, box.right - box.left, box.bottom - box.top, "box", 6.0),
+            Text(node.letter, box.title[0], box.title[1], "kind", "middle"),
+            Text(node.label, box.title[0], box.title[1] + 15, "title", "middle"),
+        ]
+        return Group("node", tuple(shapes), facts, words, _mark(node))
+    shapes = [Text(node.letter, x, y + 6.3, "letter", "middle")]
+    if node.label:
+        shapes.append(Text(layout.labels[number][0], *layout.labels[number][1:3], "name", layout.labels[number][3]))
+    return Group("node", tuple(shapes), facts, words, _mark(node))
+
+
+def _ports(subject: Subject, layout: Layout) -> Iterator[Group]:
+    """The names of ports, inside the boxes that they belong to."""
+    for number, line in enumerate(subject.lines):
+        for end, point in zip(line.ends, (layout.bonds[number][0], layout.bonds[number][-1]), strict=True):
+            name = port_of(line, end)
+            if end in layout.boxes and name:
+                text, x, y, anchor = layout.boxes[end].port_text(name, *point)
+                yield Group("port", (Text(text, x, y, "port", anchor),), {"node": subject.nodes[end].name})
+
+
+# ---------------------------------------------------------------- signals
+
+
+def _signals(subject: Subject, layout: Layout) -> Iterator[Group]:
+    for number, signal in enumerate(subject.signals):
+        if number not in layout.signals:
+            continue
+        way = layout.signals[number]
+        target = subject.nodes[signal.target].name
+        source = "" if signal.source is None else subject.nodes[signal.source].name
+        shapes: list[Shape] = [Stroke(way, "signal"), _full_arrow(way)]
+        if number in layout.texts:
+            x, y = layout.texts[number]
+            shapes.append(Text(signal.label, x, y + 4, "kind", "middle"))
+        words = f"{signal.label or source} is read by {target}"
+        yield Group("signal", tuple(shapes), {"source": source, "target": target, "names": signal.label}, words)
+
+
+def _full_arrow(way: Sequence[Point]) -> Stroke:
+    (x, y), (u, v) = way[-1], _unit(way[-2], way[-1])
+    return Stroke(
+        ((x, y), (x - 8 * u - 3 * v, y - 8 * v + 3 * u), (x - 8 * u + 3 * v, y - 8 * v - 3 * u)), "point", True
+    )
+
+
+# ---------------------------------------------------------------- legend
+
+
+def _legend(subject: Subject, left: float, top: float) -> tuple[list[Group], float, float]:
+    """One line for each colour that is used, and what was left out; its height and width."""
+    marks = {*map(_mark, subject.nodes), *map(_mark, subject.lines)} - {""}
+    groups, y, width = [], top, 0.0
+    for mark in (m for m in MEANINGS if m in marks):
+        sample = Stroke(((left, y - 4), (left + 22, y - 4)), "line")
+        end = Stroke(((left + 22, y - 4 - STROKE), (left + 22, y - 4 + STROKE)), "stroke")
+        groups.append(Group("legend", (sample, end, Text(MEANINGS[mark], left + 30, y, "note")), {}, "", mark))
+        width = max(width, 30 + text_width(MEANINGS[mark], PORT))
+        y += 20
+    if subject.left_out:
+        told = _told(subject.left_out)
+        groups.append(Group("legend", (Text(told, left, y, "note"),)))
+        width = max(width, text_width(told, PORT))
+        y += 20
+    return groups, (y - top + 6) if groups else 0.0, width
+
+
+def _told(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"not drawn, as they give nothing: {', '.join(names[:3])}{more}"
+
+
+def group_at(group: Group, dx: float, dy: float) -> Group:
+    """The same group elsewhere."""
+    return Group(group.kind, tuple(_at(s, dx, dy) for s in group.shapes), group.facts, group.words, group.mark)
+
+
+def _at(shape: Shape, dx: float, dy: float) -> Shape:
+    match shape:
+        case Stroke(points, look, closed):
+            return Stroke(tuple((x + dx, y + dy) for x, y in points), look, closed)
+        case Circle((x, y), radius, look):
+            return Circle((x + dx, y + dy), radius, look)
+        case Frame(left, top, width, height, look, rounding):
+            return Frame(left + dx, top + dy, width, height, look, rounding)
+        case Text(text, x, y, look, anchor):
+            return Text(text, x + dx, y + dy, look, anchor)

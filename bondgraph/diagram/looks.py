@@ -1,0 +1,54 @@
+"""Colours, widths and letters of diagrams. Colours are Okabe and Ito's, told apart by colour-blind readers, and no meaning hangs on a
+colour alone: a legend names it, and what it marks is bolder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .glyphs import LETTER, NAME, PORT
+
+INK, PALE, GROUND = "#1c1c1c", "#6a6a6a", "#ffffff"
+MARKS: Mapping[str, str] = {"derivative": "#c44a00", "loop": "#0068b0"}
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How something is drawn; None for what it does not have."""
+
+    colour: str
+    width: float = 0.0
+    filled: bool = False
+    inside: str = ""  # the colour of the inside, if not that of the border
+    dashes: tuple[float, ...] = ()
+    size: float = 0.0
+    face: str = ""
+    italic: bool = False
+    bold: bool = False
+    marked: bool = True  # whether it takes the colour of what it belongs to
+
+
+LOOKS: Mapping[str, Look] = {
+    "line": Look(INK, 1.4),
+    "barb": Look(INK, 1.4),
+    "stroke": Look(INK, 2.0),
+    "signal": Look(PALE, 1.0, marked=False),
+    "point": Look(PALE, 1.0, filled=True, marked=False),
+    "box": Look(INK, 1.3),
+    "frame": Look("#9a9a9a", 1.0, dashes=(4, 3), marked=False),
+    "body": Look("#5b6b7a", 1.3, filled=True, inside="#dfe6ec"),
+    "pin": Look(INK, 1.3, filled=True, inside=GROUND),
+    "solid": Look(INK, 1.0, filled=True),
+    "stand": Look(INK, 1.3, filled=True, inside="#f1f1f1"),
+    "hatch": Look(INK, 0.8),
+    "spring": Look("#8a4b00", 1.5),
+    "measure": Look(PALE, 1.0, dashes=(5, 3)),
+    "letter": Look(INK, size=LETTER, face="serif"),
+    "name": Look(INK, size=NAME, face="sans"),
+    "title": Look(INK, size=NAME + 1, face="sans", bold=True),
+    "kind": Look(PALE, size=PORT, face="sans", italic=True, marked=False),
+    "port": Look(PALE, size=PORT, face="sans", marked=False),
+    "number": Look(PALE, size=10.0, face="sans", marked=False),
+    "note": Look(PALE, size=PORT, face="sans", marked=False),
+    "ground": Look(GROUND, filled=True, marked=False),
+}

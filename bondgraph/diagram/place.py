@@ -1,0 +1,346 @@
+"""A place for everything: each connected part by itself as a tree, what closes its rings routed afterwards, the parts in rows."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from .box import Boxed
+from .glyphs import letter_rectangle, text_rectangle
+from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
+from .route import HARD, Ground, between, routed
+from .subject import Node, Subject
+from .tree import Block, Branch, grow_tree
+
+APART = 46.0  # between two parts
+WIDEST = 1500.0  # a row of parts
+TURNED = 3  # times that the ends of what is routed are turned
+ROUTES = 24  # ways that are looked for, in all that is tried
+ROOMIER = (24.0, 60.0, 120.0)
+NARROW = 4.0  # what a signal needs at each side
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where everything is; y grows downwards."""
+
+    places: Mapping[int, Point]
+    labels: Mapping[int, tuple[str, float, float, str]]
+    boxes: Mapping[int, Boxed]
+    bonds: Mapping[int, tuple[Point, ...]]  # line -> the corners of its way, from tail to head
+    signals: Mapping[int, tuple[Point, ...]]
+    texts: Mapping[int, Point]  # signal from outside -> the middle of its name
+    taken: Rectangles
+
+
+@dataclass(frozen=True, slots=True)
+class _Web:
+    """The nodes with those that a layout adds: the ends of bent bonds, the names of signals from outside."""
+
+    nodes: list[Node]
+    stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
+    names: dict[int, int]  # signal -> node of its name
+
+
+@dataclass(frozen=True, slots=True)
+class _Tree:
+    """A part grown from one root, its rings still open; the smaller `worth`, the better."""
+
+    root: int
+    closing: list[int]
+    web: _Web
+    branches: Mapping[int, Sequence[Branch]]
+    block: Block
+    worth: float
+
+
+def place(subject: Subject) -> Layout:
+    """The layout of a subject: no two things overlap, bonds are straight where no ring forbids it."""
+    blocks = [_part(subject, part) for part in _parts(subject)]
+    return _in_rows(blocks)
+
+
+def _parts(subject: Subject) -> Iterator[list[int]]:
+    """The connected parts, in the order of their first nodes; signals from one to another keep parts together."""
+    around: dict[int, list[int]] = {n: [] for n in range(len(subject.nodes))}
+    for line in subject.lines:
+        around[line.tail].append(line.head)
+        around[line.head].append(line.tail)
+    seen: set[int] = set()
+    for start in around:
+        if start not in seen:
+            part = _reached(around, start)
+            seen.update(part)
+            yield sorted(part)
+
+
+def _reached(around: Mapping[int, Sequence[int]], start: int) -> list[int]:
+    found, waiting = {start: None}, deque([start])
+    while waiting:
+        for other in around[waiting.popleft()]:
+            if other not in found:
+                found[other] = None
+                waiting.append(other)
+    return list(found)
+
+
+# ---------------------------------------------------------------- one part
+
+
+def _part(subject: Subject, part: Sequence[int]) -> Layout:
+    around = _around(subject, part)
+    trees = sorted((_rooted(subject, part, around, r) for r in _roots(subject, part, around)), key=lambda t: t.worth)
+    best: tuple[float, Layout] | None = None
+    open_ = len(trees[0].closing)
+    turns = min(TURNED, max(1, ROUTES // open_)) if open_ else 1
+    for tree in trees[: max(1, ROUTES // (turns * open_)) if open_ else 1]:
+        for _ in range(turns):
+            worth, layout = _finished(subject, part, tree)
+            if best is None or worth < best[0]:
+                best = worth, layout
+            tree = _turned(subject, tree)
+    assert best is not None
+    return best[1]
+
+
+def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
+    """For each node its lines, each with the node at the other end."""
+    around: dict[int, list[tuple[int, int]]] = {n: [] for n in part}
+    for number, line in enumerate(subject.lines):
+        if line.tail in around:
+            around[line.tail].append((number, line.head))
+            around[line.head].append((number, line.tail))
+    return around
+
+
+def _roots(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
+    """The box with most bonds; else both ends and the middle of a longest way through what is no end."""
+    boxes = [n for n in part if subject.nodes[n].shape == "box"]
+    if boxes:
+        return [max(boxes, key=lambda n: len(around[n]))]
+    inner = [n for n in part if len({o for _, o in around[n]}) > 1] or list(part[:1])
+    kept = set(inner)
+    beside = {n: [o for _, o in around[n] if o in kept] for n in inner}
+    first = _reached(beside, inner[0])[-1]
+    before: dict[int, int | None] = {first: None}
+    waiting = deque([first])
+    last = first
+    while waiting:
+        last = waiting.popleft()
+        for other in beside[last]:
+            if other not in before:
+                before[other] = last
+                waiting.append(other)
+    way = [last]
+    while (step := before[way[-1]]) is not None:
+        way.append(step)
+    spaced = way[:: max(1, len(way) // 4)] if len(inner) <= 40 and _ringed(around) else []
+    return list(dict.fromkeys([way[0], way[-1], way[len(way) // 2], *spaced]))
+
+
+def _ringed(around: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
+    return sum(map(len, around.values())) // 2 >= len(around)
+
+
+def _rooted(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int) -> _Tree:
+    """The part as a tree from that root."""
+    carried, closing = _spanning(around, root)
+    web = _web(subject, closing)
+    branches = _branches(subject, web, part, carried)
+    block = grow_tree(web.nodes, subject.lines, branches, root)
+    return _Tree(root, closing, web, branches, block, _worth(subject, web, closing, block))
+
+
+def _turned(subject: Subject, tree: _Tree) -> _Tree:
+    """The tree grown anew, the ends of what is routed turned to where the other ends are."""
+    other = {tree.web.stubs[n, e]: tree.web.stubs[n, sum(subject.lines[n].ends) - e] for n, e in tree.web.stubs}
+    places = tree.block.places
+    branches = {
+        node: [
+            replace(b, towards=_between(places[node], places[other[b.child]])) if b.child in other else b
+            for b in around
+        ]
+        for node, around in tree.branches.items()
+    }
+    block = grow_tree(tree.web.nodes, subject.lines, branches, tree.root)
+    return replace(tree, branches=branches, block=block, worth=_worth(subject, tree.web, tree.closing, block))
+
+
+def _between(start: Point, end: Point) -> Point:
+    return end[0] - start[0], end[1] - start[1]
+
+
+def _worth(subject: Subject, web: _Web, closing: Sequence[int], block: Block) -> float:
+    left, top, right, bottom = bounds(block.taken)
+    far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in subject.lines[n].ends)) for n in closing)
+    return block.cost + far + 0.15 * (right - left) + 0.25 * (bottom - top)
+
+
+def _finished(subject: Subject, part: Sequence[int], tree: _Tree) -> tuple[float, Layout]:
+    """The tree with what closes its rings, roomier if that finds no way otherwise; and how good it is."""
+    layout = _with_ways(subject, tree.web, part, tree.block, tree.closing)
+    for roomy in ROOMIER:
+        if layout is None:
+            block = grow_tree(tree.web.nodes, subject.lines, tree.branches, tree.root, roomy)
+            layout = _with_ways(subject, tree.web, part, block, tree.closing, last=roomy == ROOMIER[-1])
+    assert layout is not None
+    bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
+    return round(tree.worth + 30 * bends + 150 * _crossings(list(layout.bonds.values())), 3), layout
+
+
+def _crossings(ways: Sequence[Sequence[Point]]) -> int:
+    """How often bonds cross."""
+    parts = [(n, a, b) for n, way in enumerate(ways) for a, b in pairwise(way)]
+    return sum(n != m and _cross(a, b, c, d) for i, (n, a, b) in enumerate(parts) for m, c, d in parts[i + 1 :])
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    def side(p: Point, q: Point, r: Point) -> float:
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+
+
+def _spanning(
+    around: Mapping[int, Sequence[tuple[int, int]]], root: int
+) -> tuple[dict[int, tuple[int, int]], list[int]]:
+    """For each node but the root the line that carries it and the node at its other end, breadth first; and the lines left."""
+    carried: dict[int, tuple[int, int]] = {}
+    used: set[int] = set()
+    waiting = deque([root])
+    while waiting:
+        node = waiting.popleft()
+        for number, other in around[node]:
+            if other != root and other not in carried:
+                carried[other] = (number, node)
+                used.add(number)
+                waiting.append(other)
+    return carried, sorted({n for lines in around.values() for n, _ in lines} - used)
+
+
+def _web(subject: Subject, closing: Sequence[int]) -> _Web:
+    nodes = list(subject.nodes)
+    stubs, names = {}, {}
+    for number in closing:
+        for end in subject.lines[number].ends:
+            stubs[number, end] = len(nodes)
+            nodes.append(Node("", "", "", "stub", (), "", ""))
+    for number, signal in enumerate(subject.signals):
+        if signal.source is None:
+            names[number] = len(nodes)
+            nodes.append(Node("", "", signal.label, "signal", (), "", ""))
+    return _Web(nodes, stubs, names)
+
+
+def _branches(
+    subject: Subject, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
+) -> dict[int, list[Branch]]:
+    carrying = {parent for _, parent in carried.values()} | {end for _, end in web.stubs}
+    branches: dict[int, list[Branch]] = {n: [] for n in range(len(web.nodes))}
+    for child, (number, parent) in sorted(carried.items(), key=lambda item: item[1][0]):
+        branches[parent].append(Branch(number, child, subject.lines[number].tail == parent, child in carrying))
+    for (number, end), stub in web.stubs.items():
+        branches[end].append(Branch(number, stub, subject.lines[number].tail == end, False))
+    kept = set(part)
+    for number, name in web.names.items():
+        if (target := subject.signals[number].target) in kept:
+            branches[target].append(Branch(len(subject.lines) + number, name, False, False))
+    return branches
+
+
+def _with_ways(
+    subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
+) -> Layout | None:
+    """The layout with the ways of what closes rings, and of signals; None if one of these bonds finds no way, which in the `last`
+    attempt goes straight across."""
+    ground = Ground(block.taken)
+    ground.block(_things(web.nodes, block), HARD)
+    bonds: dict[int, tuple[Point, ...]] = {}
+    for (number, end), point in block.ends.items():
+        if number < len(subject.lines) and number not in closing and subject.lines[number].tail == end:
+            bonds[number] = (point, block.ends[number, subject.lines[number].head])
+            ground.take(bonds[number])
+    for number, end in web.stubs:
+        ground.block(lane(block.ends[number, end], block.ends[number, web.stubs[number, end]]), HARD)
+    for number in closing:
+        tail, head = subject.lines[number].ends
+        feet = [(block.ends[number, n], block.ends[number, web.stubs[number, n]]) for n in (tail, head)]
+        way = routed(ground, *feet[0], *reversed(feet[1]))
+        if way is None and not last:
+            return None
+        way = way or (feet[0][0], feet[1][0])
+        bonds[number] = way
+        ground.take(way)
+    texts, signals = dict[int, Point](), dict[int, tuple[Point, ...]]()
+    for number, name in web.names.items():
+        if name in block.places:
+            line = len(subject.lines) + number
+            texts[number] = block.places[name]
+            signals[number] = (block.ends[line, name], block.ends[line, subject.signals[number].target])
+            ground.take(signals[number], NARROW)
+    for number, signal in enumerate(subject.signals):
+        if signal.source is not None and signal.source in block.places and signal.target in block.places:
+            source, target = (_outline(web.nodes[n], block, n) for n in (signal.source, signal.target))
+            found = between(ground, source, target)
+            if found is not None:
+                signals[number] = found
+                ground.take(found, NARROW)
+    places = {n: p for n, p in block.places.items() if n < len(subject.nodes)}
+    labels = {n: t for n, t in block.labels.items() if n < len(subject.nodes) and n not in block.boxes}
+    taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in pairwise(bonds[n])))
+    return Layout(places, labels, block.boxes, bonds, signals, texts, taken)
+
+
+def _outline(node: Node, block: Block, number: int) -> tuple[float, float, float, float]:
+    """The border of a letter or a box."""
+    if number in block.boxes:
+        box = block.boxes[number]
+        return box.left, box.top, box.right, box.bottom
+    x, y = block.places[number]
+    left, top, right, bottom = letter_rectangle(node)
+    return x + left - 3, y + top - 3, x + right + 3, y + bottom + 3
+
+
+def _things(nodes: Sequence[Node], block: Block) -> Rectangles:
+    """Letters, labels and boxes: what no line may touch."""
+    items = []
+    for number, (x, y) in block.places.items():
+        if nodes[number].shape == "stub":
+            continue
+        if number in block.boxes:
+            items.append(_outline(nodes[number], block, number))
+            continue
+        left, top, right, bottom = letter_rectangle(nodes[number])
+        items.append((x + left, y + top, x + right, y + bottom))
+        if nodes[number].label and nodes[number].shape != "signal":
+            items.append(text_rectangle(*block.labels[number]))
+    return rectangles(items)
+
+
+# ---------------------------------------------------------------- all parts
+
+
+def _in_rows(parts: Sequence[Layout]) -> Layout:
+    """The parts side by side, as many as a row holds, then the next row."""
+    places, texts = dict[int, Point](), dict[int, Point]()
+    labels, boxes = dict[int, tuple[str, float, float, str]](), dict[int, Boxed]()
+    bonds, signals = dict[int, tuple[Point, ...]](), dict[int, tuple[Point, ...]]()
+    taken = []
+    x = y = depth = 0.0
+    for part in parts:
+        left, top, right, bottom = bounds(part.taken)
+        if x and x + right - left > WIDEST:
+            x, y, depth = 0.0, y + depth + APART, 0.0
+        dx, dy = round(x - left), round(y - top)
+        places |= {n: (a + dx, b + dy) for n, (a, b) in part.places.items()}
+        labels |= {n: (t, a + dx, b + dy, s) for n, (t, a, b, s) in part.labels.items()}
+        boxes |= {n: b.at(dx, dy) for n, b in part.boxes.items()}
+        bonds |= {n: tuple((a + dx, b + dy) for a, b in way) for n, way in part.bonds.items()}
+        signals |= {n: tuple((a + dx, b + dy) for a, b in way) for n, way in part.signals.items()}
+        texts |= {n: (a + dx, b + dy) for n, (a, b) in part.texts.items()}
+        taken.append(moved(part.taken, dx, dy))
+        x, depth = x + right - left + APART, max(depth, bottom - top)
+    return Layout(places, labels, boxes, bonds, signals, texts, joined(NOTHING, *taken))

@@ -1,0 +1,77 @@
+"""Where the bodies of a model's mechanisms are at some time of a run.
+
+Poses are no outputs of most models. So the model is written flat, as the experiment sets it, with its poses as outputs, and that is run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from ..door import MechanismNode
+from .scenery import Pose, Turn, Vector, numbers_of
+
+if TYPE_CHECKING:
+    from ..door import BondGraph, Bound, Mechanism
+    from ..model import Model
+
+PLANE, SPACE = ("x", "y", "phi"), ("x", "y", "z", "attitude.w", "attitude.x", "attitude.y", "attitude.z")
+
+
+def poses_at(model: Model, experiment: str | None, at: str | float) -> tuple[Sequence[Sequence[Pose]], float]:
+    """The poses of the bodies of each mechanism, in the order of the text, at a time; and that time in s.
+
+    Raises `CompilationFailed`, `UsageError`, or `RunFailed`.
+    """
+    from ..model import load
+
+    flat = model.text(experiment).rstrip()
+    graph = load(flat).compilation().whole_graph
+    wanted = [(m, body.name, part) for m in _mechanisms(graph) for body in m.bodies for part in _parts(m)]
+    lines = [f"  output pose_of_body_{i} = {m.name}.{body}.{part}" for i, (m, body, part) in enumerate(wanted)]
+    names = tuple(f"pose_of_body_{i}" for i in range(len(wanted)))
+    run = load("\n".join([flat.removesuffix("}"), *lines, "}"])).simulate(None, to=at, points=2, outputs=names)
+    values: dict[tuple[str, str], list[float]] = {}
+    for name, (mechanism, body, _) in zip(names, wanted, strict=True):
+        values.setdefault((mechanism.name, body), []).append(float(run[name][-1]))
+    poses = [[_pose(b.turn, values[m.name, b.name], graph) for b in m.bodies] for m in _mechanisms(graph)]
+    return poses, float(run.time[-1])
+
+
+def _mechanisms(graph: BondGraph) -> Iterator[Mechanism]:
+    return (node.mechanism for node in graph.nodes if isinstance(node, MechanismNode))
+
+
+def _parts(mechanism: Mechanism) -> tuple[str, ...]:
+    return PLANE if mechanism.planar else SPACE
+
+
+def _pose(reference: Sequence[Bound], values: list[float], graph: BondGraph) -> Pose:
+    """From what a body reads: poses are absolute, and a picture turns the body from its reference."""
+    before = _quaternion(numbers_of(graph, reference))
+    if len(values) == len(PLANE):
+        x, y, phi = values
+        place, now = (x, y, 0.0), _quaternion((0.0, 0.0, phi))
+    else:
+        place, now = (values[0], values[1], values[2]), (values[3], values[4], values[5], values[6])
+    return Pose(place, _after(now, (before[0], -before[1], -before[2], -before[3])))
+
+
+def _quaternion(turn: Vector) -> Turn:
+    """The unit quaternion of a rotation vector."""
+    angle = math.hypot(*turn)
+    share = math.sin(angle / 2) / angle if angle else 0.5
+    return math.cos(angle / 2), share * turn[0], share * turn[1], share * turn[2]
+
+
+def _after(p: Turn, q: Turn) -> Turn:
+    """The turn p after the turn q."""
+    a, b, c, d = p
+    w, x, y, z = q
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )

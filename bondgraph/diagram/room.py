@@ -1,0 +1,99 @@
+"""Rectangles that must not overlap, and how far something has to be pushed so that they do not.
+
+Arrays of rectangles have the shape (n, 4): left, top, right, bottom; y grows downwards, as in SVG.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rectangles = NDArray[np.float64]
+Point = tuple[float, float]
+Vector = tuple[float, float]
+
+NOTHING: Rectangles = np.empty((0, 4))
+MARGIN = 5.0
+FAR = 20000.0
+LANE = 8.0  # what a bond needs at each side of its line: half a stroke, a half arrow
+
+
+def rectangles(items: Iterable[tuple[float, float, float, float]]) -> Rectangles:
+    """Rectangles from tuples."""
+    listed = list(items)
+    return np.array(listed, dtype=float) if listed else NOTHING
+
+
+def moved(items: Rectangles, x: float, y: float) -> Rectangles:
+    """The same rectangles elsewhere."""
+    shifted: Rectangles = items + np.array((x, y, x, y))
+    return shifted
+
+
+def joined(*parts: Rectangles) -> Rectangles:
+    """All of some rectangles."""
+    return np.concatenate(parts)
+
+
+def bounds(items: Rectangles) -> tuple[float, float, float, float]:
+    """The rectangle around all of them."""
+    low, high = items[:, :2].min(axis=0), items[:, 2:].max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def overlapping(first: Rectangles, second: Rectangles, margin: float = MARGIN) -> Any:
+    """Which pairs are nearer to each other than the margin; shape (n, m)."""
+    a, b = first[:, None, :], second[None, :, :]
+    return (
+        (a[..., 0] < b[..., 2] + margin) & (b[..., 0] < a[..., 2] + margin)
+        & (a[..., 1] < b[..., 3] + margin) & (b[..., 1] < a[..., 3] + margin)
+    )  # fmt: skip
+
+
+def touches(first: Rectangles, second: Rectangles, margin: float = MARGIN) -> bool:
+    """Whether any pair is nearer than the margin."""
+    return bool(len(first) and len(second) and overlapping(first, second, margin).any())
+
+
+def lane(start: Point, end: Point, width: float = LANE) -> Rectangles:
+    """The rectangles that a straight bond takes; a slanted one takes a chain of small ones."""
+    (x0, y0), (x1, y1) = start, end
+    if x0 == x1 or y0 == y1:
+        sides = (width * (x0 == x1), width * (y0 == y1))
+        return rectangles(
+            [(min(x0, x1) - sides[0], min(y0, y1) - sides[1], max(x0, x1) + sides[0], max(y0, y1) + sides[1])]
+        )
+    count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / 8))
+    half = 0.6 * width
+    middles = [(x0 + (x1 - x0) * i / count, y0 + (y1 - y0) * i / count) for i in range(count + 1)]
+    return rectangles((x - half, y - half, x + half, y + half) for x, y in middles)
+
+
+def corridor(along: Vector, start: float) -> Rectangles:
+    """What the bond that carries a part may need, however long it becomes; it arrives `along` a direction."""
+    x, y = along
+    return lane((-x * (start + MARGIN + 4), -y * (start + MARGIN + 4)), (-x * FAR, -y * FAR))
+
+
+def push(still: Rectangles, moving: Rectangles, along: Vector, least: float) -> float:
+    """The least distance from `least` on by which `moving` has to go `along` a direction to be clear of `still`."""
+    distance = least
+    if not len(still) or not len(moving):
+        return distance
+    x, y = along
+    while True:
+        here = moved(moving, x * distance, y * distance)
+        pairs = overlapping(still, here)
+        if not pairs.any():
+            return distance
+        if x and y:
+            distance += 6.0
+            continue
+        i, j = np.nonzero(pairs)
+        sides = {(1, 0): (2, 0), (-1, 0): (0, 2), (0, 1): (3, 1), (0, -1): (1, 3)}[int(x), int(y)]
+        gap = np.abs(still[i, sides[0]] - here[j, sides[1]]) + MARGIN
+        distance += math.ceil(float(gap.max()) + 1e-6)

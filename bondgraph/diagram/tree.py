@@ -1,0 +1,267 @@
+"""Places for the nodes of a tree: straight bonds at right angles, power from left to right, whatever hangs on a node around it.
+
+From the leaves to the root. What hangs on a node is finished in itself, for each direction in which it can grow; the node tries which
+of them goes where and pushes each outwards until nothing touches. So nothing overlaps by construction. (Libraries were weighed:
+layered layouts bend bonds and know no four sides of a letter, forces know no right angles; a textbook's picture wants both.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import permutations
+
+import numpy as np
+
+from .box import Boxed, box_around
+from .glyphs import GAP, half_width, letter_and_label, reach, shortest
+from .room import Point, Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
+from .subject import Line, Node
+
+RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
+SIDES = (RIGHT, DOWN, LEFT, UP)
+CORNERS = ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7))
+BETWEEN = ((0.4, 0.9), (0.4, -0.9), (-0.4, 0.9), (-0.4, -0.9), (0.9, 0.4), (0.9, -0.4), (-0.9, 0.4), (-0.9, -0.4))
+# Where an element at the end of a bond likes to stand, best first.
+LIKES: Mapping[str, tuple[Vector, ...]] = {
+    "Se": (LEFT, UP, DOWN, RIGHT), "Sf": (LEFT, UP, DOWN, RIGHT), "I": (UP, DOWN, RIGHT, LEFT), "C": (UP, DOWN, RIGHT, LEFT),
+    "R": (DOWN, UP, RIGHT, LEFT), "": (UP, DOWN, LEFT, RIGHT),
+}  # fmt: skip
+TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0  # what a bond costs that turns off, that brings power from the right, in px
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A finished part, seen from the place where the bond that carries it arrives."""
+
+    places: Mapping[int, Point]  # node -> its middle
+    labels: Mapping[int, tuple[str, float, float, str]]
+    boxes: Mapping[int, Boxed]
+    ends: Mapping[tuple[int, int], Point]  # line, node -> where it meets the node's border
+    taken: Rectangles  # what the root itself takes comes first
+    cost: float
+    reach: float = 0.0  # from the origin to the border of the root, against the direction of growth
+
+    def at(self, x: float, y: float) -> Block:
+        """The same part elsewhere."""
+        return Block(
+            {n: (a + x, b + y) for n, (a, b) in self.places.items()},
+            {n: (t, a + x, b + y, s) for n, (t, a, b, s) in self.labels.items()},
+            {n: b.at(x, y) for n, b in self.boxes.items()},
+            {k: (a + x, b + y) for k, (a, b) in self.ends.items()},
+            moved(self.taken, x, y), self.cost, self.reach,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A bond from a node to what hangs on it."""
+
+    line: int
+    child: int
+    outwards: bool  # whether the arrow points to the child
+    heavy: bool  # whether more hangs on the child
+    towards: Vector | None = None  # of what is routed later: where its other end was when last seen
+
+
+Arrangement = Sequence[tuple[Branch, Vector]]
+
+
+@dataclass(slots=True)
+class Draft:
+    """A part that grows."""
+
+    places: dict[int, Point] = field(default_factory=dict)
+    labels: dict[int, tuple[str, float, float, str]] = field(default_factory=dict)
+    boxes: dict[int, Boxed] = field(default_factory=dict)
+    ends: dict[tuple[int, int], Point] = field(default_factory=dict)
+    taken: Rectangles | None = None
+    cost: float = 0.0
+
+    def add(self, block: Block, *more: Rectangles) -> None:
+        """Put a finished part in."""
+        self.places |= block.places
+        self.labels |= block.labels
+        self.boxes |= block.boxes
+        self.ends |= block.ends
+        parts = [block.taken, *more] if self.taken is None else [self.taken, block.taken, *more]
+        self.taken = joined(*parts)
+        self.cost += block.cost
+
+
+def grow_tree(
+    nodes: Sequence[Node],
+    lines: Sequence[Line],
+    branches: Mapping[int, Sequence[Branch]],
+    root: int,
+    roomy: float = 0.0,
+) -> Block:
+    """Places for everything that hangs on a root, which stands at the origin."""
+    order = [root]
+    for node in order:
+        order += [b.child for b in branches[node]]
+    finished: dict[tuple[int, Vector], Block] = {}
+    for node in reversed(order[1:]):
+        for along in SIDES:
+            finished[node, along] = _grow(nodes, lines, branches[node], finished, node, along, roomy)
+        for along in (*CORNERS, *BETWEEN):
+            finished[node, along] = _slanted(nodes, branches, finished, node, along)
+        for branch in branches[node]:
+            for along in (*SIDES, *CORNERS, *BETWEEN):
+                del finished[branch.child, along]
+    return _grow(nodes, lines, branches[root], finished, root, None, roomy)
+
+
+def _grow(
+    nodes: Sequence[Node], lines: Sequence[Line], branches: Sequence[Branch],
+    finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
+) -> Block:  # fmt: skip
+    if nodes[node].shape == "box":
+        return box_around(nodes, lines, branches, finished, node, along)
+    best: Block | None = None
+    for least, sides in _by_price(nodes, finished, _arrangements(nodes, node, branches, along)):
+        if best is not None and least >= _worth(best):
+            break  # what comes now costs more before anything is pushed
+        block = _arranged(nodes, sides, finished, node, along, roomy)
+        if best is None or _worth(block) < _worth(best):
+            best = block
+    assert best is not None
+    return best
+
+
+def _by_price(
+    nodes: Sequence[Node], finished: Mapping[tuple[int, Vector], Block], arrangements: Iterator[Arrangement]
+) -> list[tuple[float, Arrangement]]:
+    """Arrangements with what each costs at least, cheapest first."""
+    priced = []
+    for sides in arrangements:
+        blocks = [finished[b.child, s] for b, s in sides]
+        least = sum(b.cost + b.reach for b in blocks) + sum(
+            _price(nodes[b.child], b, s) + shortest(nodes[b.child]) for b, s in sides
+        )
+        wide = [bounds(b.taken) for b in blocks]
+        size = 0.15 * max((w[2] - w[0] for w in wide), default=0.0) + 0.25 * max(
+            (w[3] - w[1] for w in wide), default=0.0
+        )
+        priced.append((least + size, sides))
+    return sorted(priced, key=lambda item: item[0])
+
+
+def _worth(block: Block) -> float:
+    left, top, right, bottom = bounds(block.taken)
+    return round(block.cost + 0.15 * (right - left) + 0.25 * (bottom - top), 3)
+
+
+def _slanted(
+    nodes: Sequence[Node], branches: Mapping[int, Sequence[Branch]], finished: Mapping[tuple[int, Vector], Block],
+    node: int, along: Vector,
+) -> Block:  # fmt: skip
+    """At the end of a slanted bond a part grows on to the right or to the left."""
+    if branches[node] or nodes[node].shape == "box":
+        block = finished[node, RIGHT if along[0] > 0 else LEFT]
+        far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if nodes[node].shape == "box" else 0.0
+        return Block(
+            block.places, block.labels, block.boxes, block.ends, block.taken, block.cost + 60, max(far, block.reach)
+        )
+    taken, label = letter_and_label(nodes[node], along, alone=True)
+    return Block({node: (0.0, 0.0)}, {node: label}, {}, {}, taken, 0.0, reach(nodes[node], along))
+
+
+# ---------------------------------------------------------------- which goes where
+
+
+def _arrangements(
+    nodes: Sequence[Node], node: int, branches: Sequence[Branch], along: Vector | None
+) -> Iterator[Arrangement]:
+    """Ways to put branches at sides: heavy ones in every order, the ends of bonds where they like to stand."""
+    free = [s for s in SIDES if along is None or s != (-along[0], -along[1])]
+    heavy = [b for b in branches if b.heavy]
+    light = sorted(
+        (b for b in branches if not b.heavy), key=lambda b: (b.towards is None, nodes[b.child].letter in ("I", "C"))
+    )
+    wanted = heavy[: len(free)]
+    through = nodes[node].shape == "element" and sum(nodes[b.child].shape != "signal" for b in branches) == (
+        2 if along is None else 1
+    )
+    named = bool(nodes[node].label)  # a label stands left above
+    open_to = [s for s in (*CORNERS, *BETWEEN) if not (named and s[0] < 0 and s[1] < 0)]
+    for sides in permutations(free, len(wanted)):
+        taken: list[tuple[Branch, Vector]] = list(zip(wanted, sides, strict=True))
+        left, slanted = [s for s in free if s not in sides], list(open_to)
+        for branch in (*light, *heavy[len(free) :]):
+            likes = [s for s in _likes(nodes[branch.child], branch) if s in left]
+            ahead = along if along is not None or not sides else (-sides[0][0], -sides[0][1])
+            if ahead in left and through and nodes[branch.child].shape != "signal":
+                likes = [ahead]  # straight on behind a transformer and its like
+            side = likes[0] if likes else slanted.pop(0) if slanted else RIGHT
+            if likes:
+                left.remove(side)
+            taken.append((branch, side))
+        yield sorted(taken, key=lambda item: (item[0].heavy, item[1] not in SIDES))
+
+
+def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
+    """The sides at which the end of a bond likes to stand, best first."""
+    if branch.towards is None:
+        return LIKES.get(node.letter.lstrip("M"), SIDES)
+    x, y = branch.towards
+    return sorted(SIDES, key=lambda s: -(s[0] * x + s[1] * y))
+
+
+def _price(node: Node, branch: Branch, side: Vector) -> float:
+    """What it costs that a branch goes to a side."""
+    power = side[0] if branch.outwards else -side[0]
+    if branch.heavy:
+        return TURN * (side[1] != 0) + AGAINST * (power < 0)
+    likes = _likes(node, branch)
+    return DISLIKE * (likes.index(side) if side in likes else 3)
+
+
+def _arranged(
+    nodes: Sequence[Node], sides: Arrangement, finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
+) -> Block:  # fmt: skip
+    """A letter with its branches at given sides, each as near as nothing touches."""
+    own, label = letter_and_label(nodes[node], along, alone=all(nodes[b.child].shape == "signal" for b, _ in sides))
+    behind = corridor(along, reach(nodes[node], along)) if along is not None and sides else own[:0]
+    draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, {}, joined(own, behind))
+    assert draft.taken is not None
+    for branch, side in sides:
+        block = finished[branch.child, side]
+        start = _foot(nodes[node], side)
+        least = start + shortest(nodes[branch.child]) + roomy * branch.heavy + GAP + block.reach
+        x, y = side
+        free = (
+            start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
+        )  # slanted bonds part from the others there
+        distance = _clear(draft.taken, block, side, free, least)
+        draft.cost += 5000.0 * (distance == math.inf)
+        distance = least if distance == math.inf else distance
+        foot, tip = (x * start, y * start), (x * (distance - block.reach - GAP), y * (distance - block.reach - GAP))
+        draft.add(block.at(x * distance, y * distance), lane((x * free, y * free), tip))
+        draft.ends[branch.line, node], draft.ends[branch.line, branch.child] = foot, tip
+        draft.cost += distance + _price(nodes[branch.child], branch, side)
+    back = reach(nodes[node], along) if along is not None else half_width(nodes[node])
+    taken = np.delete(draft.taken, range(len(own), len(own) + len(behind)), axis=0)
+    return Block(draft.places, draft.labels, draft.boxes, draft.ends, taken, draft.cost, back)
+
+
+def _foot(node: Node, side: Vector) -> float:
+    """How far from the middle of a letter a bond begins."""
+    x, y = side
+    return reach(node, side) + GAP if not (x and y) else min(22.0, 14.5 / min(abs(x), abs(y)))
+
+
+def _clear(taken: Rectangles, block: Block, side: Vector, start: float, least: float) -> float:
+    """How far out a part has to be so that neither it nor its bond touches what is there; infinite if that is nowhere."""
+    x, y = side
+    distance = push(taken, block.taken, side, least)
+    for attempt in range(40):
+        tip = distance - block.reach - GAP
+        bond = lane((x * start, y * start), (x * tip, y * tip))
+        if not touches(taken[1:], bond, 1.0) and not touches(
+            moved(block.taken[1:], x * distance, y * distance), bond, 1.0
+        ):
+            return distance
+        distance = push(taken, block.taken, side, distance + 12 + attempt**2)
+    return math.inf

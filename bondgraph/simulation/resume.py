@@ -1,0 +1,117 @@
+"""A run that goes on from the result of another: whether it can, from where, and both as one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from .watch.choice import Handover
+
+if TYPE_CHECKING:
+    from ..door import Scene
+    from ..ended import End
+    from ..prepared import Prepared
+    from ..results import Result
+
+SAME = 1e-12  # of a parameter's value: what reading and writing may change
+SHOWN = 4  # names in a message
+
+
+def resumed(
+    before: Result,
+    made: Callable[[Scene, bool], Prepared],
+    scene: Scene,
+    values: Mapping[str, float],
+    prepared: Prepared,
+    energy: bool,
+    instants: Any,
+) -> tuple[Scene, Handover, Any]:
+    """The scene and the handover from which the run goes on, and what is left of its instants. Raises `UsageError`."""
+    end = before.end
+    if end is None:
+        raise UsageError("the result says nothing of where its run ended, so nothing goes on from it")
+    _check_model(before, end, prepared, values, energy)
+    scene = replace(scene, preferences=end.preferences)
+    hybrid = prepared.program.hybrid
+    if hybrid is not None and hybrid.junctions:
+        scene = replace(scene, off=end.off)
+    if made(scene, energy).facts.identity != end.identity:
+        raise UsageError(
+            f"the result is of other equations than `{prepared.program.name}` has now: its text, the settings of its inputs, the experiment or "
+            "the outputs that are asked for are not the same"
+        )
+    left = instants[instants > end.time + 1e-12 * (instants[-1] - instants[0])]
+    if not len(left):
+        raise UsageError(f"the result ends at t = {end.time:.9g} s already: let the run go further (--to)")
+    peaks, known = dict(end.peaks), end.magnitudes
+    if instants[-1] > end.until * (1 + SAME):  # further than those magnitudes looked ahead: they only say what has been
+        for name, value in known.items():
+            idle = (
+                value == 1.0 and end.stored.get(name) == 0.0
+            )  # what never moved is measured by 1 SI, which says nothing
+            peaks[name] = max(peaks.get(name, 0.0), 0.0 if idle else value)
+        known = {}
+    on = {(owner, place): truth for owner, place, truth in end.on}
+    begin = Handover(
+        end.time, end.stored, peaks, modes=end.modes, on=on, past=end.past, magnitudes=known, unknowns=end.unknowns
+    )  # fmt: skip
+    return scene, begin, left
+
+
+def _check_model(before: Result, end: End, prepared: Prepared, values: Mapping[str, float], energy: bool) -> None:
+    """Raises `UsageError` in words for a result of another model, other outputs or other parameters."""
+    program, plan = prepared.program, prepared.plan
+    if before.model != program.name:
+        raise UsageError(f"the result is of the model `{before.model}`, not of `{program.name}`")
+    if before.experiment != plan.experiment:
+        name = (f"`{e}`" if e is not None else "no experiment" for e in (before.experiment, plan.experiment))
+        raise UsageError("the result is of {}, this run of {}: name the same with -e".format(*name))
+    if before.names != program.outputs.names:
+        raise UsageError(
+            f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}: ask for the same"
+        )
+    if energy and before.energy is None:
+        raise UsageError(
+            "the result has no energy balance, so that of the whole cannot be told: run both with --energy, or none"
+        )
+    now = {n: values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)}
+    other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]
+    if other:
+        told = "; ".join(f"`{n}` was {end.parameters[n]:.9g} and is {now[n]:.9g}" for n in other[:SHOWN])
+        raise UsageError(f"the result is of other parameters: {told} (SI)")
+    missing = [n for n in _needed(prepared) if n not in end.stored]
+    if missing and set(now) != set(end.parameters):
+        raise UsageError(f"the result knows nothing of {', '.join(f'`{n}`' for n in missing[:SHOWN])}")
+
+
+def _needed(prepared: Prepared) -> tuple[str, ...]:
+    program = prepared.program
+    return program.states.names if program.hybrid is None or not program.hybrid.junctions else ()
+
+
+def _same(a: float, b: float) -> bool:
+    return abs(a - b) <= SAME * max(abs(a), abs(b))
+
+
+def joined(before: Result, after: Result) -> Result:
+    """Both as one run."""
+    from .watch.energy import added
+
+    kept = before.time <= (after.time[0] if len(after.time) else np.inf)
+    evaluations: Mapping[str, int] = {
+        n: before.evaluations.get(n, 0) + after.evaluations.get(n, 0)
+        for n in {**before.evaluations, **after.evaluations}
+    }
+    energies = [r.energy for r in (before, after) if r.energy is not None]
+    first = {(w.owner, w.condition, w.place) for w in before.warnings}
+    return replace(
+        after, time=np.concatenate([before.time[kept], after.time]), values=np.concatenate([before.values[kept], after.values]),
+        solver=" and ".join(dict.fromkeys([*before.solver.split(" and "), *after.solver.split(" and ")])), steps=before.steps + after.steps,
+        evaluations=evaluations, energy=added(energies) if len(energies) == 2 else None,
+        warnings=(*before.warnings, *(w for w in after.warnings if (w.owner, w.condition, w.place) not in first)),
+        notes=tuple(dict.fromkeys([*before.notes, *after.notes])), events=(*before.events, *after.events),
+    )  # fmt: skip

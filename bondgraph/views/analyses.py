@@ -1,0 +1,103 @@
+"""Analyses as plain text for terminals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .tables import aligned, short, visible
+
+if TYPE_CHECKING:
+    from ..analysis.equilibrium import Equilibrium
+    from ..analysis.linear import Linearization
+    from ..analysis.modes import Mode, Modes
+    from ..analysis.response import Response
+
+WIDEST = 12  # columns of a matrix that are shown
+LONGEST = 60  # rows
+PEAKS = 5  # of a response
+SHARES = 3  # elements of a mode that are named
+
+
+def title(model: str, experiment: str | None, what: str) -> str:
+    """`Model: experiment, what`."""
+    return visible(f"{model}{f': {experiment}' if experiment else ''}, {what}")
+
+
+def equilibrium_text(found: Equilibrium) -> str:
+    """Outputs, states and unknowns, and whether it is stable."""
+    rows: list[tuple[str, ...]] = []
+    for word in ("outputs", "states", "unknowns"):
+        values: Mapping[str, float] = getattr(found, word)
+        if values:
+            rows.append((word, "", ""))
+            rows += [(f"  {short(n)}", f"{v:.9g}", _unit(found.units.get(n, "1"))) for n, v in values.items()]
+    kind = "stable" if found.stable else f"unstable: it leaves with exp({found.growth:.6g} t/s)"
+    return "\n\n".join(
+        [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><"), kind]
+    )
+
+
+def linearization_text(found: Linearization) -> str:
+    """The matrices with the names of rows and columns."""
+    head = title(found.model, found.experiment, f"linear at t = {found.time:.6g} s")
+    parts = [head]
+    for name, matrix, rows, columns in (
+        ("A", found.A, found.states, found.states), ("B", found.B, found.states, found.inputs),
+        ("C", found.C, found.outputs, found.states), ("D", found.D, found.outputs, found.inputs),
+    ):  # fmt: skip
+        if matrix.size:
+            parts.append(_matrix(name, matrix, rows, columns))
+    return "\n\n".join(parts)
+
+
+def _matrix(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:
+    shown = columns[:WIDEST]
+    table = [(name, *(short(c, 24) for c in shown))]
+    table += [
+        (short(r, 24), *(f"{x:.6g}" for x in line[:WIDEST])) for r, line in zip(rows[:LONGEST], matrix, strict=False)
+    ]
+    text = aligned(table, "<" + ">" * len(shown))
+    left = (len(rows) - LONGEST, len(columns) - WIDEST)
+    if max(left) > 0:
+        text += f"\n({max(left[0], 0)} more rows, {max(left[1], 0)} more columns; --json has all)"
+    return text
+
+
+def modes_text(found: Modes) -> str:
+    """A line for each mode, and where its energy is."""
+    rows = [("frequency", "damped", "damping", "where its energy is")]
+    rows += [
+        (f"{m.frequency:.9g} Hz", f"{m.damped_frequency:.9g} Hz", f"{m.damping:.4g}", _where(m)) for m in found.modes
+    ]
+    return f"{title(found.model, found.experiment, f'modes at t = {found.time:.6g} s')}\n\n{aligned(rows, '>>><')}"
+
+
+def _where(mode: Mode) -> str:
+    named = [f"{short(n, 30)} {100 * share:.3g} %" for n, share in list(mode.energy.items())[:SHARES]]
+    return ", ".join(named)
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else visible(unit)
+
+
+def response_text(found: Response) -> str:
+    """For each way from an input to an output: at the ends, and the peaks in between."""
+    size, phase = found.magnitude, found.phase
+    rows = [("from", "to", "frequency", "magnitude", "phase", "")]
+    for j, given in enumerate(found.inputs):
+        for i, seen in enumerate(found.outputs):
+            column, unit = size[:, i, j], found.unit(given, seen)
+            last = len(column) - 1
+            peaks = [k for k in range(1, last) if column[k - 1] < column[k] >= column[k + 1]]
+            chosen = sorted(sorted(peaks, key=lambda k: -column[k])[:PEAKS])
+            for k in (0, *chosen, last):
+                note = "peak" if k in chosen else ""
+                numbers = (
+                    f"{found.frequencies[k]:.6g} Hz",
+                    f"{column[k]:.6g} {_unit(unit)}".rstrip(),
+                    f"{phase[k, i, j]:.4g} deg",
+                )
+                rows.append((short(given, 24), short(seen, 24), *numbers, note))
+    return f"{title(found.model, found.experiment, 'frequency response')}\n\n{aligned(rows, '<<>>><')}"

@@ -1,0 +1,162 @@
+"""The lines of one function: expressions as numpy writes them, one assignment a line where that is better to read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from ...algebra.expression import Apply, Expression, Number
+from ...algebra.table import lists
+from ...errors import printable
+from ..order import in_order
+from .names import Identifiers
+
+if TYPE_CHECKING:
+    from .write import Writer
+
+_FUNCTIONS = {
+    "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan", "atan2": "np.arctan2", "asinh": "np.arcsinh",
+    "acosh": "np.arccosh", "atanh": "np.arctanh", "abs": "np.abs", "min": "np.minimum", "max": "np.maximum", "power": "np.power",
+    "and": "np.logical_and", "or": "np.logical_or", "not": "np.logical_not", "select": "_select", "ceil": "np.ceil",
+    "noise": "_noise", "root": "_root",
+}  # fmt: skip
+_COMPARE = {"less": "<", "less_equal": "<=", "equal": "=="}
+_CURVES = {"linear": "_linear", "cubic": "_hermite", "monotone": "_hermite", "inverse": "_inverse"}
+
+
+class Body:
+    """The lines of one function."""
+
+    def __init__(self, writer: Writer, known: dict[Expression, str], taken: set[str]) -> None:
+        self.writer, self.known = writer, known
+        self.identifiers = Identifiers()
+        self.identifiers.taken = taken
+        self.lines: list[str] = []
+        self.used: set[str] = set()
+        self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
+
+    def write(self, roots: Sequence[Expression], names: dict[Expression, str]) -> list[str]:
+        """Lines for all that the roots need; returns the text of each root. `names` are names that are already given."""
+        order, uses = in_order(roots, self.known)
+        labels = self.writer.lowered.labels
+        for node in order:
+            label = labels.get(node)
+            given = names.get(node)
+            vector = node.operator == "solve"
+            if given is None and label is None and uses[node] < 2 and not vector and not _long(node):
+                continue
+            text = self._text(node, 0)
+            name = given or self.identifiers.of(label.name if label is not None else "t")
+            place = ""
+            if label is not None and label.span is not None:
+                owner = f" {printable(label.owner)}" if label.owner and label.owner != label.name else ""
+                place = f"  # {printable(PurePath(label.span.source.name).name)}:{label.span.line}{owner}"
+            self.lines.append(f"{name} = {text}{place}")
+            self.known[node] = name
+        return [self._text(root, 0) for root in roots]
+
+    def _text(self, node: Expression, strength: int) -> str:
+        """The node as Python; `strength` is that of the operator around it (1 sum, 2 product, 3 power)."""
+        if isinstance(node, Number):
+            text = number(node.value)
+            return f"({text})" if node.value < 0 and strength > 1 else text
+        name = self.known.get(node)
+        if name is not None:
+            self.used.add(name)
+            return name
+        assert isinstance(node, Apply)
+        operands = node.operands
+        self.writer.operators.add(node.operator)
+        match node.operator:
+            case "linear" | "cubic" | "monotone" | "inverse":
+                points = ", ".join(map(self._list, lists(node)))
+                return f"{_CURVES[node.operator]}({self._order_of(node)}, {self._text(operands[1], 0)}, {points})"
+            case "noise":
+                place, seed = (self._text(o, 0) for o in operands[1:])
+                return f"_noise({self._order_of(node)}, {place}, {seed})"
+            case "natural_slope" | "monotone_slope":
+                return self._slope(node)
+            case "add":
+                return _bracketed(self._sum(operands), strength > 1)
+            case "multiply":
+                if operands[0] == Number(-1.0):
+                    return _bracketed("-" + " * ".join(self._text(o, 3) for o in operands[1:]), strength > 1)
+                return _bracketed(" * ".join(self._text(o, 2) for o in operands), strength > 2)
+            case "divide":
+                bottom = self._text(operands[1], 4)
+                if isinstance(
+                    operands[1], Number
+                ):  # numpy's division by zero is told by the run; Python's would end it
+                    bottom = f"np.float64({bottom})" if operands[1].value == 0.0 else bottom
+                return _bracketed(f"{self._text(operands[0], 2)} / {bottom}", strength > 2)
+            case "power" if isinstance(operands[1], Number) and operands[1].value == int(operands[1].value):
+                return _bracketed(f"{self._text(operands[0], 4)} ** {int(operands[1].value)}", strength > 3)
+            case "less" | "less_equal" | "equal":
+                return f"({self._text(operands[0], 1)} {_COMPARE[node.operator]} {self._text(operands[1], 1)})"
+            case "solve":
+                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
+                return f"_solve({count}, {', '.join(self._text(o, 0) for o in operands)})"
+            case "item":
+                index = operands[1]
+                assert isinstance(index, Number)
+                return f"{self._text(operands[0], 4)}[{int(index.value)}]"
+        function = _FUNCTIONS.get(node.operator, f"np.{node.operator}")
+        return f"{function}({', '.join(self._text(o, 0) for o in operands)})"
+
+    @staticmethod
+    def _order_of(node: Apply) -> int:
+        order = node.operands[0]
+        assert isinstance(order, Number)
+        return int(order.value)
+
+    def _list(self, items: Sequence[Expression]) -> str:
+        """A list of a table: an array of the module if it is of numbers alone."""
+        numbers = tuple(x.value for x in items if isinstance(x, Number))
+        if len(numbers) == len(items):
+            return self.writer.array(numbers)
+        return f"({', '.join(self._text(x, 0) for x in items)})"
+
+    def _slope(self, node: Apply) -> str:
+        """A slope of a curve: all those of one curve are computed at once, on a line of their own."""
+        number, points = node.operands[0], node.operands[1:]
+        assert isinstance(number, Number)
+        key = (node.operator, points)
+        if key not in self.slopes:
+            n = len(points) // 2
+            places, values = (f"({', '.join(self._text(x, 0) for x in part)})" for part in (points[:n], points[n:]))
+            self.slopes[key] = self.identifiers.of("slopes")
+            self.lines.append(f"{self.slopes[key]} = _{node.operator}({places}, {values})")
+        return f"{self.slopes[key]}[{int(number.value)}]"
+
+    def _sum(self, terms: Iterable[Expression]) -> str:
+        text = ""
+        for term in terms:
+            part = self._text(term, 1)
+            if not text:
+                text = part
+            elif part.startswith("-"):
+                text += f" - {part[1:]}"
+            else:
+                text += f" + {part}"
+        return text
+
+
+def _long(node: Apply) -> bool:
+    """Whether it is better on a line of its own: deep nests of unnamed operations are hard to read and to parse."""
+    depth, layer = 0, [node]
+    while layer and depth < 6:
+        layer = [o for n in layer for o in n.operands if isinstance(o, Apply)][:12]
+        depth += 1
+    return depth >= 6
+
+
+def _bracketed(text: str, needed: bool) -> str:
+    return f"({text})" if needed else text
+
+
+def number(value: float | None) -> str:
+    if value is None or not math.isfinite(value):
+        return f"float('{value if value is not None else 'nan'}')"
+    return repr(float(value))

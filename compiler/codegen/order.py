@@ -1,0 +1,38 @@
+"""Operations in the order in which they can be computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..algebra.expression import Apply, Expression
+
+
+def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, object]) -> list[Apply]:
+    """The operations behind the roots that are not known, operands first."""
+    return in_order(roots, known)[0]
+
+
+def in_order(
+    roots: Sequence[Expression], known: Mapping[Expression, object]
+) -> tuple[list[Apply], dict[Expression, int]]:
+    """The operations behind the roots, operands first, and how often each is used."""
+    uses: dict[Expression, int] = {}
+    order: list[Apply] = []
+    done: set[Expression] = set()
+    for root in roots:
+        uses[root] = uses.get(root, 0) + 1
+        stack = [(root, False)]
+        while stack:
+            node, ready = stack.pop()
+            if ready:
+                assert isinstance(node, Apply)
+                order.append(node)
+                continue
+            if node in done or not isinstance(node, Apply) or node in known:
+                continue
+            done.add(node)
+            stack.append((node, True))
+            for operand in node.operands:
+                uses[operand] = uses.get(operand, 0) + 1
+            stack += [(o, False) for o in reversed(node.operands)]
+    return order, uses

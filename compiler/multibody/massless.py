@@ -1,0 +1,107 @@
+"""Coordinates that move nothing of their own within a closed loop, and the inertia that each is lent.
+
+A strut without mass, a massless coupler, two slides and a hinge that close a loop: the mass matrix M of the tree is singular there, but
+not on the motions that the closing joints leave (J v = 0), so that [M J'; J 0] has one solution. The recursion needs an inertia along
+each coordinate that it eliminates. So such a coordinate is lent one, d = r^2, and an unknown effort r s takes back what it costs: s is
+what makes r q'' - s vanish, q'' being the coordinate's second rate. The loan cancels whatever its size; with one of the size of the inertias
+around the loop, it cancels without loss of digits. With the multipliers l of the closing joints the unknowns solve
+
+    [ J (M + d)^-1 J'     J (M + d)^-1 r     ] [l]
+    [ r (M + d)^-1 J'     r (M + d)^-1 r - 1 ] [s]
+
+which is positive definite in l, and negative definite in s once l is eliminated, if and only if all that J leaves moves an inertia: so it is
+solved without exchanging rows, multipliers first (`codegen/multipliers.py`).
+
+The alternative was to merge a chain of joints through massless bodies into one joint between the bodies with mass: slide, slide and
+hinge are a planar joint, ball and universal joint a rod. That has closed forms for few chains, none where springs or friction act on the joints within, and
+none for chains that branch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import frexp
+
+from ..graph.mechanism import COUPLINGS, GROUND, Joint
+from .kinematics import Kinematics
+from .recursion import Recursion
+from .tree import Tree
+from .values import Values
+
+
+@dataclass(frozen=True, slots=True)
+class Lent:
+    """What coordinates of a loop are lent: slides a mass (kg), turns an inertia (kg m^2)."""
+
+    mass: float
+    inertia: float
+
+    def of(self, turns: bool) -> float:
+        """An even power of two, so that its root is exact."""
+        _, exponent = frexp(self.inertia if turns else self.mass)
+        return 2.0 ** (exponent - exponent % 2)
+
+
+def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Lent]:
+    """For each link within a closed loop, what is lent there: of the smallest loop, where there are several."""
+    tree = kinematics.tree
+    if not tree.closing:
+        return {}
+    values = Values(kinematics.script)
+    whole = _measured(kinematics, recursion, values, set(range(len(tree.links))))
+    result: dict[int, Lent] = {}
+    for joint in tree.closing:
+        loop = links_around(tree, joint, kinematics.on)
+        if joint.kind in COUPLINGS:
+            loop |= _outside(tree, loop)
+        found = _measured(kinematics, recursion, values, loop) or whole
+        for index in loop if found else ():
+            assert found is not None
+            if index not in result or found.inertia < result[index].inertia:
+                result[index] = found
+    return result
+
+
+def links_around(tree: Tree, joint: Joint, on: Mapping[str, str]) -> set[int]:
+    """The links whose coordinates a closing joint ties to each other."""
+    if joint.kind not in COUPLINGS:
+        first, second = (
+            _inwards(tree, None if on[e] == GROUND else tree.place[on[e]]) for e in (joint.first, joint.second)
+        )
+        return first ^ second
+    tied = {joint.first, joint.second}
+    loop = {i for i, link in enumerate(tree.links) if link.part.name in tied}
+    return loop.union(*(links_around(tree, other, on) for other in tree.closing if other.name in tied))
+
+
+def _inwards(tree: Tree, link: int | None) -> set[int]:
+    found = set()
+    while link is not None:
+        found.add(link)
+        link = tree.links[link].parent
+    return found
+
+
+def _outside(tree: Tree, links: set[int]) -> set[int]:
+    found = set(links)
+    for index, link in enumerate(tree.links):  # parents come first
+        if link.parent in found:
+            found.add(index)
+    return found
+
+
+def _measured(kinematics: Kinematics, recursion: Recursion, values: Values, links: set[int]) -> Lent | None:
+    """The mass of some links, and their inertia about each other; None if there is nothing of either."""
+    mass = turning = 0.0
+    points = []
+    for index in links:
+        inertia, moving = recursion.inertias[index], kinematics.moving[index]
+        mass += values.of(inertia.mass)
+        turning += sum(values.of(inertia.tensor[i][i]) for i in range(3)) / 2
+        points += [[values.of(x) for x in point] for point in (moving.origin, kinematics.pin(moving.link))]
+    size = max((sum((a - b) ** 2 for a, b in zip(p, points[0], strict=True)) for p in points), default=0.0)
+    turning += mass * size
+    if not mass:
+        mass = turning / size if size else 0.0
+    return Lent(mass, turning) if mass > 0 and turning > 0 else None

@@ -1,0 +1,39 @@
+"""Numbers for expressions of a mechanism: parameters as they are in this scene, states anywhere."""
+
+from __future__ import annotations
+
+from ..algebra.expression import Expression, Number, evaluate, symbols
+from .script import Script
+
+
+class Values:
+    """Numbers for expressions: parameters as they are in this scene, states anywhere."""
+
+    def __init__(self, script: Script) -> None:
+        self.script = script
+        self.known: dict[int, float] = {}
+
+    def of(self, x: Expression) -> float:
+        """The value of an expression."""
+        if isinstance(x, Number):
+            return x.value
+        self._find([s.key for s in symbols(x)])
+        return evaluate(x, self.known.__getitem__)
+
+    def _find(self, wanted: list[int]) -> None:
+        while wanted:  # not by recursion: angles of a long chain are sums of sums
+            variable = wanted[-1]
+            if variable not in self.known:
+                definition = self.script.builder.definition(variable)
+                missing: list[int] = []
+                if isinstance(definition, Expression):
+                    missing = [s.key for s in symbols(definition) if s.key not in self.known]
+                    if not missing:
+                        self.known[variable] = evaluate(definition, self.known.__getitem__)
+                else:  # a state: some number that no other has
+                    anything = 0.2 + 0.6180339887498949 * (variable + 1) % 1.0
+                    self.known[variable] = anything if definition is None else definition
+                if missing:
+                    wanted += missing
+                    continue
+            wanted.pop()

@@ -1,0 +1,238 @@
+"""Every model drawn, and the drawing read back: no two things overlap, and every stroke is where the causal graph says."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from functools import cache
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import pytest
+
+import bondgraph
+from bondgraph.diagram import svg_text
+from bondgraph.diagram.subject import subject_of
+from bondgraph.door import Scene
+from bondgraph.model import Model
+from compiler.causality.assign import CausalGraph
+from tests.compiling import MODELS
+from tests.diagram.reading import Read, cross, middle, overlap, read, segments, through
+
+FILES = sorted(p for p in [*MODELS.glob("*.bg"), *(MODELS / "published").glob("*.bg")] if p.name != "mems.bg")
+EVERYTHING = frozenset({"*"})
+# Bonds that cross: graphs that have no drawing without, or for which none was found.
+CROSSINGS = {"hires": 16, "transistor_amplifier": 6, "rectifier": 5}
+
+
+def name(path: Path) -> str:
+    return path.stem
+
+
+@cache
+def loaded(path: Path) -> Model:
+    return bondgraph.load(path)
+
+
+@cache
+def drawn(path: Path, closed: bool = False, numbers: bool = False) -> Read:
+    return read(svg_text(loaded(path).draw(closed=closed, numbers=numbers)))
+
+
+def causal(path: Path) -> CausalGraph:
+    return loaded(path).compilation(Scene(None, None, free=EVERYTHING)).causal
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_nothing_overlaps(path: Path) -> None:
+    assert_clear(drawn(path), CROSSINGS.get(path.stem, 0))
+
+
+@pytest.mark.parametrize("model", ["manipulator", "six_axes", "robot_arm", "car"])
+def test_nothing_overlaps_with_boxes_and_numbers(model: str) -> None:
+    assert_clear(drawn(MODELS / f"{model}.bg", closed=True), 4)
+    assert_clear(drawn(MODELS / f"{model}.bg", numbers=True), 0)
+
+
+def assert_clear(picture: Read, crossings: int) -> None:
+    """Texts overlap neither each other nor bonds, bonds pass through no box and do not lie on each other, all is on the page."""
+    for (_, a, first), (_, b, second) in combinations(picture.texts, 2):
+        assert not overlap(first, second), f"`{a}` and `{b}`"
+    parts = list(segments(picture))
+    for look, text, box in picture.texts:
+        for number, start, end in parts:
+            assert not through(start, end, box), f"bond of `{picture.bonds[number].head}` and {look} `{text}`"
+    for title, box in picture.boxes.items():
+        for number, start, end in parts:
+            assert not through(start, end, box), f"bond of `{picture.bonds[number].head}` and box `{title}`"
+        assert not any(overlap(box, letter) for letter in picture.letters.values())
+        assert not any(overlap(box, other) for n, other in picture.boxes.items() if n != title)
+    lines = [(n, a, b) for n, bond in enumerate(picture.bonds) for a, b in pairwise(bond.ways[0])]
+    found = {(n, m) for (n, a, b), (m, c, d) in combinations(lines, 2) if n != m and cross(a, b, c, d)}
+    assert len(found) <= crossings, [(picture.bonds[n].head, picture.bonds[m].head) for n, m in found]
+    for (n, a, b), (m, c, d) in combinations(lines, 2):
+        assert n == m or not lie_on_each_other(a, b, c, d), (picture.bonds[n], picture.bonds[m])
+    for _, text, (left, top, right, bottom) in picture.texts:
+        assert left >= 0 and top >= 0 and right <= picture.size[0] and bottom <= picture.size[1], text
+
+
+def lie_on_each_other(
+    a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]
+) -> bool:
+    """Whether two axis-parallel lines run along each other, nearer than 3 px."""
+    for x, y in ((0, 1), (1, 0)):
+        if abs(a[x] - b[x]) < 0.5 and abs(c[x] - d[x]) < 0.5 and abs(a[x] - c[x]) < 3:
+            return min(max(a[y], b[y]), max(c[y], d[y])) - max(min(a[y], b[y]), min(c[y], d[y])) > 1
+    return False
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_strokes_and_half_arrows(path: Path) -> None:
+    """Every bond is drawn once; its stroke stands across the end that is given the effort, its barb at the head, where the flow is."""
+    picture, graph = drawn(path), causal(path)
+    assert Counter(n for b in picture.bonds for n in b.numbers) == Counter(range(len(graph.graph.bonds)))
+    for bond in picture.bonds:
+        ends = bond.ends
+        for number in bond.numbers:
+            wanted = 1 - graph.effort_from[number]
+            assert math.dist(middle(*bond.stroke), ends[wanted]) < 0.5, bond
+            assert bond.said == ("tail", "head")[wanted]
+        at = 0 if bond.said == "tail" else -1
+        beside = bond.ways[0][1] if at == 0 else bond.ways[0][-2]
+        assert across(bond.stroke, (bond.ways[0][at], beside))
+        tip, end = bond.barb
+        assert math.dist(tip, ends[1]) < 3
+        x, y = direction(*bond.ways[0][-2:])
+        u, v = end[0] - tip[0], end[1] - tip[1]
+        assert u * x + v * y < 0, "the barb points backwards"
+        aside = u - (u * x + v * y) * x, v - (u * x + v * y) * y
+        assert aside[1] > 1 or (abs(aside[1]) <= 1 and aside[0] > 1), (
+            "flow is written below a bond, or right of an upright one"
+        )
+
+
+def direction(start: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
+    length = math.dist(start, end)
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length
+
+
+def across(stroke: tuple[tuple[float, float], ...], bond: tuple[tuple[float, float], ...]) -> bool:
+    (a, b), (c, d) = stroke, bond
+    dot = (b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1])
+    return abs(dot) < 0.02 * math.dist(a, b) * math.dist(c, d) and 12 < math.dist(a, b) < 18
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_bonds_end_at_their_nodes(path: Path) -> None:
+    """Tail and head are nearer to the border of their own node than to any other."""
+    picture = drawn(path)
+    borders = picture.letters | picture.boxes
+    for bond in picture.bonds:
+        for owner, end in zip((bond.tail, bond.head), bond.ends, strict=True):
+            near = min(borders, key=lambda n: distance(end, borders[n]))
+            assert near == owner, (bond.tail, bond.head)
+            assert distance(end, borders[owner]) < 15
+
+
+def distance(point: tuple[float, float], box: tuple[float, float, float, float]) -> float:
+    x, y = point
+    return math.hypot(max(box[0] - x, x - box[2], 0), max(box[1] - y, y - box[3], 0))
+
+
+def test_derivative_storage_and_loops_are_marked() -> None:
+    """The load of the motor is in derivative form; the rectifier's loop goes over the winding and a diode's resistance."""
+    motor = drawn(MODELS / "dc_motor.bg")
+    assert [b.head for b in motor.bonds if b.mark == "derivative"] == ["load"]
+    assert "storage in derivative form" in [t for _, t, _ in motor.texts]
+    loop = drawn(MODELS / "rectifier.bg")
+    assert {"winding", "d_1.series"} <= {b.head for b in loop.bonds if b.mark == "loop"}
+    assert not any(b.mark for b in drawn(MODELS / "oscillator.bg").bonds)
+
+
+def test_multibonds_are_double_lines() -> None:
+    """The manipulator's flexures hang on the stage by three bonds each, in one double line."""
+    picture = drawn(MODELS / "manipulator.bg")
+    double = [b for b in picture.bonds if len(b.ways) == 2]
+    assert len(double) == 9 and all(len(b.numbers) == 3 for b in double)
+    assert sorted(b.tail for b in double if b.tail == "stage") == ["stage"] * 3
+    assert all(len(b.numbers) == 1 for b in picture.bonds if len(b.ways) == 1)
+    assert {"flex[1]", "guide[2].x", "platform.phi"} <= {t for look, t, _ in picture.texts if look == "port"}
+
+
+def test_signals() -> None:
+    """A grip reads the tyre's spring and its slip; an input comes from outside; a source of time alone has none."""
+    assert {(s, t) for s, t, _ in drawn(MODELS / "car.bg").signals if t == "tyre[1].grip"} == {
+        ("tyre[1].spring", "tyre[1].grip"), ("tyre[1].forward", "tyre[1].grip"),
+    }  # fmt: skip
+    motor = drawn(MODELS / "dc_motor.bg")
+    assert [(s, t) for s, t, _ in motor.signals] == [("", "supply")]
+    assert ("kind", "volt") in [(look, t) for look, t, _ in motor.texts]
+    assert drawn(MODELS / "oscillator.bg").signals == ()
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_every_signal_has_a_way(path: Path) -> None:
+    """It begins and ends at its own nodes, and passes through no text and no box."""
+    picture = drawn(path)
+    wanted = subject_of(loaded(path).compilation(Scene(None, None, free=EVERYTHING))).signals
+    assert len(picture.signals) == len(wanted)
+    borders = picture.letters | picture.boxes
+    for source, target, way in picture.signals:
+        assert not source or distance(way[0], borders[source]) < 8
+        assert distance(way[-1], borders[target]) < 8
+        for start, end in pairwise(way):
+            for _, text, box in picture.texts:
+                assert not through(start, end, box), (source, target, text)
+            for title, box in picture.boxes.items():
+                assert not through(start, end, box), (source, target, title)
+
+
+def test_instances_as_boxes() -> None:
+    picture = drawn(MODELS / "manipulator.bg", closed=True)
+    assert set(picture.boxes) == {"stage", *(f"{n}[{i}]" for n in ("comb", "flexure") for i in (1, 2, 3))}
+    assert {b.tail for b in picture.bonds if b.head == "stage"} == {
+        "push_x",
+        "push_y",
+        "twist",
+        "comb[1]",
+        "comb[2]",
+        "comb[3]",
+    }
+    assert {"CombDrive", "Flexure"} <= {t for look, t, _ in picture.texts if look == "kind"}
+
+
+def test_numbers_of_bonds() -> None:
+    numbers = [t for look, t, _ in drawn(MODELS / "manipulator.bg", numbers=True).texts if look == "number"]
+    assert len(numbers) == 24 and "4-6" in numbers
+
+
+def test_as_an_experiment_runs_it() -> None:
+    """Without voltage the combs' drives give nothing: not drawn, and told."""
+    figure = loaded(MODELS / "manipulator.bg").draw(experiment="push_x")
+    picture = read(svg_text(figure))
+    assert "push_x" in picture.nodes and "comb[1].drive" not in picture.nodes
+    assert any(t.startswith("not drawn, as they give nothing: comb[1].drive") for _, t, _ in picture.texts)
+
+
+def test_the_same_bytes() -> None:
+    """From a fresh model, and in a notebook."""
+    path = MODELS / "robot_arm.bg"
+    first = svg_text(loaded(path).draw())
+    assert svg_text(bondgraph.load(path).draw()) == first == bondgraph.load(path)._repr_svg_()
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf"])
+def test_files(tmp_path: Path, ending: str) -> None:
+    """Equal files for equal models, of the size of the figure."""
+    figure = loaded(MODELS / "dc_motor.bg").draw(tmp_path / f"a.{ending}")
+    loaded(MODELS / "dc_motor.bg").draw(tmp_path / f"b.{ending}")
+    data = (tmp_path / f"a.{ending}").read_bytes()
+    assert data == (tmp_path / f"b.{ending}").read_bytes()
+    if ending == "png":
+        from matplotlib.image import imread
+
+        pixels = imread(tmp_path / "a.png")
+        assert abs(pixels.shape[1] - 2 * figure.width) <= 2 and abs(pixels.shape[0] - 2 * figure.height) <= 2
+        assert 0.005 < (pixels[..., :3].min(axis=-1) < 0.5).mean() < 0.2
+    else:
+        assert data.startswith(b"%PDF")
