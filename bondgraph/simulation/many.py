@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 import sys
 import threading
 import warnings
@@ -161,6 +162,11 @@ def _through(
             future.cancel()
 
 
+def _leave_interruptions() -> None:
+    """Ctrl-C is for the process that shares out the work; it ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @contextmanager
 def _workers(count: int) -> Iterator[tuple[Executor, bool]]:
     """Workers of our own, and whether they are copies of this process."""
@@ -169,7 +175,7 @@ def _workers(count: int) -> Iterator[tuple[Executor, bool]]:
     if copied:
         import multiprocessing
 
-        own = ProcessPoolExecutor(count, multiprocessing.get_context("fork"))
+        own = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _leave_interruptions)
     else:
         own = ThreadPoolExecutor(count)
     try:

@@ -10,6 +10,7 @@ machine), medians of several runs; those at equal error are read from the curve 
 from __future__ import annotations
 
 import importlib.util
+import json
 import math
 import multiprocessing
 import queue
@@ -32,6 +33,12 @@ AGAIN, QUICK = 7, 0.4  # runs of which the median counts, as long as together th
 PATIENCE = 90.0  # s for a whole curve of a peer
 OURS, WHOLE = "bondgraph: steps", "bondgraph: whole run"
 STUCK = "given up"
+DATA = RESULTS / "work_precision.json"  # all points; a run of some scenes replaces theirs
+TOLD = (
+    "SUNDIALS is CVODE (IDA for M y' = f), backward differentiation, dense, over equations in C written by hand (`hand/`), and like the others it is given "
+    "magnitudes; in brackets how often as long as our steps. A whole run of ours finds magnitudes, breakpoints and the start besides, and evaluates the outputs: "
+    "some milliseconds of Python whatever the run, which short runs of solvers in C do not have."
+)
 
 
 class Point(NamedTuple):
@@ -193,7 +200,6 @@ NO_JOB = {
     "casadi": "wants a semi-explicit form",
     "scipy Radau + lambdify": "takes no M y' = f",
     "ngspice": "circuits only",
-    "rumoca": "not run",
 }
 
 
@@ -216,7 +222,8 @@ def measured(scene: Scene, wanted: Sequence[str] = tuple(PEERS)) -> tuple[dict[s
         if points:
             found[name] = points
         if word or not points:
-            words[name] = word or NO_JOB.get(name, "does not take this")
+            nothing = "no equations by hand for it" if not scene.hand else NO_JOB.get(name, "does not take this")
+            words[name] = word or nothing
         print(f"{scene.name}: {name}: {len(points)} points {words.get(name, '')}", file=sys.stderr, flush=True)
     return found, words
 
@@ -274,19 +281,18 @@ def table(scene: Scene, found: dict[str, Curve], words: dict[str, str]) -> list[
     return [*lines, "", "</details>", ""]
 
 
-def losses(scene: Scene, found: dict[str, Curve]) -> list[str]:
-    """Where somebody is faster than our steps."""
-    base = found.get(OURS, found.get(WHOLE, []))
+def losses(scene: Scene, found: dict[str, Curve], own: str) -> list[str]:
+    """Where somebody is faster than our steps, or than a whole run of ours."""
+    base = found.get(own, found.get(WHOLE, []))
     told = []
-    for goal in scene.goals:
-        mine = time_at(base, goal)
-        for name, points in found.items():
-            theirs = time_at(points, goal)
-            if name in (OURS, WHOLE) or theirs is None:
-                continue
-            if mine is None:
-                told.append(f"{scene.title}: {name} reaches {goal:.0e}, ours does not")
-            elif theirs < mine:
+    for name, points in found.items():
+        if name in (OURS, WHOLE):
+            continue
+        for goal in scene.goals:
+            mine, theirs = time_at(base, goal), time_at(points, goal)
+            if theirs is not None and mine is None:
+                told.append(f"{scene.title}: {name} comes to {goal:.0e}, ours does not")
+            elif theirs is not None and mine is not None and theirs < mine:
                 told.append(f"{scene.title}, error {goal:.0e}: {name} takes {theirs / mine:.2g} of our time")
     return told
 
@@ -313,32 +319,46 @@ def picture(scene: Scene, found: dict[str, Curve]) -> None:
     pyplot.close(figure)
 
 
+Kept = dict[str, tuple[dict[str, Curve], dict[str, str]]]
+
+
+def kept() -> Kept:
+    """What was measured before, scene by scene."""
+    if not DATA.is_file():
+        return {}
+    told = json.loads(DATA.read_text(encoding="utf-8"))
+    return {k: ({n: [Point(*p) for p in c] for n, c in v["curves"].items()}, v["words"]) for k, v in told.items()}
+
+
+def keep(found: Kept) -> None:
+    told = {k: {"curves": curves, "words": words} for k, (curves, words) in found.items()}
+    DATA.write_text(json.dumps(told, indent=0) + "\n", encoding="utf-8")
+
+
+def report(found: Kept) -> str:
+    """All tables, those of losses first."""
+    assert __doc__ is not None
+    words = " ".join(__doc__.split("pictures. ")[1].split())
+    lines = ["# Run time against error", "", f"`python -m tests.benchmarks work_precision`. {words}", "", TOLD, ""]
+    scenes = [s for s in SCENES if s.name in found]
+    for own, title in ((OURS, "Where our steps lose"), (WHOLE, "Where a whole run of ours loses")):
+        lost = [x for s in scenes for x in losses(s, found[s.name][0], own)]
+        lines += [f"## {title}", "", *([f"- {x}" for x in lost] or ["Nowhere in these."]), ""]
+    for scene in scenes:
+        lines += table(scene, *found[scene.name])
+    return "\n".join(lines)
+
+
 def main(names: Sequence[str] = ()) -> None:
     RESULTS.mkdir(exist_ok=True)
-    lines: list[str] = []
-    lost: list[str] = []
+    found = kept()
     for scene in SCENES:
-        if names and scene.name not in names:
-            continue
-        found, words = measured(scene)
-        lines += table(scene, found, words)
-        lost += losses(scene, found)
-        if importlib.util.find_spec("matplotlib"):
-            picture(scene, found)
-    assert __doc__ is not None
-    words_of_it = " ".join(__doc__.split("pictures. ")[1].split())
-    peers_told = "SUNDIALS is CVODE (IDA for M y' = f), backward differentiation, dense, over equations in C written by hand (`hand/`), given magnitudes; "
-    peers_told += "in brackets how often as long as our steps. What a whole run of ours does besides: magnitudes, breakpoints, start, outputs, all in Python."
-    head = [
-        "# Run time against error",
-        "",
-        f"`python -m tests.benchmarks work_precision`. {words_of_it}",
-        "",
-        peers_told,
-        "",
-    ]
-    told = ["## Where we lose", "", *([f"- {x}" for x in lost] or ["Nowhere in these."]), ""]
-    text = "\n".join([*head, *told, *lines])
-    name = "work_precision.md" if not names else f"work_precision_{'_'.join(names)}.md"
-    (RESULTS / name).write_text(text, encoding="utf-8")
+        if not names or scene.name in names:
+            found[scene.name] = measured(scene)
+            keep(found)
+    for scene in SCENES:
+        if scene.name in found and importlib.util.find_spec("matplotlib"):
+            picture(scene, found[scene.name][0])
+    text = report(found)
+    (RESULTS / "work_precision.md").write_text(text, encoding="utf-8")
     print(text)

@@ -60,7 +60,8 @@ class Constraints:
         self.reach = self.magnitude[: self.count]
         turns = [p for p in self.positions if self.program.states.units[p] == "1"]
         self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0  # of the angles
-        self._compiled = None
+        if self.gaps:  # else it holds nothing that could change
+            self._compiled = None
 
     def __bool__(self) -> bool:
         return self.gaps > 0

@@ -8,6 +8,7 @@ happens to stay at zero must not be held to round-off.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -275,7 +276,7 @@ def balance(matrix: Any) -> Any:
     while again:
         again = False
         for i in range(len(a)):
-            column, row = float(np.linalg.norm(a[:, i])), float(np.linalg.norm(a[i]))
+            column, row = math.sqrt(a[:, i] @ a[:, i]), math.sqrt(a[i] @ a[i])
             if not (0 < column < np.inf and 0 < row < np.inf):
                 continue
             # The power of two next to the root of their ratio.

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
+_WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
 # Pivots beside what they divide: of the steps; and of the coarse run, whose scales change from one iteration to the next and say little.
 SMALL, SMALL_AND_COARSE = 1e-3, 0.0
 LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with the help of its order
@@ -84,7 +85,9 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
         if isinstance(kind, Handed):
             given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
             continue
-        array = values[name] = np.ascontiguousarray(values[name], dtype=np.int64 if kind == INTS else float)
+        array, wanted = values[name], _WHOLE if kind == INTS else _DOUBLE
+        if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
+            array = values[name] = np.ascontiguousarray(array, dtype=wanted)
         kept.append(array)
         given.append(array.__array_interface__["data"][0])
     return _layout(noun)(*given), kept
