@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ..door import MechanismNode
 from ..errors import UsageError
 from .compose import compose
+from .frames import place_framed
 from .mechanism import draw_mechanism
 from .picture import write_figure
-from .place import place
 from .poses import poses_at
 from .scenery import scenery_of
 from .subject import subject_of
@@ -26,7 +26,8 @@ __all__ = ["draw", "mechanism_of", "svg_text", "write_figure"]
 def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:
     """The diagram of a scene. `closed`: instances are boxes; `numbers`: with the numbers of the bonds. Raises `CompilationFailed`."""
     subject = subject_of(compilation, closed)
-    return compose(subject, place(subject), numbers)
+    named, layout, frames = place_framed(subject)
+    return compose(named, layout, frames, numbers)
 
 
 def mechanism_of(model: Model, name: str | None, experiment: str | None, at: str | float | None) -> Figure:

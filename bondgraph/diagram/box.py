@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
 RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 TITLE = 40.0  # the height that kind and name take
-SPACE = 8.0
+SPACE = 8.0  # between what hangs on neighbouring ports
 ROW = 26.0  # between two ports of a side
 PADDING = 12.0
-SPARE = np.array((-0.0, -SPACE, 0.0, SPACE))  # between what hangs on neighbouring ports
+SPARE = np.array((0.0, -1.0, 0.0, 1.0))  # above and below
+FRAMES = 30.0  # between what may get frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ def box_around(
 
     sides = _sides(branches, finished, along)
     widths = _widths(lines, node, sides, along)
-    rows = {side: _stacked(sides[side], finished, side, widths[side]) for side in sides}
+    rows = {side: _stacked(nodes, sides[side], finished, side, widths[side]) for side in sides}
     half, heights = _size(nodes[node], nodes[node].letter, widths, rows, along)
     top, bottom = -heights[0], heights[1]
     box = (-half, top, half, bottom)
@@ -116,7 +117,8 @@ def _level(
         block = finished[branch.child, side]
         shifted = moved(block.taken, *((0.0, offset) if side[0] else (offset, 0.0)))
         least = border + shortest(nodes[branch.child]) + 2 * GAP + block.reach
-        found = max(found, push(taken, shifted, side, least) * branch.heavy)
+        spare = 14.0 if nodes[branch.child].inside else 0.0  # so that a frame has room
+        found = max(found, (push(taken, shifted, side, least) + spare) * branch.heavy)
     return found
 
 
@@ -156,7 +158,11 @@ def _sides(
 
 
 def _stacked(
-    branches: Sequence[Branch], finished: Mapping[tuple[int, Vector], Block], side: Vector, width: float
+    nodes: Sequence[Node],
+    branches: Sequence[Branch],
+    finished: Mapping[tuple[int, Vector], Block],
+    side: Vector,
+    width: float,
 ) -> list[float]:
     """Where the branches of a side leave it, so that they are clear of each other; symmetric about zero."""
     down: Vector = (0.0, 1.0) if side[0] else (1.0, 0.0)
@@ -165,7 +171,7 @@ def _stacked(
     for branch in branches:
         block = finished[branch.child, side].taken
         offset = push(
-            taken + SPARE,
+            taken + SPARE * (FRAMES if nodes[branch.child].inside else SPACE),
             block,
             down,
             offsets[-1] + (ROW if side[0] else max(64.0, width + PADDING)) if offsets else 0.0,

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 from .box import port_of
 from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
+from .frames import Framed
 from .glyphs import PORT, STROKE, text_rectangle
 from .lettering import text_width
 from .looks import LOOKS
@@ -25,9 +26,10 @@ BORDER = 16.0
 MEANINGS = {"derivative": "storage in derivative form", "loop": "in an algebraic loop"}
 
 
-def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
+def compose(subject: Subject, layout: Layout, frames: Sequence[Framed] = (), numbers: bool = False) -> Figure:
     """The figure. `numbers`: with the numbers of the bonds."""
     groups = [
+        *map(_frame, frames),
         *_lines(subject, layout),
         *_signals(subject, layout),
         *(_node(node, number, layout) for number, node in enumerate(subject.nodes)),
@@ -39,11 +41,21 @@ def compose(subject: Subject, layout: Layout, numbers: bool = False) -> Figure:
     for way in layout.signals.values():
         left, right = min(left, *(x for x, _ in way)), max(right, *(x for x, _ in way))
         top, bottom = min(top, *(y for _, y in way)), max(bottom, *(y for _, y in way))
+    for frame in frames:
+        left, right = min(left, frame.left), max(right, frame.right)
+        top, bottom = min(top, frame.top), max(bottom, frame.bottom)
     legend, height, width = _legend(subject, left, bottom + 20)
     dx, dy = round(BORDER - left, 1), round(BORDER - top, 1)
     whole = (max(right - left, width) + 2 * BORDER, bottom - top + height + 2 * BORDER)
     shifted = tuple(group_at(g, dx, dy) for g in (*groups, *legend))
     return Figure(math.ceil(whole[0]), math.ceil(whole[1]), f"bond graph of {subject.name}", shifted)
+
+
+def _frame(frame: Framed) -> Group:
+    shape = Frame(frame.left, frame.top, frame.right - frame.left, frame.bottom - frame.top, "frame", 6.0)
+    return Group(
+        "instance", (shape, Text(frame.instance, *frame.title, "port")), {"name": frame.instance}, frame.instance
+    )
 
 
 # ---------------------------------------------------------------- bonds

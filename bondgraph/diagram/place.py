@@ -18,7 +18,7 @@ from .tree import Block, Branch, grow_tree
 APART = 46.0  # between two parts
 WIDEST = 1500.0  # a row of parts
 TURNED = 3  # times that the ends of what is routed are turned
-ROUTES = 24  # ways that are looked for, in all that is tried
+ROUTES = 18  # ways that are looked for, in all that is tried
 ROOMIER = (24.0, 60.0, 120.0)
 NARROW = 4.0  # what a signal needs at each side
 

@@ -51,6 +51,7 @@ class Read:
     texts: tuple[tuple[str, str, Box], ...]  # look, text, what it takes
     letters: dict[str, Box]
     boxes: dict[str, Box]
+    frames: dict[str, Box]
     signals: tuple[tuple[str, str, tuple[Point, ...]], ...]
     size: Point
 
@@ -64,7 +65,7 @@ def read(svg: str) -> Read:
     """What an SVG text shows."""
     root = ElementTree.fromstring(svg)
     bonds, signals, texts = [], [], []
-    nodes, letters, boxes = dict[str, Any](), dict[str, Box](), dict[str, Box]()
+    nodes, letters, boxes, frames = dict[str, Any](), dict[str, Box](), dict[str, Box](), dict[str, Box]()
     for group in root.iter(f"{SVG}g"):
         kind = group.get("class", "").split()
         if "bond" in kind:
@@ -78,9 +79,11 @@ def read(svg: str) -> Read:
             nodes[name] = group
             boxes.update((name, _box(r)) for r in group.iter(f"{SVG}rect"))
             letters.update((name, measured(t)) for t in group.iter(f"{SVG}text") if t.get("class") == "letter")
+        if "instance" in kind:
+            frames.update((group.get("data-name", ""), _box(r)) for r in group.iter(f"{SVG}rect"))
         texts += [(t.get("class", ""), t.text or "", measured(t)) for t in group.iter(f"{SVG}text")]
     return Read(
-        tuple(bonds), nodes, tuple(texts), letters, boxes, tuple(signals), (float(root.get("width", 0)), float(root.get("height", 0)))
+        tuple(bonds), nodes, tuple(texts), letters, boxes, frames, tuple(signals), (float(root.get("width", 0)), float(root.get("height", 0)))
     )  # fmt: skip
 
 

@@ -201,6 +201,18 @@ def test_instances_as_boxes() -> None:
     assert {"CombDrive", "Flexure"} <= {t for look, t, _ in picture.texts if look == "kind"}
 
 
+def test_frames_hold_their_instances() -> None:
+    """Around the nodes of each comb and flexure, and around nothing else; inside, names do not repeat that of the frame."""
+    picture = drawn(MODELS / "manipulator.bg")
+    assert set(picture.frames) == {f"{n}[{i}]" for n in ("comb", "flexure") for i in (1, 2, 3)}
+    for instance, frame in picture.frames.items():
+        for node, letter in (picture.letters | picture.boxes).items():
+            assert overlap(frame, letter) == node.startswith(f"{instance}."), (instance, node)
+        assert not any(overlap(frame, other) for n, other in picture.frames.items() if n != instance)
+    assert [t for look, t, _ in picture.texts if look == "name"].count(": folded") == 3
+    assert [t for look, t, _ in picture.texts if look == "kind"].count("force") == 3
+
+
 def test_numbers_of_bonds() -> None:
     numbers = [t for look, t, _ in drawn(MODELS / "manipulator.bg", numbers=True).texts if look == "number"]
     assert len(numbers) == 24 and "4-6" in numbers

@@ -1,0 +1,156 @@
+"""Dashed frames around what an instance consists of, where nothing else stands in between; inside them names are short."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from .glyphs import PORT, letter_rectangle, text_rectangle
+from .lettering import text_width
+from .place import Layout, place
+from .room import NOTHING, Rectangles, bounds, joined, lane, moved, rectangles, touches
+from .subject import Node, Subject
+
+PADDING, TITLE = 6.0, 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Framed:
+    """A frame around an instance, and where its name stands: x and y of the baseline's start."""
+
+    instance: str
+    left: float
+    top: float
+    right: float
+    bottom: float
+    title: tuple[float, float]
+
+
+def place_framed(subject: Subject) -> tuple[Subject, Layout, tuple[Framed, ...]]:
+    """The layout with short names in frames, where all instances that could have frames keep them; else with whole names."""
+    layout = place(subject)
+    sizes = {name: sum(node.inside == name for node in subject.nodes) for name in subject.instances}
+    several = frozenset(name for name, size in sizes.items() if size > 1)
+    short = frozenset(f.instance for f in _whole_rows(_frames(subject, layout, several), several))
+    if not short:
+        return subject, layout, ()
+    named = _named(subject, short)
+    shorter = place(named)
+    frames = _whole_rows(_frames(named, shorter, short), short)
+    if {f.instance for f in frames} == short:
+        return named, shorter, frames
+    return subject, layout, tuple(f for f in _frames(subject, layout, short) if f.instance in short)
+
+
+def _whole_rows(frames: Iterator[Framed], instances: Collection[str]) -> tuple[Framed, ...]:
+    """Of an array of instances all have frames, or none."""
+    found = tuple(frames)
+    having = {f.instance for f in found}
+    lacking = {name.partition("[")[0] for name in instances if name not in having}
+    return tuple(f for f in found if f.instance.partition("[")[0] not in lacking)
+
+
+def _named(subject: Subject, short: Collection[str]) -> Subject:
+    """The subject with names that do not repeat that of the frame around them."""
+    nodes = (
+        replace(n, label=n.label.removeprefix(f"{n.inside}.")) if n.inside in short and n.shape != "box" else n
+        for n in subject.nodes
+    )
+    signals = []
+    for signal in subject.signals:
+        inside = subject.nodes[signal.target].inside
+        strip = signal.source is None and inside in short
+        signals.append(replace(signal, label=signal.label.replace(f"{inside}.", "")) if strip else signal)
+    return replace(subject, nodes=tuple(nodes), signals=tuple(signals))
+
+
+def _frames(subject: Subject, layout: Layout, instances: Collection[str]) -> Iterator[Framed]:
+    things = _things(subject, layout)
+    taken: Rectangles = NOTHING
+    for instance in subject.instances:
+        if instance not in instances:
+            continue
+        own = joined(NOTHING, *(r for home, r in things if home == instance))
+        others = joined(taken, *(r for home, r in things if home != instance))
+        left, top, right, bottom = bounds(own)
+        frame = (left - PADDING, top - PADDING, right + PADDING, bottom + PADDING)
+        if touches(others, rectangles([frame]), 1.0):
+            continue
+        through = joined(
+            NOTHING, *(r for home, r in things if home in (instance, "")), *_crossing(subject, layout, instance)
+        )
+        title = _title(instance, frame, through, others)
+        if title is not None:
+            frame = (frame[0], min(frame[1], title[1] - TITLE), max(frame[2], title[2]), max(frame[3], title[3]))
+            taken = joined(taken, rectangles([frame]))
+            yield Framed(instance, *frame, (title[0], title[1]))
+
+
+def _title(
+    instance: str, frame: tuple[float, float, float, float], inside: Rectangles, others: Rectangles
+) -> tuple[float, float, float, float] | None:
+    """Where the name of a frame has room: in a corner, else in a strip above; x, y, and how far it reaches to the right and down."""
+    left, top, right, bottom = frame
+    width = text_width(instance, PORT)
+    spots = [
+        (left + 5, top + 12),
+        (right - width - 5, top + 12),
+        (left + 5, bottom - 5),
+        (right - width - 5, bottom - 5),
+        (left + 5, top - 3),
+    ]
+    for x, y in spots:
+        area = rectangles([text_rectangle(instance, x, y, "start", PORT)])
+        wide = rectangles([(min(left, x - 5), min(top, y - TITLE + 2), max(right, x + width + 5), bottom)])
+        if not touches(inside, area, 2.0) and not touches(others, wide, 1.0):
+            return x, y, max(right, x + width + 5), bottom
+    return None
+
+
+def _things(subject: Subject, layout: Layout) -> list[tuple[str, Rectangles]]:
+    """What stands somewhere, with the instance that it belongs to: nodes with their names, bonds and signals among them."""
+    found = []
+    for number, node in enumerate(subject.nodes):
+        found.append((node.inside if node.shape != "box" or node.inside else "\0", _node(node, number, layout)))
+    for number, line in enumerate(subject.lines):
+        homes = {subject.nodes[n].inside for n in line.ends}
+        if len(homes) == 1:
+            found.append((homes.pop() or "\0", _way(layout.bonds[number])))
+    for number, way in layout.signals.items():
+        signal = subject.signals[number]
+        home = subject.nodes[signal.target].inside
+        if signal.source is None:
+            found.append((home or "\0", joined(_way(way), _text(signal.label, layout.texts[number]))))
+        elif subject.nodes[signal.source].inside == home:
+            found.append((home or "\0", _way(way)))
+    return found
+
+
+def _crossing(subject: Subject, layout: Layout, instance: str) -> Iterator[Rectangles]:
+    """The bonds and signals that go into a frame or out of it: its name must not stand on them."""
+    for number, line in enumerate(subject.lines):
+        if sum(subject.nodes[n].inside == instance for n in line.ends) == 1:
+            yield _way(layout.bonds[number])
+    for number, way in layout.signals.items():
+        signal = subject.signals[number]
+        ends = [n for n in (signal.source, signal.target) if n is not None]
+        if sum(subject.nodes[n].inside == instance for n in ends) == 1:
+            yield _way(way)
+
+
+def _node(node: Node, number: int, layout: Layout) -> Rectangles:
+    if number in layout.boxes:
+        box = layout.boxes[number]
+        return rectangles([(box.left, box.top, box.right, box.bottom)])
+    x, y = layout.places[number]
+    taken = moved(rectangles([letter_rectangle(node)]), x, y)
+    return joined(taken, rectangles([text_rectangle(*layout.labels[number])])) if node.label else taken
+
+
+def _way(way: Sequence[tuple[float, float]]) -> Rectangles:
+    return joined(NOTHING, *(lane(a, b, 7.0) for a, b in pairwise(way)))
+
+
+def _text(text: str, point: tuple[float, float]) -> Rectangles:
+    return rectangles([text_rectangle(text, point[0], point[1] + 4, "middle")])
