@@ -88,9 +88,11 @@ class Writer:
     def _constant_nodes(self) -> list[Expression]:
         """The largest expressions of parameters alone that anything else reads."""
         found: dict[Expression, None] = {}
-        seen: set[Expression] = set()
+        seen: set[int] = set()  # by identity: to compare equal nodes costs more than to look at some twice
         changing = TIME | INPUT | STATE | MODE
-        stack = [*reversed(self._roots())]
+        roots = self._roots()
+        stack = [*reversed(roots)]
+        bits = self.lowered.dependences(roots)
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
         ]
@@ -109,11 +111,11 @@ class Writer:
                 found[node] = None
         while stack:
             node = stack.pop()
-            if node in seen or isinstance(node, Number):
+            if id(node) in seen or isinstance(node, Number):
                 continue
-            seen.add(node)
+            seen.add(id(node))
             vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
-            if not vector and not self.lowered.dependence(node) & changing:
+            if not vector and not bits[id(node)] & changing:
                 found[node] = None
                 continue
             if isinstance(node, Apply):
@@ -436,7 +438,26 @@ class _Body:
 
 def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, object]) -> list[Apply]:
     """The operations behind the roots that are not known, operands first."""
-    return _order(roots, known)[0]
+    order: list[Apply] = []
+    met: set[int] = set()  # by identity, which is quick; of equal ones the first counts
+    done: set[Expression] = set()
+    for root in roots:
+        stack = [(root, False)]
+        while stack:
+            node, ready = stack.pop()
+            if ready:
+                assert isinstance(node, Apply)
+                order.append(node)
+                continue
+            if id(node) in met or not isinstance(node, Apply):
+                continue
+            met.add(id(node))
+            if node in done or node in known:
+                continue
+            done.add(node)
+            stack.append((node, True))
+            stack += [(o, False) for o in reversed(node.operands)]
+    return order
 
 
 def _order(
