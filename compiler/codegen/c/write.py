@@ -19,7 +19,8 @@ from ..limits import Leaf
 from ..llvm import support
 from ..lower import Lowered
 from ..numpy.generate import name_tables
-from ..numpy.write import Writer, operations_in_order
+from ..numpy.write import Writer
+from ..sequence import operations_in_order
 
 ARGUMENTS = (
     "double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out"

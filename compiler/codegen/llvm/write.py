@@ -16,7 +16,8 @@ from ...native.translate import translate
 from ...native.values import float_text
 from ..limits import Leaf
 from ..lower import Lowered
-from ..numpy.write import Writer, operations_in_order
+from ..numpy.write import Writer
+from ..sequence import operations_in_order
 from . import support
 
 ARGUMENTS = ("state", "inputs", "constants", "mode")
