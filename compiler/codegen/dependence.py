@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ..algebra.expression import Apply, Expression, Number, Symbol
 from .limits import Leaf
 
@@ -16,6 +18,31 @@ PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (
 
 
 BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
+
+
+def dependences_of(roots: Iterable[Expression], symbols: dict[Expression, int]) -> dict[int, int]:
+    """Of all nodes behind the roots, by identity. `symbols`: what is known of these."""
+    found: dict[int, int] = {}
+    for root in roots:
+        stack = [root]
+        while stack:
+            node = stack[-1]
+            if id(node) in found:
+                stack.pop()
+            elif not isinstance(node, Apply):
+                found[id(node)] = dependence_of(node, symbols)
+                stack.pop()
+            else:
+                missing = [o for o in node.operands if id(o) not in found]
+                if missing:
+                    stack += missing
+                    continue
+                bits = 0
+                for operand in node.operands:
+                    bits |= found[id(operand)]
+                found[id(node)] = bits
+                stack.pop()
+    return found
 
 
 def dependence_of(x: Expression, known: dict[Expression, int]) -> int:

@@ -103,6 +103,7 @@ REST = """ball big : crank to rod { at = (0, 0.1 m, 0) }
     slide way : ground to slider { along = (1, 0, 0) }"""
 
 
+@pytest.mark.machine_code
 def test_a_closing_hinge_counts_its_turns(tmp_path: Path) -> None:
     """A crank with its hinge drawn from it and declared last; all joints are read, so it closes the loop."""
     every = "phi = space.main.phi, tilt = space.eye.phi1, r = space.big.rx, s = space.way.x"

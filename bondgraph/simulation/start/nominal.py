@@ -32,7 +32,7 @@ SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
 ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
-SMALLEST_ANGLE = 1e-12  # rad, and rad/s
+SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves, which is rounding
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 LARGEST = 200  # states up to which the modes are computed
 SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
@@ -93,10 +93,16 @@ def nominal_magnitudes(
     return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
 
 
+def smallest_angles(program: Program) -> Any:
+    """What an angle or its rate is rounding below, for all states and unknowns; 0 for what has a unit."""
+    units = np.array([*program.states.units, *program.unknowns.units])
+    return np.where(np.isin(units, ["1", "1/s"]), SMALLEST_ANGLE, 0.0)
+
+
 def _smallest(program: Program, constraints: Constraints | None, state: Any, first: Segment) -> Any:
     """Below lies what symmetry leaves of an angle, or of a length of a mechanism with closed loops: rounding."""
     units = np.array([*program.states.units, *program.unknowns.units])
-    result = np.where(np.isin(units, ["1", "1/s"]), SMALLEST_ANGLE, 0.0)
+    result = smallest_angles(program)
     if constraints:
         places = np.concatenate([constraints.positions, constraints.speeds])
         length = constraints.length(first.start, state, first.mode)
@@ -120,6 +126,7 @@ class _Coarse:
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.stopped: float | None = None  # where it gave up
         self.differential = np.arange(len(state)) < len(program.states.names)
+        self.smallest = smallest_angles(program)
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
         kind = sparse if is_large(len(state), len(self.rows)) else once
@@ -249,6 +256,7 @@ class _Coarse:
         moving = np.zeros(len(x))
         np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
         whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
+        whole = np.maximum(whole, self.smallest)
         return float((np.abs(change) / np.where(whole > 0, whole, 1.0))[self.differential].max(initial=0.0))
 
     def _scale(self, moved: Any, gain: Any) -> Any:

@@ -78,9 +78,11 @@ class Writer:
     def _constant_nodes(self) -> list[Expression]:
         """The largest expressions of parameters alone that anything else reads."""
         found: dict[Expression, None] = {}
-        seen: set[Expression] = set()
+        seen: set[int] = set()  # by identity: to compare equal nodes costs more than to look at some twice
         changing = TIME | INPUT | STATE | MODE
-        stack = [*reversed(self._roots())]
+        roots = self._roots()
+        stack = [*reversed(roots)]
+        bits = self.lowered.dependences(roots)
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
         ]
@@ -99,11 +101,11 @@ class Writer:
                 found[node] = None
         while stack:
             node = stack.pop()
-            if node in seen or isinstance(node, Number):
+            if id(node) in seen or isinstance(node, Number):
                 continue
-            seen.add(node)
+            seen.add(id(node))
             vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
-            if not vector and not self.lowered.dependence(node) & changing:
+            if not vector and not bits[id(node)] & changing:
                 found[node] = None
                 continue
             if isinstance(node, Apply):

@@ -33,6 +33,7 @@ class Euler(Record):
     rows: Ints  # entry_count
     columns: Ints  # entry_count
     largest: Floats  # n: so far
+    smallest: Floats  # n: what is rounding below
     start: Floats  # n: the state at its start
     x: Floats  # n: that at its end
     time: float  # of its end
@@ -149,6 +150,7 @@ def moved_share(e: Euler) -> float:
     result = 0.0
     for i in range(e.differential):
         whole = max(max(e.largest[i], ROUNDING * e.reached[i]), max(abs(e.x[i]), abs(e.x[i] + e.slope[i])))
+        whole = max(whole, e.smallest[i])
         part = abs(e.slope[i]) / (whole if whole > 0.0 else 1.0)
         result = part if not part <= result else result
     return result

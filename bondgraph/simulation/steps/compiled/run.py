@@ -17,6 +17,7 @@ import numpy as np
 from ....door import INTS, Fields, Handed, MachineCode, Program, record_of
 from ....native import kernel
 from ...segments import LOOKS, Segment, inside, signals_on
+from ...start.nominal import smallest_angles
 from ...watch.choice import WORST, Choice
 from .. import radau
 from ..factorise import is_large
@@ -140,6 +141,7 @@ class CompiledEuler:
             "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)),
             "matrix": np.zeros(0 if is_sparse(program) else n * n), "pivots": np.zeros(n),
         } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "rows_scale")}  # fmt: skip
+        self.values["smallest"] = smallest_angles(program)
         self.order = Ordered(program, SMALL_AND_COARSE)
         self.values["pattern"] = self.order.record
         self._record, self._kept = structure(Euler, self.values, program)
