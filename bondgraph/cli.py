@@ -186,28 +186,31 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
+@click.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points of a sweep (1)."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, target: str | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
+    atol: float | None, target: str | None, energy: bool, out: str | None, plot: str | None, jobs: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     with _told():
+        from .errors import ManyRuns
+
         write = _writer(out)
         if plot is not None:
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
         chosen = _load(file, model)
-        result = chosen.simulate(
-            None if experiment == "none" else experiment,
-            dict(map(_setting, settings)),
-            to,
-            points,
-            rtol,
-            atol,
-            energy,
-            tuple(outputs) or None,
-            target,
-        )
+        arguments: dict[str, Any] = {
+            "settings": dict(map(_setting, settings)), "to": to, "points": points, "rtol": rtol, "atol": atol,
+            "energy": energy, "outputs": tuple(outputs) or None, "target": target,
+        }  # fmt: skip
+        try:
+            result = chosen.simulate(None if experiment == "none" else experiment, **arguments)
+        except ManyRuns:
+            _run_all(chosen, experiment, arguments, jobs, (out, plot, as_json))
+            return
         for left in result.warnings:
             click.echo(f"warning: {left}", err=True)
         for note in result.notes:
@@ -217,6 +220,35 @@ def run(
         if plot is not None:
             result.plot(plot)
         click.echo(json.dumps(result.to_json(), indent=2) if as_json else result.summary())
+
+
+def _run_all(
+    model: Model, experiment: str, arguments: dict[str, Any], jobs: int | None, shown: tuple[Any, Any, bool]
+) -> None:
+    """An experiment that sweeps, or analyses instead of a simulation."""
+    out, plot, as_json = shown
+    if out is not None:
+        _check_target(out, (".csv",), "--out (of an experiment with a sweep or an analysis)")
+    with _workers(jobs) as executor:
+        found = model.run(experiment, executor=executor, **arguments)
+    if out is not None:
+        found.to_csv(out)
+    if plot is not None:
+        found.plot(plot)
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+
+
+@contextmanager
+def _workers(jobs: int | None) -> Iterator[Any]:
+    """Processes that make points of a sweep; None for this one."""
+    if not jobs or jobs == 1:
+        yield None
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as executor:
+        yield executor
 
 
 def _load(file: str, model: str | None) -> Model:

@@ -1,4 +1,4 @@
-"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode`."""
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sweep`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .cli import _check_target, _file, _load, _model, _outputs, _setting, _told, commands
+from .cli import _check_target, _file, _load, _model, _outputs, _setting, _told, _workers, commands
 
 _experiment = click.option(
     "-e", "--experiment", default="none", metavar="NAME", help="With what this experiment sets and starts; none if left out."
@@ -143,3 +143,44 @@ def _range(text: str) -> tuple[float, float]:
     if not dots:
         raise click.UsageError(f"--over takes a range, as in `100 Hz .. 10 kHz`; this is `{text}`")
     return quantity(low, "Hz", "--over"), quantity(high, "Hz", "--over")
+
+
+@commands.command()
+@_file
+@click.option(
+    "--over", "over", multiple=True, required=True, metavar='"NAME=V, V…"',
+    help="Values of a parameter or input: `k=1 N/m, 2 N/m`, or `k=1 N/m .. 2 N/m : 11`; several times: a grid.",
+)  # fmt: skip
+@click.option(
+    "--of", "of", multiple=True, type=click.Choice(["equilibrium", "modes", "simulate"]), help="What is made at each point (simulate)."
+)  # fmt: skip
+@click.option("--together", is_flag=True, help="No grid: the first values of all, the second ones and so on.")
+@_outputs
+@_experiment
+@_settings
+@click.option("--to", metavar="TIME", help="Where simulations end.")
+@click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points (1).")
+@click.option("--out", metavar="S.csv", help="Write the table.")
+@click.option("--plot", metavar="S.png", help="Draw what was found over what was swept last (.png, .svg or .pdf).")
+@_json
+@_model
+def sweep(
+    file: str, over: Sequence[str], of: Sequence[str], together: bool, outputs: Sequence[str], experiment: str, settings: Sequence[str],
+    to: str | None, jobs: int | None, out: str | None, plot: str | None, as_json: bool, model: str | None,
+) -> None:  # fmt: skip
+    """Make equilibria, modes or runs at many values of parameters and inputs."""
+    with _told():
+        for path, endings, option in ((out, (".csv",), "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
+            if path is not None:
+                _check_target(path, endings, option)
+        values = dict(map(_setting, over))
+        with _workers(jobs) as executor:
+            found = _load(file, model).sweep(
+                values, tuple(of) or "simulate", together, _named(experiment), dict(map(_setting, settings)), to,
+                outputs=tuple(outputs) or None, executor=executor,
+            )  # fmt: skip
+        if out is not None:
+            found.to_csv(out)
+        if plot is not None:
+            found.plot(plot)
+        _echo(found, as_json)

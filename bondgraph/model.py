@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
+    from .analysis.outcome import Outcome
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
@@ -286,6 +287,34 @@ class Model:
         from .analysis.excitation import excite
 
         return excite(self, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
+
+    # ------------------------------------------------------------ experiments and sweeps
+    def run(
+        self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+        points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
+        outputs: tuple[str, ...] | None = None, target: str | None = None, executor: Any = None,
+    ) -> Outcome:  # fmt: skip
+        """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
+
+        `executor`: of the standard interface (`concurrent.futures`, a Dask client): its workers make the points.
+        """
+        from .analysis.experiment import Options, run
+
+        options = Options(to, points, rtol, atol, energy, target, outputs)
+        return run(self, experiment, settings or {}, options, executor)
+
+    def sweep(
+        self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+        points: int | None = None, rtol: float | None = None, outputs: tuple[str, ...] | None = None, executor: Any = None,
+    ) -> Outcome:  # fmt: skip
+        """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
+        one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and so on. `executor` as in `run`."""
+        from .analysis.experiment import Options, sweep
+
+        steps = (of,) if isinstance(of, str) else tuple(of)
+        options = Options(to, points, rtol, outputs=outputs)
+        return sweep(self, values, steps, together, experiment, settings or {}, options, executor)
 
     # ------------------------------------------------------------ runs
     def scene(

@@ -94,7 +94,7 @@ class Prepared:
         from .native import CannotCompile, compiled_safely
 
         made = self.compilation
-        if made.plan.unsupported:  # told before anything else is
+        if made.plan.sweeps or (made.plan.studies and made.plan.stop is None):  # what is run is made for each point
             return made.program, made.plan, made.facts, made.certificate
         if made.lowered.events.present or made.lowered.lags:  # what happens at instants is told by Python
             return made.program, made.plan, made.facts, made.certificate

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import RunFailed, UsageError
+from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
@@ -37,13 +37,15 @@ def simulate(
     atol: float | None,
     energy: bool,
     target: str | None = None,
+    parted: bool = False,
 ) -> Result:
-    """Run a scene of a model; arguments that are not None override the experiment."""
+    """Run a scene of a model; arguments that are not None override the experiment. `parted`: one of its runs, with what is swept set."""
     began = clock.perf_counter()
     made = partial(model.prepared, target=chosen_target(target))
     prepared = made(scene, energy)
     plan = prepared.plan
-    _check_supported(plan)
+    if not parted:
+        _check_alone(plan)
     stop = _stop(plan, to)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
     count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
@@ -119,14 +121,15 @@ def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
         )
 
 
-def _check_supported(plan: Plan) -> None:
-    """Raises `CompilationFailed` for what only later versions run."""
-    if plan.unsupported:
-        from ..door import CompilationFailed, Unsupported
-
-        advice = "Run another experiment with -e, or none with `-e none`."
-        raise CompilationFailed(
-            [Unsupported(span, f"`{word}` in an experiment", advice) for span, word in plan.unsupported]
+def _check_alone(plan: Plan) -> None:
+    """Raises `UsageError` for an experiment that is more than one run, or none."""
+    if plan.sweeps:
+        names = ", ".join(f"`{s.name}`" for s in plan.sweeps)
+        raise ManyRuns(f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes")
+    if plan.studies and plan.stop is None:
+        steps = ", ".join(f"`{s.role}`" for s in plan.studies)
+        raise UsageError(
+            f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that"
         )
 
 

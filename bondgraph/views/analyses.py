@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ..analysis.equilibrium import Equilibrium
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
+    from ..analysis.outcome import Outcome
     from ..analysis.response import Response
 
 WIDEST = 12  # columns of a matrix that are shown
@@ -101,3 +102,24 @@ def response_text(found: Response) -> str:
                 )
                 rows.append((short(given, 24), short(seen, 24), *numbers, note))
     return f"{title(found.model, found.experiment, 'frequency response')}\n\n{aligned(rows, '<<>>><')}"
+
+
+def outcome_text(found: Outcome) -> str:
+    """A row for each point of a sweep; of a single point all that it has."""
+    if not found.swept:
+        (point,) = found.points
+        parts = [p.summary() for p in (point.equilibrium, point.modes, *point.responses, point.run) if p is not None]
+        return "\n\n".join(parts)
+    names = found.names[:WIDEST]
+    units = [_column_unit(found, n) for n in names]
+    rows: list[tuple[str, ...]] = [tuple(short(n, 24) for n in names), tuple(units)]
+    for line in found.table()[:LONGEST]:
+        shown = [found.shown.get(n, ("", 1.0, 0.0)) for n in names]
+        rows.append(tuple(f"{x * scale + offset:.7g}" for x, (_, scale, offset) in zip(line, shown, strict=False)))
+    text = f"{title(found.model, found.experiment, f'{len(found)} points')}\n\n{aligned(rows, '>' * len(names))}"
+    left = len(found) - LONGEST
+    return f"{text}\n({left} more points; --json has all)" if left > 0 else text
+
+
+def _column_unit(found: Outcome, name: str) -> str:
+    return visible(found.shown[name][0]) if name in found.shown else _unit(found.units[name])
