@@ -1,4 +1,4 @@
-"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sweep`."""
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep`."""
 
 from __future__ import annotations
 
@@ -143,6 +143,37 @@ def _range(text: str) -> tuple[float, float]:
     if not dots:
         raise click.UsageError(f"--over takes a range, as in `100 Hz .. 10 kHz`; this is `{text}`")
     return quantity(low, "Hz", "--over"), quantity(high, "Hz", "--over")
+
+
+@commands.command()
+@_file
+@click.option(
+    "--by",
+    "by",
+    multiple=True,
+    metavar="NAME",
+    help="By this parameter or input (several times: these); all parameters if left out.",
+)
+@click.option(
+    "--of", "of", multiple=True, type=click.Choice(["equilibrium", "modes"]), help="Of what; both if left out."
+)
+@_outputs
+@_experiment
+@_settings
+@_time
+@_json
+@_model
+def sensitivity(
+    file: str, by: Sequence[str], of: Sequence[str], outputs: Sequence[str], experiment: str, settings: Sequence[str],
+    time: str | None, as_json: bool, model: str | None,
+) -> None:  # fmt: skip
+    """Tell how outputs at rest, frequencies and damping move with parameters: exact derivatives."""
+    with _told():
+        found = _load(file, model).sensitivity(
+            tuple(by) or None, tuple(of) or ("equilibrium", "modes"), _named(experiment), dict(map(_setting, settings)),
+            tuple(outputs) or None, _seconds(time),
+        )  # fmt: skip
+        _echo(found, as_json)
 
 
 @commands.command()

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .analysis.outcome import Outcome
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
+    from .analysis.sensitivity import Sensitivity
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
     from .prepared import Prepared
     from .results import Result
@@ -266,6 +267,20 @@ class Model:
         from .analysis.operating_point import Asked
 
         return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
+
+    def sensitivity(
+        self, parameters: tuple[str, ...] | str | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        time: float | None = None,
+    ) -> Sensitivity:  # fmt: skip
+        """Derivatives of outputs at rest and of frequencies and damping by parameters or inputs (None: all parameters that follow
+        from no others), exact. One that follows from others is taken by itself, the others held. Raises as `operating_point`."""
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent, sensitivity
+
+        by, fixed = independent(self, _names(parameters), experiment, settings or {})
+        point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
+        return sensitivity(point, (of,) if isinstance(of, str) else of)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .tables import aligned, short, visible
 
 if TYPE_CHECKING:
@@ -13,10 +15,12 @@ if TYPE_CHECKING:
     from ..analysis.modes import Mode, Modes
     from ..analysis.outcome import Outcome
     from ..analysis.response import Response
+    from ..analysis.sensitivity import Sensitivity
 
 WIDEST = 12  # columns of a matrix that are shown
 LONGEST = 60  # rows
 PEAKS = 5  # of a response
+STRONGEST = 8  # parameters of a quantity that are shown
 SHARES = 3  # elements of a mode that are named
 
 
@@ -123,3 +127,17 @@ def outcome_text(found: Outcome) -> str:
 
 def _column_unit(found: Outcome, name: str) -> str:
     return visible(found.shown[name][0]) if name in found.shown else _unit(found.units[name])
+
+
+def sensitivity_text(found: Sensitivity) -> str:
+    """For each quantity its value, then what one percent of each parameter does to it, the largest first."""
+    rows = [("", "value", "by", "slope in SI", "percent per percent")]
+    relative = np.nan_to_num(found.relative)
+    for i, name in enumerate(found.quantities):
+        order = sorted(range(len(found.parameters)), key=lambda j: -abs(relative[i, j] or found.slopes[i, j]))
+        head = (short(name, 30), f"{found.values[i]:.6g} {_unit(found.units[name])}".rstrip())
+        for j in [j for j in order if found.slopes[i, j] != 0][:STRONGEST]:
+            share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
+            rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
+            head = ("", "")
+    return f"{title(found.model, found.experiment, 'sensitivity')}\n\n{aligned(rows, '<><>>')}"
