@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from ..model import Model
 
 SCHEMA = "bondgraph-sensitivity/1"
+SINGULAR = 1e-11  # of the largest singular value
+LOST = 1e-9  # of what a parameter does: what no state can balance
 NEAR = 1e-6  # relative distance of two eigenvalues that are taken for the same
 
 
@@ -145,29 +147,41 @@ def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
 
 
 def _moved(linear: Linearization) -> Any:
-    """How the free coordinates at rest follow the parameters (r, k); what nothing brings back stays where it is."""
-    A, B = linear.A, linear.B
-    if not len(A):
-        return np.zeros((0, B.shape[1]))
-    rows = np.abs(np.concatenate([A, B], axis=1)).max(axis=1)
-    rows = np.where(rows > 0, rows, 1.0)[:, None]
-    columns = np.abs(A / rows).max(axis=0)
-    columns = np.where(columns > 0, columns, 1.0)
-    scaled = A / rows / columns
-    try:
-        if np.linalg.cond(scaled) < 1e12:
-            return -np.linalg.solve(scaled, B / rows) / columns[:, None]
-    except np.linalg.LinAlgError:
-        pass
-    found = -np.linalg.lstsq(scaled, B / rows, rcond=1e-12)[0]
-    left = np.abs(scaled @ found + B / rows).max(axis=0)
-    lost = np.flatnonzero(left > 1e-9 * np.abs(B / rows).max(axis=0))
+    """How the free coordinates at rest follow the parameters (r, k)."""
+    found, left = balanced_step(linear.A, linear.B)
+    lost = np.flatnonzero(left > LOST)
     if len(lost):
         name = linear.inputs[lost[0]]
         raise RunFailed(
             f"the state of rest does not follow `{name}`: it ends or branches there (`continue` goes through such points)"
         )
-    return found / columns[:, None]
+    return found
+
+
+def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
+    """The x (r, k) with A x + B = 0, and by how much that is missed, as a share of B (k,).
+
+    Where A is singular, what every motion keeps (w with w A = 0: the difference of two displacements on one flow) stays as it is,
+    and what nothing brings back stays where it is: of all solutions the shortest.
+    """
+    if not len(A):
+        return np.zeros((0, B.shape[1])), np.zeros(B.shape[1])
+    rows = np.abs(np.concatenate([A, B], axis=1)).max(axis=1)
+    rows = np.where(rows > 0, rows, 1.0)[:, None]
+    columns = np.abs(A / rows).max(axis=0)
+    columns = np.where(columns > 0, columns, 1.0)
+    scaled, right = A / rows / columns, B / rows
+    u, sizes, _ = np.linalg.svd(scaled)
+    rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
+    if rank == len(A):
+        return -np.linalg.solve(scaled, right) / columns[:, None], np.zeros(B.shape[1])
+    kept = u[:, rank:].T / rows[:, 0] / columns
+    kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
+    whole = np.concatenate([scaled, kept])
+    found = -np.linalg.lstsq(whole, np.concatenate([right, np.zeros((len(kept), B.shape[1]))]), rcond=SINGULAR)[0]
+    left = np.abs(scaled @ found + right).max(axis=0)
+    size = np.abs(right).max(axis=0)
+    return found / columns[:, None], left / np.where(size > 0, size, 1.0)
 
 
 def eigenvalue_slopes(point: OperatingPoint, found: Modes, moved: Any) -> list[tuple[complex, Any]]:
