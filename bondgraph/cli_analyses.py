@@ -1,4 +1,4 @@
-"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep`."""
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep|continue`."""
 
 from __future__ import annotations
 
@@ -214,4 +214,32 @@ def sweep(
             found.to_csv(out)
         if plot is not None:
             found.plot(plot)
+        _echo(found, as_json)
+
+
+@commands.command(name="continue")
+@_file
+@click.option(
+    "--along", required=True, metavar='"NAME=A .. B"', help="The parameter or input, and between which values."
+)
+@click.option("--points", type=click.IntRange(2), default=50, metavar="N", help="The range over the first step (50).")
+@click.option("--most", type=click.IntRange(2), default=2000, metavar="N", help="Points after which it ends (2000).")
+@_outputs
+@_experiment
+@_settings
+@_json
+@_model
+def continue_(
+    file: str, along: str, points: int, most: int, outputs: Sequence[str], experiment: str, settings: Sequence[str], as_json: bool,
+    model: str | None,
+) -> None:  # fmt: skip
+    """Follow a branch of states of rest against a parameter, round its folds: pull-in, snap-through, buckling."""
+    with _told():
+        name, value = _setting(along)
+        low, dots, high = value.partition("..")
+        if not dots:
+            raise click.UsageError(f"--along takes `NAME = A .. B`; this is `{along}`")
+        found = _load(file, model).continuation(
+            name, low, high, points, most, _named(experiment), dict(map(_setting, settings)), tuple(outputs) or None
+        )
         _echo(found, as_json)

@@ -14,6 +14,7 @@ from .errors import UsageError
 if TYPE_CHECKING:
     import networkx
 
+    from .analysis.branch import Branch
     from .analysis.equilibrium import Equilibrium
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
@@ -281,6 +282,23 @@ class Model:
         by, fixed = independent(self, _names(parameters), experiment, settings or {})
         point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
+
+    def continuation(
+        self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+    ) -> Branch:  # fmt: skip
+        """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
+        or has `most` points; `points` is the range over the first step. Raises as `operating_point`."""
+        from .analysis.branch import follow
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent
+        from .quantities import quantity
+
+        _, fixed = independent(self, (parameter,), experiment, settings or {})
+        unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
+        first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
+        asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
+        return follow(self.operating_point(asked), parameter, first, last, points, most)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,

@@ -10,6 +10,7 @@ import numpy as np
 from .tables import aligned, short, visible
 
 if TYPE_CHECKING:
+    from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 WIDEST = 12  # columns of a matrix that are shown
 LONGEST = 60  # rows
 PEAKS = 5  # of a response
+SHOWN = 12  # points of a branch
 STRONGEST = 8  # parameters of a quantity that are shown
 SHARES = 3  # elements of a mode that are named
 
@@ -141,3 +143,18 @@ def sensitivity_text(found: Sensitivity) -> str:
             rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
             head = ("", "")
     return f"{title(found.model, found.experiment, 'sensitivity')}\n\n{aligned(rows, '<><>>')}"
+
+
+def branch_text(found: Branch) -> str:
+    """Folds and losses of stability, then some points in between."""
+    names = [found.parameter, *list(found.outputs)[: WIDEST - 1]]
+    unit = [_unit(found.units.get(n, "1")) for n in names]
+    rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *unit)]
+    for s in found.special:
+        rows.append((s.kind, f"{s.value:.9g}", *(f"{s.outputs[n]:.9g}" for n in names[1:])))
+    chosen = np.unique(np.linspace(0, len(found) - 1, min(len(found), SHOWN)).astype(int))
+    for i in chosen:
+        numbers = (f"{found[n][i]:.6g}" for n in names)
+        rows.append(("stable" if found.stable[i] else "unstable", *numbers))
+    head = title(found.model, found.experiment, f"rest against {found.parameter}, {len(found)} points: {found.ended}")
+    return f"{head}\n\n{aligned(rows, '<' + '>' * len(names))}"
