@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,7 @@ LONGEST = 4.0  # first steps
 # By unit, else in SI: what symmetry and rest leave of an angle, a place, a speed, a momentum is rounding, and no magnitude.
 NOTHING = {"1": 1e-9, "1/s": 1e-9, "m": 1e-12, "m/s": 1e-12}
 LEAST = 1e-25
+NOISE = 1e-14  # of the largest term of a row: what rounding leaves
 ROUNDING = 1e-9  # of the fastest eigenvalue: what is no growth
 
 
@@ -141,7 +142,6 @@ class _Follower:
         self.units = first.program.states.units
         self.seen = np.zeros(first.count)
         self.see(first.state)
-        self.kept: Any = None
 
     def see(self, state: Any) -> None:
         """Magnitudes of the states: those of one unit share the largest; 1 for what was never seen."""
@@ -214,6 +214,7 @@ class _Follower:
                     [start.tangent @ moved - length],
                 ]
             )
+            right[np.abs(right) < NOISE] = 0.0  # near a branch point rounding would be made large
             step = -np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
             norm = float(np.abs(step).max(initial=0.0))
             if not math.isfinite(norm):
@@ -332,8 +333,23 @@ def _at(follower: _Follower, here: _Place, length: float, sign: Callable[[_Place
 
     if value(0.0) * value(length) > 0:
         return made[length]
-    root = _bracketed(value, length)
+    try:
+        root = _bracketed(value, length)
+    except RunFailed:  # at a branch point itself Newton's matrix is singular: between two points close to it
+        return _between(made, sign)
     return made[min(made, key=lambda at: abs(at - root))]
+
+
+def _between(made: Mapping[float, _Place], sign: Callable[[_Place], float]) -> _Place:
+    """Where a straight line between the two closest points of unlike sign passes zero."""
+    order = sorted(made)
+    values = [sign(made[at]) for at in order]
+    low = min(
+        (i for i in range(len(order) - 1) if values[i] * values[i + 1] <= 0), key=lambda i: order[i + 1] - order[i]
+    )
+    share = values[low] / (values[low] - values[low + 1]) if values[low] != values[low + 1] else 0.5
+    first, second = made[order[low]], made[order[low + 1]]
+    return replace(first if share < 0.5 else second, value=first.value + share * (second.value - first.value))
 
 
 def _ended(follower: _Follower, here: _Place, length: float, end: float) -> _Place | None:
