@@ -1,4 +1,4 @@
-"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep|continue`."""
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep|continue|invert`."""
 
 from __future__ import annotations
 
@@ -242,4 +242,32 @@ def continue_(
         found = _load(file, model).continuation(
             name, low, high, points, most, _named(experiment), dict(map(_setting, settings)), tuple(outputs) or None
         )
+        _echo(found, as_json)
+
+
+@commands.command()
+@_file
+@click.option(
+    "--want", "targets", multiple=True, required=True, metavar="OUTPUT=VALUE", help="An output at rest: `x=8 um`."
+)
+@click.option(
+    "--by",
+    "inputs",
+    multiple=True,
+    required=True,
+    metavar="INPUT|PUSH/PULL",
+    help="An input to find, or two of which one is zero.",
+)
+@_experiment
+@_settings
+@_json
+@_model
+def invert(
+    file: str, targets: Sequence[str], inputs: Sequence[str], experiment: str, settings: Sequence[str], as_json: bool, model: str | None
+) -> None:  # fmt: skip
+    """Find inputs that hold outputs at given values, at rest."""
+    with _told():
+        found = _load(file, model).invert(
+            dict(map(_setting, targets)), inputs, _named(experiment), dict(map(_setting, settings))
+        )  # fmt: skip
         _echo(found, as_json)

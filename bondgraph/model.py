@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from .analysis.branch import Branch
     from .analysis.equilibrium import Equilibrium
+    from .analysis.inversion import Inversion
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
@@ -299,6 +300,22 @@ class Model:
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most)
+
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None,
+    ) -> Inversion:  # fmt: skip
+        """Inputs that hold outputs at their `targets` (texts with units, or SI), statically. Of `inputs`, `push1/pull1` is a pair of
+        which one is zero; there are as many inputs or pairs as targets. Raises as `operating_point`, and `RunFailed` if there are none."""
+        from .analysis.inversion import asked_for, drives_of, invert
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent
+
+        drives = drives_of(inputs)
+        names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
+        _, fixed = independent(self, names, experiment, settings or {})
+        wanted = asked_for(self, targets, experiment)
+        return invert(self.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,

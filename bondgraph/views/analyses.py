@@ -12,6 +12,7 @@ from .tables import aligned, short, visible
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
+    from ..analysis.inversion import Inversion
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
     from ..analysis.outcome import Outcome
@@ -158,3 +159,16 @@ def branch_text(found: Branch) -> str:
         rows.append(("stable" if found.stable[i] else "unstable", *numbers))
     head = title(found.model, found.experiment, f"rest against {found.parameter}, {len(found)} points: {found.ended}")
     return f"{head}\n\n{aligned(rows, '<' + '>' * len(names))}"
+
+
+def inversion_text(found: Inversion) -> str:
+    """The inputs, and the outputs beside their targets."""
+    rows: list[tuple[str, ...]] = [("input", "value", "", "")]
+    rows += [(short(n), f"{v:.9g}", _unit(found.units.get(n, "1")), "") for n, v in found.inputs.items()]
+    rows.append(("output", "target", "", "off by"))
+    for name, value in found.targets.items():
+        rows.append(
+            (short(name), f"{value:.9g}", _unit(found.units.get(name, "1")), f"{found.outputs[name] - value:.2g}")
+        )
+    kind = "stable" if found.stable else "unstable"
+    return "\n\n".join([title(found.model, found.experiment, "inverted at rest"), aligned(rows, "<><>"), kind])
