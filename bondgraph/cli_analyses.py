@@ -1,4 +1,4 @@
-"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep|continue|invert`."""
+"""The commands that analyse a model: `bondgraph equilibrium|linearize|modes|bode|sensitivity|sweep|continue|invert|reproduce`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .cli import _check_target, _file, _load, _model, _outputs, _setting, _told, _workers, commands
+from .cli import FAILED, _check_target, _file, _load, _model, _outputs, _setting, _told, _workers, commands
 
 _experiment = click.option(
     "-e", "--experiment", default="none", metavar="NAME", help="With what this experiment sets and starts; none if left out."
@@ -271,3 +271,23 @@ def invert(
             dict(map(_setting, targets)), inputs, _named(experiment), dict(map(_setting, settings))
         )  # fmt: skip
         _echo(found, as_json)
+
+
+@commands.command()
+@click.argument("folder", metavar="FOLDER")
+@click.option("--page", metavar="PAGE.md", help="Write the comparison as a page.")
+@_json
+def reproduce(folder: str, page: str | None, as_json: bool) -> None:
+    """Compute again what a folder's `published.toml` lists, and say how well it agrees with print; exit 3 if something does not."""
+    with _told():
+        from .files import write_text
+        from .reproduction import reproduce as reproduced
+
+        if page is not None:
+            _check_target(page, (".md",), "--page")
+        found = reproduced(folder)
+        if page is not None:
+            write_text(page, found.page())
+        _echo(found, as_json)
+        if not found.agrees:
+            raise click.exceptions.Exit(FAILED)

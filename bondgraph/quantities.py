@@ -41,3 +41,16 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
         )
     first, last, steps = quantity(low, unit, what), quantity(high, unit, what), int(count) - 1
     return [first + (last - first) * i / steps for i in range(steps + 1)]
+
+
+def in_unit(value: float, unit: str, kind: str, what: str) -> float:
+    """A value in SI, of a `kind` like `N/m`, in another unit of that kind; a percentage of a bare number. Raises `UsageError`."""
+    from .door import CompilationFailed, Source, read_unit
+
+    try:
+        scale, own = (read_unit(Source(what, u)) for u in (unit, kind))
+    except CompilationFailed:
+        raise UsageError(f"{what}: `{unit}` is no unit") from None
+    if scale.dimension != own.dimension:
+        raise UsageError(f"{what}: it is in {kind}, not in {unit}")
+    return float(scale.from_si(value))

@@ -128,9 +128,7 @@ def _check_alone(plan: Plan) -> None:
         raise ManyRuns(f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes")
     if plan.studies and plan.stop is None:
         steps = ", ".join(f"`{s.role}`" for s in plan.studies)
-        raise UsageError(
-            f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that"
-        )
+        raise ManyRuns(f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that")
 
 
 def _check_choice(

@@ -35,11 +35,15 @@ def title(model: str, experiment: str | None, what: str) -> str:
 def equilibrium_text(found: Equilibrium) -> str:
     """Outputs, states and unknowns, and whether it is stable."""
     rows: list[tuple[str, ...]] = []
+    shown = {r.name: r for r in found.report}
     for word in ("outputs", "states", "unknowns"):
         values: Mapping[str, float] = getattr(found, word)
-        if values:
-            rows.append((word, "", ""))
-            rows += [(f"  {short(n)}", f"{v:.9g}", _unit(found.units.get(n, "1"))) for n, v in values.items()]
+        rows += [(word, "", "")] if values else []
+        for name, value in values.items():
+            as_said = shown.get(name)
+            unit = found.units.get(name, "1") if as_said is None else as_said.unit
+            number = value if as_said is None else value * as_said.scale + as_said.offset
+            rows.append((f"  {short(name)}", f"{number:.9g}", _unit(unit)))
     kind = "stable" if found.stable else f"unstable: it leaves with exp({found.growth:.6g} t/s)"
     return "\n\n".join(
         [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><"), kind]
