@@ -188,13 +188,16 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
+@click.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points of a sweep (1)."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None, as_json: bool,
+    atol: float | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None, jobs: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
-    from .errors import RunBroken, RunFailed, RunInterrupted
+    from .errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 
     with _told():
         if out is not None:
@@ -205,12 +208,17 @@ def run(
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen = _load(file, model)
-        named = None if experiment == "none" else experiment
-        given = dict(map(_setting, settings))
+        arguments: dict[str, Any] = {
+            "settings": dict(map(_setting, settings)), "to": to, "points": points, "rtol": rtol, "atol": atol,
+            "energy": energy, "outputs": tuple(outputs) or None, "target": target,
+        }  # fmt: skip
         try:
-            result = chosen.simulate(
-                named, given, to, points, rtol, atol, energy, tuple(outputs) or None, target, start
-            )  # fmt: skip
+            result = chosen.simulate(None if experiment == "none" else experiment, start=start, **arguments)
+        except ManyRuns:
+            if start is not None:
+                raise
+            _run_all(chosen, experiment, arguments, jobs, (out, plot, as_json))
+            return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
                 _show(stopped.result, out, plot, as_json, isinstance(stopped, RunInterrupted))
@@ -258,6 +266,35 @@ def _has_bars() -> bool:
     except (UnicodeEncodeError, LookupError):
         return False
     return True
+
+
+def _run_all(
+    model: Model, experiment: str, arguments: dict[str, Any], jobs: int | None, shown: tuple[Any, Any, bool]
+) -> None:
+    """An experiment that sweeps, or analyses instead of a simulation."""
+    out, plot, as_json = shown
+    if out is not None:
+        _check_target(out, (".csv",), "--out (of an experiment with a sweep or an analysis)")
+    with _workers(jobs) as executor:
+        found = model.run(experiment, executor=executor, **arguments)
+    if out is not None:
+        found.to_csv(out)
+    if plot is not None:
+        found.plot(plot)
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+
+
+@contextmanager
+def _workers(jobs: int | None) -> Iterator[Any]:
+    """Processes that make points of a sweep; None for this one."""
+    if not jobs or jobs == 1:
+        yield None
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as executor:
+        yield executor
 
 
 def _load(file: str, model: str | None) -> Model:

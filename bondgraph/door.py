@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from compiler.native.translate import translate
     from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
-    from compiler.scene import Facts, Override, Plan, Reported, Scene
+    from compiler.scene import Facts, Override, Plan, Reported, Scene, Study
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.scales import scale_of
@@ -80,7 +80,7 @@ _HOMES = {
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
-    "Leaf": "codegen.limits", "Lowered": "codegen.lower", "NoSlope": "algebra.derivative", "Tape": "codegen.tape",
+    "Leaf": "codegen.limits", "Lowered": "codegen.lower", "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",
 }  # fmt: skip
 
 __all__ = [
@@ -89,7 +89,7 @@ __all__ = [
     "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid",
     "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode",
     "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Override", "Path", "Plan", "PowerPort", "Program", "Quantity",
-    "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Symbol", "Tape", "Unknown",
+    "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Study", "Symbol", "Tape", "Unknown",
     "Unsupported", "ValuesNeeded", "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost",
     "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of", "native_available",
     "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit", "record_of", "render",

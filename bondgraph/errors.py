@@ -12,6 +12,10 @@ class UsageError(Exception):
     """The call makes no sense: an unknown name, a value that cannot be; the message says what is possible."""
 
 
+class ManyRuns(UsageError):
+    """An experiment that is more than one run, or none: `Model.run` does what it says."""
+
+
 class RunFailed(Exception):
     """The text is fine, but the numbers failed; the message says at which time and with which quantity.
 

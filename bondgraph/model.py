@@ -16,12 +16,16 @@ if TYPE_CHECKING:
 
     import networkx
 
+    from .analysis.branch import Branch
     from .analysis.equilibrium import Equilibrium
+    from .analysis.inversion import Inversion
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
+    from .analysis.outcome import Outcome
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
+    from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
     from .ensembles import Ensemble
@@ -309,6 +313,53 @@ class Model:
 
         return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
 
+    def sensitivity(
+        self, parameters: tuple[str, ...] | str | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        time: float | None = None,
+    ) -> Sensitivity:  # fmt: skip
+        """Derivatives of outputs at rest and of frequencies and damping by parameters or inputs (None: all parameters that follow
+        from no others), exact. One that follows from others is taken by itself, the others held. Raises as `operating_point`."""
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent, sensitivity
+
+        by, fixed = independent(self, _names(parameters), experiment, settings or {})
+        point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
+        return sensitivity(point, (of,) if isinstance(of, str) else of)
+
+    def continuation(
+        self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+    ) -> Branch:  # fmt: skip
+        """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
+        or has `most` points; `points` is the range over the first step. Raises as `operating_point`."""
+        from .analysis.branch import follow
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent
+        from .quantities import quantity
+
+        _, fixed = independent(self, (parameter,), experiment, settings or {})
+        unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
+        first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
+        asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
+        return follow(self.operating_point(asked), parameter, first, last, points, most)
+
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None,
+    ) -> Inversion:  # fmt: skip
+        """Inputs that hold outputs at their `targets` (texts with units, or SI), statically. Of `inputs`, `push1/pull1` is a pair of
+        which one is zero; there are as many inputs or pairs as targets. Raises as `operating_point`, and `RunFailed` if there are none."""
+        from .analysis.inversion import asked_for, drives_of, invert
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent
+
+        drives = drives_of(inputs)
+        names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
+        _, fixed = independent(self, names, experiment, settings or {})
+        wanted = asked_for(self, targets, experiment)
+        return invert(self.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,
         low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
@@ -329,6 +380,34 @@ class Model:
         from .analysis.excitation import excite
 
         return excite(self, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
+
+    # ------------------------------------------------------------ experiments and sweeps
+    def run(
+        self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+        points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
+        outputs: tuple[str, ...] | None = None, target: str | None = None, executor: Any = None,
+    ) -> Outcome:  # fmt: skip
+        """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
+
+        `executor`: of the standard interface (`concurrent.futures`, a Dask client): its workers make the points.
+        """
+        from .analysis.experiment import Options, run
+
+        options = Options(to, points, rtol, atol, energy, target, outputs)
+        return run(self, experiment, settings or {}, options, executor)
+
+    def sweep(
+        self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+        points: int | None = None, rtol: float | None = None, outputs: tuple[str, ...] | None = None, executor: Any = None,
+    ) -> Outcome:  # fmt: skip
+        """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
+        one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and so on. `executor` as in `run`."""
+        from .analysis.experiment import Options, sweep
+
+        steps = (of,) if isinstance(of, str) else tuple(of)
+        options = Options(to, points, rtol, outputs=outputs)
+        return sweep(self, values, steps, together, experiment, settings or {}, options, executor)
 
     # ------------------------------------------------------------ runs
     def scene(

@@ -34,6 +34,18 @@ def chosen_target(target: str | None) -> str:
     return target
 
 
+def many_runs(plan: Plan, scene: Scene) -> str | None:
+    """Why the experiment of a scene is more than one run, or none; None if it is one. What is set is not swept."""
+    set_here = {o.path for o in scene.overrides}
+    names = ", ".join(f"`{s.name}`" for s in plan.sweeps if s.name not in set_here)
+    if names:
+        return f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes"
+    if plan.studies and plan.stop is None:
+        steps = ", ".join(f"`{s.role}`" for s in plan.studies)
+        return f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that"
+    return None
+
+
 class Prepared:
     """`compilation` makes the stages of the compiler, when one is needed."""
 
@@ -99,7 +111,7 @@ class Prepared:
 
         made = self.compilation
         try:
-            if made.plan.unsupported:  # told before anything else is
+            if many_runs(made.plan, self.scene) is not None:  # told before anything else is
                 return made.program, made.plan, made.facts, made.certificate
             _ = made.lowered
         except ValuesNeeded as needed:

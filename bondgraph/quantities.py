@@ -1,24 +1,56 @@
-"""A quantity that stands alone in a call or on the command line: `20 ms`, `1 kHz`, or a bare number in SI."""
+"""Quantities that stand alone in a call or on the command line: `20 ms`, `1 kHz`, `-3 N/m`, or a bare number in SI."""
 
 from __future__ import annotations
 
+import re
+from fractions import Fraction
+
 from .errors import UsageError
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
 
 def quantity(text: str, unit: str, what: str) -> float:
     """Its value in SI; `unit` is one of its kind. Raises `UsageError`, with `what` it was meant for."""
-    from .door import CompilationFailed, Literal, Source, parse_expression, read_unit
+    from .door import CompilationFailed, Source, read_unit
+
+    found = _NUMBER.fullmatch(text)
+    if found is not None:
+        number, own = Fraction(found[1]), found[2].removeprefix("[").removesuffix("]")
+        if not own:
+            return float(number)
+        try:
+            scale = read_unit(Source(what, own))
+            if scale.dimension == read_unit(Source(what, unit)).dimension:
+                return scale.to_si(number)
+        except CompilationFailed:
+            pass  # no unit: the same answer as for one of another kind
+    kind = "a bare number" if unit == "1" else f"in {unit}"
+    raise UsageError(f"{what}: `{text.strip()}` is no quantity {kind}; write a number with its unit, or one in SI")
+
+
+def quantities(text: str, unit: str, what: str) -> list[float]:
+    """`1 mm, 2 mm`, or `1 mm .. 2 mm : 11` with both ends. Raises `UsageError`."""
+    low, dots, rest = text.partition("..")
+    if not dots:
+        return [quantity(part, unit, what) for part in text.split(",")]
+    high, colon, count = rest.partition(":")
+    if not colon or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
+        raise UsageError(
+            f"{what}: a range is written `LOW .. HIGH : COUNT`, with 2 values or more; this is `{text.strip()}`"
+        )
+    first, last, steps = quantity(low, unit, what), quantity(high, unit, what), int(count) - 1
+    return [first + (last - first) * i / steps for i in range(steps + 1)]
+
+
+def in_unit(value: float, unit: str, kind: str, what: str) -> float:
+    """A value in SI, of a `kind` like `N/m`, in another unit of that kind; a percentage of a bare number. Raises `UsageError`."""
+    from .door import CompilationFailed, Source, read_unit
 
     try:
-        tree = parse_expression(Source(what, text.strip()))
-        if isinstance(tree, Literal):
-            if tree.unit is None:
-                return float(tree.number)
-            scale = read_unit(Source(what, tree.unit.span.text))
-            if scale.dimension == read_unit(Source(what, unit)).dimension:
-                return scale.to_si(tree.number)
+        scale, own = (read_unit(Source(what, u)) for u in (unit, kind))
     except CompilationFailed:
-        pass  # no expression, or no unit: the same answer as for a number of another kind
-    raise UsageError(
-        f"{what}: `{text.strip()}` is no quantity in {unit}; write a number with its unit, or a number in SI"
-    )
+        raise UsageError(f"{what}: `{unit}` is no unit") from None
+    if scale.dimension != own.dimension:
+        raise UsageError(f"{what}: it is in {kind}, not in {unit}")
+    return float(scale.from_si(value))

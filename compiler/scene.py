@@ -61,6 +61,27 @@ class Reported:
 
 
 @dataclass(frozen=True, slots=True)
+class Swept:
+    """A parameter or input, or a name of the experiment's own, that takes several values in SI one after the other."""
+
+    name: str
+    values: tuple[float, ...]
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A step that is no simulation: `equilibrium`, `modes` or `response`, the last from an input to an output over frequencies in Hz."""
+
+    role: str
+    given: str = ""
+    seen: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    points: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """What an experiment says about its run, in SI."""
 
@@ -71,7 +92,8 @@ class Plan:
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish
-    unsupported: tuple[tuple[Span, str], ...] = ()  # steps that only later versions run
+    sweeps: tuple[Swept, ...] = ()  # the last runs fastest
+    studies: tuple[Study, ...] = ()  # in the order of the experiment
 
 
 @dataclass(frozen=True, slots=True)

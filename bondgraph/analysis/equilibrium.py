@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from .linear import linearization
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
 from .told import named, with_units
+
+if TYPE_CHECKING:
+    from ..results import Reporting
 
 SCHEMA = "bondgraph-equilibrium/1"
 ROUNDING = 1e-9  # of the fastest mode: a growth below it is none
@@ -35,6 +38,7 @@ class Equilibrium:
     units: Mapping[str, str]
     growth: float
     stable: bool
+    report: Sequence[Reporting] = ()  # how the experiment shows outputs
 
     def __getitem__(self, name: str) -> float:
         """An output, state or unknown by name. Raises KeyError."""
@@ -64,7 +68,7 @@ def equilibrium(point: OperatingPoint) -> Equilibrium:
     outputs = named(program.outputs.names, point.outputs)
     return Equilibrium(
         program.name, point.made.plan.experiment, point.time, named(program.states.names, point.state[:n]),
-        named(program.unknowns.names, point.state[n:]), outputs, units_of(point), growth, stable,
+        named(program.unknowns.names, point.state[n:]), outputs, units_of(point), growth, stable, point.made.plan.report,
     )  # fmt: skip
 
 

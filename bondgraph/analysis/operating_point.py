@@ -46,8 +46,9 @@ class OperatingPoint:
     """States (n,) and unknowns (m,) of a model at an instant. Slopes have a column for each of them and for each of `by`."""
 
     def __init__(
-        self, made: Prepared, constraints: Constraints, state: Any, mode: Any, time: float, by: tuple[str, ...]
-    ) -> None:
+        self, made: Prepared, constraints: Constraints, state: Any, mode: Any, time: float, by: tuple[str, ...],
+        tapes: dict[tuple[int, ...], Tape] | None = None,
+    ) -> None:  # fmt: skip
         self.made, self.constraints, self.mode, self.time = made, constraints, mode, time
         self.program: Program = made.program
         self.compilation: Compilation = made.compilation
@@ -55,6 +56,33 @@ class OperatingPoint:
         self.state, self.by = np.asarray(state, dtype=float), by
         self.count, self.all = len(self.program.states.names), len(self.state)
         self.inputs, self.constants = constraints.inputs, constraints.constants
+        self._tapes = {} if tapes is None else tapes  # of slopes; shared with points of the same program
+
+    # ------------------------------------------------------------ the same elsewhere
+    def set_at(self, name: str) -> tuple[str, int]:
+        """Where a parameter or input stands that can take other values: "parameter" or "input", and its place. Raises `UsageError`."""
+        for role, names in (("parameter", self.program.parameters.names), ("input", self.program.inputs.names)):
+            if name in names:
+                return role, names.index(name)
+        raise UsageError(f"nothing in the model reads `{name}`, or it follows from others: it cannot be moved")
+
+    def elsewhere(self, given: Mapping[str, float], state: Any) -> OperatingPoint:
+        """At other values of parameters or inputs, and the state nearest to this one that keeps constraints and loops. Raises `RunFailed`."""
+        from ..simulation.closed.constraints import Constraints
+        from ..simulation.loops.loops import LoopSolver
+
+        old = self.constraints
+        parameters, inputs = np.array(old.parameters), np.array(self.inputs)
+        for name, value in given.items():
+            role, place = self.set_at(name)
+            (parameters if role == "parameter" else inputs)[place] = value
+        constraints = Constraints(self.program, parameters, inputs, old.magnitude)
+        if constraints and not old.taking.all():
+            constraints.leave_out(old.taking)
+        state = constraints.project(self.time, np.asarray(state, dtype=float), self.mode)
+        size = np.where(state != 0, np.abs(state), 1.0)
+        state = LoopSolver(self.program, constraints.constants, inputs, size).solve(self.time, state, self.mode)
+        return OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self._tapes)
 
     # ------------------------------------------------------------ values
     def lookup(self, leaf: Leaf) -> float:
@@ -102,7 +130,10 @@ class OperatingPoint:
         from scipy.sparse import csr_array
 
         rows = [self.lowered.slopes.get(v, {}) for v in variables]
-        values = np.array(Tape([x for row in rows for x in row.values()]).values(self.lookup), dtype=float)
+        tape = self._tapes.get(key := tuple(variables))
+        if tape is None:
+            tape = self._tapes[key] = Tape([x for row in rows for x in row.values()])
+        values = np.array(tape.values(self.lookup), dtype=float)
         numbers = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):

@@ -12,6 +12,9 @@ from typing import Any
 
 import numpy as np
 
+LARGEST = 500  # states up to which the rank is asked
+SINGULAR = 1e-11  # of the largest singular value
+SLOW = 1e-8  # of the fastest: eigenvalues of zero come out below that
 CONSISTENT = 1e-10  # of the scales along the two ways round a ring of states
 
 
@@ -31,7 +34,26 @@ def spectrum(A: Any) -> Spectrum:
         return Spectrum(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
     scale = _scales(A)
     found = None if scale is None else _lossless(A, *scale)
-    return found if found is not None else Spectrum(*eig(A))
+    if found is not None:
+        return found
+    values, shapes = eig(A)
+    return Spectrum(_with_zeros(A, values), shapes)
+
+
+def _with_zeros(A: Any, values: Any) -> Any:
+    """As many eigenvalues exactly zero as the rank says: rounding leaves something of them."""
+    if len(A) > LARGEST:
+        return values
+    rows = np.abs(A).max(axis=1, keepdims=True)
+    scaled = A / np.where(rows > 0, rows, 1.0)
+    columns = np.abs(scaled).max(axis=0)
+    sizes = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0), compute_uv=False)
+    missing = int((sizes <= SINGULAR * sizes.max(initial=0.0)).sum())
+    smallest = np.argsort(np.abs(values))[:missing]
+    slow = np.abs(values[smallest]) < SLOW * np.abs(values).max(initial=0.0)
+    result = np.array(values, dtype=complex)
+    result[smallest[slow]] = 0.0
+    return result
 
 
 def left_shapes(A: Any) -> tuple[Any, Any, Any]:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import RunFailed, UsageError
-from ..prepared import chosen_target
+from ..errors import ManyRuns, RunFailed, UsageError
+from ..prepared import chosen_target, many_runs
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
 from .settings import Settings, refused_with_values, settle, with_zeros
@@ -100,7 +100,9 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
     made = partial(model.prepared, target=chosen_target(wanted.target))
     prepared = made(scene, energy)
     plan = prepared.plan
-    _check_supported(plan)
+    many = many_runs(plan, scene)
+    if many is not None:
+        raise ManyRuns(many)
     stop = _stop(plan, to)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
@@ -248,17 +250,6 @@ def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
         yield (
             f"at t = {time:.9g} s an impulse takes `{jump.name}` from {jump.before:.6g}{unit} to {jump.after:.6g}{unit}"
             f"{often}: a junction that goes on or off ties it to other storages, or holds it"
-        )
-
-
-def _check_supported(plan: Plan) -> None:
-    """Raises `CompilationFailed` for what only later versions run."""
-    if plan.unsupported:
-        from ..door import CompilationFailed, Unsupported
-
-        advice = "Run another experiment with -e, or none with `-e none`."
-        raise CompilationFailed(
-            [Unsupported(span, f"`{word}` in an experiment", advice) for span, word in plan.unsupported]
         )
 
 

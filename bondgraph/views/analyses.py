@@ -5,17 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .tables import aligned, short, visible
 
 if TYPE_CHECKING:
+    from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
+    from ..analysis.inversion import Inversion
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
+    from ..analysis.outcome import Outcome
     from ..analysis.response import Response
+    from ..analysis.sensitivity import Sensitivity
 
 WIDEST = 12  # columns of a matrix that are shown
 LONGEST = 60  # rows
 PEAKS = 5  # of a response
+SHOWN = 12  # points of a branch
+STRONGEST = 8  # parameters of a quantity that are shown
 SHARES = 3  # elements of a mode that are named
 
 
@@ -27,11 +35,15 @@ def title(model: str, experiment: str | None, what: str) -> str:
 def equilibrium_text(found: Equilibrium) -> str:
     """Outputs, states and unknowns, and whether it is stable."""
     rows: list[tuple[str, ...]] = []
+    shown = {r.name: r for r in found.report}
     for word in ("outputs", "states", "unknowns"):
         values: Mapping[str, float] = getattr(found, word)
-        if values:
-            rows.append((word, "", ""))
-            rows += [(f"  {short(n)}", f"{v:.9g}", _unit(found.units.get(n, "1"))) for n, v in values.items()]
+        rows += [(word, "", "")] if values else []
+        for name, value in values.items():
+            as_said = shown.get(name)
+            unit = found.units.get(name, "1") if as_said is None else as_said.unit
+            number = value if as_said is None else value * as_said.scale + as_said.offset
+            rows.append((f"  {short(name)}", f"{number:.9g}", _unit(unit)))
     kind = "stable" if found.stable else f"unstable: it leaves with exp({found.growth:.6g} t/s)"
     return "\n\n".join(
         [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><"), kind]
@@ -101,3 +113,66 @@ def response_text(found: Response) -> str:
                 )
                 rows.append((short(given, 24), short(seen, 24), *numbers, note))
     return f"{title(found.model, found.experiment, 'frequency response')}\n\n{aligned(rows, '<<>>><')}"
+
+
+def outcome_text(found: Outcome) -> str:
+    """A row for each point of a sweep; of a single point all that it has."""
+    if not found.swept:
+        (point,) = found.points
+        parts = [p.summary() for p in (point.equilibrium, point.modes, *point.responses, point.run) if p is not None]
+        return "\n\n".join(parts)
+    names = found.names[:WIDEST]
+    units = [_column_unit(found, n) for n in names]
+    rows: list[tuple[str, ...]] = [tuple(short(n, 24) for n in names), tuple(units)]
+    for line in found.table()[:LONGEST]:
+        shown = [found.shown.get(n, ("", 1.0, 0.0)) for n in names]
+        rows.append(tuple(f"{x * scale + offset:.7g}" for x, (_, scale, offset) in zip(line, shown, strict=False)))
+    text = f"{title(found.model, found.experiment, f'{len(found)} points')}\n\n{aligned(rows, '>' * len(names))}"
+    left = len(found) - LONGEST
+    return f"{text}\n({left} more points; --json has all)" if left > 0 else text
+
+
+def _column_unit(found: Outcome, name: str) -> str:
+    return visible(found.shown[name][0]) if name in found.shown else _unit(found.units[name])
+
+
+def sensitivity_text(found: Sensitivity) -> str:
+    """For each quantity its value, then what one percent of each parameter does to it, the largest first."""
+    rows = [("", "value", "by", "slope in SI", "percent per percent")]
+    relative = np.nan_to_num(found.relative)
+    for i, name in enumerate(found.quantities):
+        order = sorted(range(len(found.parameters)), key=lambda j: -abs(relative[i, j] or found.slopes[i, j]))
+        head = (short(name, 30), f"{found.values[i]:.6g} {_unit(found.units[name])}".rstrip())
+        for j in [j for j in order if found.slopes[i, j] != 0][:STRONGEST]:
+            share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
+            rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
+            head = ("", "")
+    return f"{title(found.model, found.experiment, 'sensitivity')}\n\n{aligned(rows, '<><>>')}"
+
+
+def branch_text(found: Branch) -> str:
+    """Folds and losses of stability, then some points in between."""
+    names = [found.parameter, *list(found.outputs)[: WIDEST - 1]]
+    unit = [_unit(found.units.get(n, "1")) for n in names]
+    rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *unit)]
+    for s in found.special:
+        rows.append((s.kind, f"{s.value:.9g}", *(f"{s.outputs[n]:.9g}" for n in names[1:])))
+    chosen = np.unique(np.linspace(0, len(found) - 1, min(len(found), SHOWN)).astype(int))
+    for i in chosen:
+        numbers = (f"{found[n][i]:.6g}" for n in names)
+        rows.append(("stable" if found.stable[i] else "unstable", *numbers))
+    head = title(found.model, found.experiment, f"rest against {found.parameter}, {len(found)} points: {found.ended}")
+    return f"{head}\n\n{aligned(rows, '<' + '>' * len(names))}"
+
+
+def inversion_text(found: Inversion) -> str:
+    """The inputs, and the outputs beside their targets."""
+    rows: list[tuple[str, ...]] = [("input", "value", "", "")]
+    rows += [(short(n), f"{v:.9g}", _unit(found.units.get(n, "1")), "") for n, v in found.inputs.items()]
+    rows.append(("output", "target", "", "off by"))
+    for name, value in found.targets.items():
+        rows.append(
+            (short(name), f"{value:.9g}", _unit(found.units.get(name, "1")), f"{found.outputs[name] - value:.2g}")
+        )
+    kind = "stable" if found.stable else "unstable"
+    return "\n\n".join([title(found.model, found.experiment, "inverted at rest"), aligned(rows, "<><>"), kind])

@@ -11,12 +11,12 @@ from ..errors import Diagnostic
 from ..graph.network import Named
 from ..graph.units import ONE, SECOND
 from ..scene import Override, Plan, Reported, Scene
-from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from .scales import scale_of
 from .scope import ModelDefinition, Pending, Scalar, Scope, Wrong, describe, suggestion
+from .studies import read_study, read_sweep
 
 SETTINGS = ("rtol", "atol", "points")
 
@@ -90,8 +90,12 @@ def read_plan(
                         report.append(found)
             case tree.Study(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
                 plan = replace(plan, equilibrium=True)
+            case tree.Study(role="sweep") if experiment is not None:
+                swept = elaborator.guard(read_sweep, elaborator, step, experiment, root, plan)
+                plan = replace(plan, sweeps=(*plan.sweeps, swept)) if swept is not None else plan
             case tree.Study():
-                plan = replace(plan, unsupported=(*plan.unsupported, (_study_span(step, experiment), step.role)))
+                study = elaborator.guard(read_study, elaborator, step, root, outputs)
+                plan = replace(plan, studies=(*plan.studies, study)) if study is not None else plan
     plan = replace(plan, report=tuple(report))
     return plan, _wanted(elaborator, outputs, plan, scene)
 
@@ -100,10 +104,6 @@ def _before_simulate(step: tree.Study, experiment: tree.Experiment | None) -> bo
     """Whether a simulation follows the step, which then says where it starts."""
     steps = experiment.steps if experiment is not None else ()
     return any(isinstance(s, tree.Simulate) for s in steps[steps.index(step) + 1 :]) if step in steps else False
-
-
-def _study_span(step: tree.Study, experiment: tree.Experiment | None) -> Span:
-    return step.span if step.span.end or experiment is None else experiment.span
 
 
 def _alias(scalar: Scalar, name: str, pending: Pending) -> Named:
@@ -122,8 +122,13 @@ def _wanted(elaborator: Elaborator, outputs: dict[str, Named], plan: Plan, scene
                 elaborator.tell(UnknownName(elaborator.root.definition.model.name_span, name, "the outputs", hint))
         return {n: o for n, o in outputs.items() if n in scene.outputs}
     if plan.report:
-        return {r.name: outputs[r.name] for r in plan.report}
+        return {name: outputs[name] for name in dict.fromkeys([*(r.name for r in plan.report), *_seen(plan)])}
     return outputs
+
+
+def _seen(plan: Plan) -> list[str]:
+    """The outputs that responses lead to."""
+    return [s.seen for s in plan.studies if s.seen]
 
 
 def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Plan) -> Plan:

@@ -81,8 +81,10 @@ class TestExamples:
         assert [f"line {d.span.line}: {d.code} {d.sentence}" for d in bondgraph.check(file)] == []
         for model in parse(Source("example", file.read_text(encoding="utf-8"))).models.values():
             for experiment in (s.name for s in model.statements if isinstance(s, Experiment)):
-                result = bondgraph.load(file, model.name).simulate(experiment)
-                assert result.names and np.isfinite(result.values).all()
+                for point in bondgraph.load(file, model.name).run(experiment):
+                    assert point.numbers() or point.responses
+                    assert np.isfinite(list(point.numbers().values())).all()
+                    assert point.run is None or np.isfinite(point.run.values).all()
 
     @pytest.mark.parametrize("fence", DRAWN, ids=lambda f: f.place)
     def test_mechanisms_are_drawn(self, fence: Fence, folder: Path) -> None:

@@ -118,7 +118,7 @@ class Text:
     @property
     def runs(self) -> bool:
         """Whether the experiment says how long to run, and has no step that is not a run."""
-        return self.compilation.plan.stop is not None and not self.compilation.plan.unsupported
+        return self.compilation.plan.stop is not None and not self.compilation.plan.sweeps
 
     @property
     def horizon(self) -> float:

@@ -139,12 +139,43 @@ def test_experiments_that_are_wrong_are_told_by_check(step: str, code: str) -> N
         assert [d.code for d in found] == [code], (place, [d.sentence for d in found])
 
 
-def test_steps_of_later_versions_are_kept_as_such() -> None:
-    """Known words that this version does not run: told when they are run, with their place."""
-    text = "model A {\n  parameter m = 2 kg\n  output y = m\n  experiment e {\n    sweep m = 1 kg, 2 kg\n    equilibrium\n    simulate 0 .. 1 s\n  }\n}\n"
+def test_sweeps_and_studies_are_planned() -> None:
+    """In SI, in their order; `equilibrium` before `simulate` says where the run starts and is no study."""
+    text = """model A {
+  parameter m = 2 kg
+  input u = 0 N
+  output y = u/m
+  experiment e { sweep m = 1 kg, 2000 g; sweep load: mN = 3, 4; set u = load; equilibrium; simulate 0 .. 1 s }
+  experiment f { equilibrium; modes; response u to y over 1 Hz .. 1 kHz { points = 20 } }
+}
+"""
     assert mistakes(text) == ()
-    unsupported = compiled(text, experiment="e").plan.unsupported
-    assert unsupported == () or all(span.line in (4, 5, 6) for span, _ in unsupported)
+    plan = compiled(text, experiment="e").plan
+    assert [(s.name, s.values, s.unit) for s in plan.sweeps] == [("m", (1, 2), "kg"), ("load", (0.003, 0.004), "N")]
+    assert plan.equilibrium and not plan.studies and plan.stop == 1
+    plan = compiled(text, experiment="f").plan
+    assert [s.role for s in plan.studies] == ["equilibrium", "modes", "response"] and not plan.equilibrium
+    bode = plan.studies[-1]
+    assert (bode.given, bode.seen, bode.low, bode.high, bode.points) == ("u", "y", 1, 1000, 20)
+
+
+@pytest.mark.parametrize(
+    ("step", "code"),
+    [
+        ("sweep load = 1, 2", "BG150"),  # nobody reads it
+        ("sweep y = 1 [N/kg]", "BG150"),
+        ("sweep m = 1 kg, 2 m", "BG103"),
+        ("sweep m = 1 kg; sweep m = 2 kg", "BG150"),
+        ("modes { points = 3 }", "BG120"),
+        ("response u to w over 1 Hz .. 2 Hz", "BG101"),
+        ("response u to y over 2 Hz .. 1 Hz", "BG150"),
+        ("response u to y over 1 Hz .. 2 Hz { points = 1 }", "BG150"),
+        ("response u to y over 1 s .. 2 s", "BG103"),
+    ],
+)
+def test_studies_that_are_wrong_are_told_by_check(step: str, code: str) -> None:
+    text = f"model A {{\n  parameter m = 2 kg\n  input u = 0 N\n  output y = u/m\n  experiment e {{\n    {step}\n  }}\n}}\n"
+    assert [d.code for d in mistakes(text)] == [code], [d.sentence for d in mistakes(text)]
 
 
 def test_two_outputs_of_one_name() -> None:

@@ -1,0 +1,245 @@
+"""What inputs give these outputs at rest: the equations solved for states and inputs at once, by Newton's method with exact slopes.
+
+A pair pushes or pulls: one of its two inputs is zero, the other is the root of what is solved for where the force goes with its square
+(a comb drive), which keeps the equations smooth through zero. Targets are reached in as many stages as it takes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import RunFailed, UsageError
+from .equilibrium import stability, units_of
+from .operating_point import OperatingPoint
+from .sensitivity import balanced_step
+from .told import named, with_units
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+SCHEMA = "bondgraph-inversion/1"
+ITERATIONS = 30
+CLOSE = 1e-14  # of the magnitudes
+ENOUGH = 1e-9
+STAGES = 64  # at most, from where it is to the targets
+PROBE = 1e-3  # SI: where the slope of a square is taken at zero
+
+
+@dataclass(frozen=True, eq=False)
+class Inversion:
+    """`inputs` that hold `outputs` at rest, in SI by name; `missed`: the largest share by which a target is not met.
+
+    `inputs` may be handed over as settings: `model.simulate(settings=found.inputs)`.
+    """
+
+    model: str
+    experiment: str | None
+    targets: Mapping[str, float]
+    inputs: Mapping[str, float]
+    outputs: Mapping[str, float]
+    states: Mapping[str, float]
+    stable: bool
+    units: Mapping[str, str]
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-inversion/1`: {schema, model, experiment, targets, inputs, outputs, states, stable}."""
+        told: dict[str, Any] = {
+            "schema": SCHEMA,
+            "model": self.model,
+            "experiment": self.experiment,
+            "stable": self.stable,
+        }
+        return told | {
+            word: with_units(getattr(self, word), self.units) for word in ("targets", "inputs", "outputs", "states")
+        }
+
+    def summary(self) -> str:
+        """A table for terminals."""
+        from ..views.analyses import inversion_text
+
+        return inversion_text(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One unknown: an input, or two of which one is zero. `power` 2: the unknown is the square of what is set."""
+
+    push: str
+    pull: str | None
+    power: int = 1
+
+    def settings(self, strength: float) -> dict[str, float]:
+        """The values of the inputs."""
+        size = math.sqrt(abs(strength)) if self.power == 2 else abs(strength)
+        if self.pull is None:
+            return {self.push: strength}
+        return {self.push: size, self.pull: 0.0} if strength >= 0 else {self.push: 0.0, self.pull: size}
+
+    def slope(self, strength: float, columns: Mapping[str, Any]) -> Any:
+        """By the unknown, from the slopes by the inputs."""
+        if self.pull is None:
+            return columns[self.push]
+        column = columns[self.push] if strength >= 0 else -columns[self.pull]
+        return column / (2 * math.sqrt(abs(strength))) if self.power == 2 else column
+
+
+def drives_of(names: Sequence[str]) -> tuple[Drive, ...]:
+    """`push1/pull1` is a pair, `fx` a single input."""
+    return tuple(Drive(push.strip(), pull.strip() or None) for push, _, pull in (n.partition("/") for n in names))
+
+
+def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:
+    """From a state of rest. Raises `UsageError`, `RunFailed`."""
+    outputs = point.program.outputs.names
+    if len(drives) != len(targets):
+        raise UsageError(f"{len(targets)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")
+    search = _Search(point, [outputs.index(name) for name in targets], drives)
+    wanted = np.array(list(targets.values()), dtype=float)
+    begun = search.point.outputs[search.rows]
+    reached, step = 0.0, 1.0
+    while reached < 1.0:
+        step = min(step, 1.0 - reached)
+        found = search.newton(begun + (reached + step) * (wanted - begun))
+        if found is None:
+            step *= 0.5
+            if step < 1.0 / STAGES:
+                share = f"{100 * reached:.3g} %"
+                raise RunFailed(
+                    f"no inputs were found that bring {', '.join(f'`{n}`' for n in targets)} there; they came {share} of the way"
+                )
+            continue
+        search.point, search.strengths = found
+        reached, step = reached + step, 2 * step
+    return _told(search, targets)
+
+
+class _Search:
+    def __init__(self, point: OperatingPoint, rows: Sequence[int], drives: Sequence[Drive]) -> None:
+        self.point, self.rows = point, list(rows)
+        self.drives = [self._with_power(point, d) for d in drives]
+        self.strengths = np.array([self._strength(point, d) for d in self.drives])
+
+    @staticmethod
+    def _value(point: OperatingPoint, name: str) -> float:
+        role, place = point.set_at(name)
+        return float((point.constraints.parameters if role == "parameter" else point.inputs)[place])
+
+    def _with_power(self, point: OperatingPoint, drive: Drive) -> Drive:
+        """Of a pair that has no slope at zero, the square is solved for."""
+        if drive.pull is None:
+            return drive
+        still = point.elsewhere({drive.push: 0.0, drive.pull: 0.0}, point.state)
+        column = self._columns(still)[0][drive.push]
+        moving = point.elsewhere({drive.push: PROBE, drive.pull: 0.0}, point.state)
+        size = np.abs(self._columns(moving)[0][drive.push]).max(initial=0.0)
+        return Drive(drive.push, drive.pull, 2 if np.abs(column).max(initial=0.0) < 1e-6 * size else 1)
+
+    def _strength(self, point: OperatingPoint, drive: Drive) -> float:
+        value = self._value(point, drive.push)
+        if drive.pull is None:
+            return value
+        other = self._value(point, drive.pull)
+        return value**drive.power - other**drive.power
+
+    def _columns(self, point: OperatingPoint) -> tuple[dict[str, Any], Any]:
+        """The slopes of rates and outputs by each input, and by the free coordinates."""
+        space = point.compilation.state_space
+        outputs = list(space.outputs.values())
+        variables = [*(space.states[i].rate for i in point.reduced.chosen), *(outputs[i] for i in self.rows)]
+        by_states, by_inputs = point.of_states(variables)
+        return dict(zip(point.by, by_inputs.T, strict=True)), by_states
+
+    def settings(self, strengths: Any) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for drive, strength in zip(self.drives, strengths, strict=True):
+            found |= drive.settings(float(strength))
+        return found
+
+    def newton(self, wanted: Any) -> tuple[OperatingPoint, Any] | None:
+        """The point and strengths that give these outputs; None if they are not found from here."""
+        strengths, state, before = np.array(self.strengths), np.array(self.point.state), math.inf
+        for _ in range(ITERATIONS):
+            try:
+                point = self.point.elsewhere(self.settings(strengths), state)
+                step = self._step(point, strengths, wanted)
+            except (RunFailed, np.linalg.LinAlgError):
+                return None
+            if step is None:
+                return None
+            change, moved, norm = step
+            state, strengths = point.state + change, strengths + moved
+            if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
+                return self._checked(self.settings(strengths), state, strengths, wanted)
+            before = norm
+        return None
+
+    def _checked(self, settings: Any, state: Any, strengths: Any, wanted: Any) -> tuple[OperatingPoint, Any] | None:
+        """The point, if outputs and rates are what they should be: a step of nothing may also mean that no input has an effect."""
+        point = self.point.elsewhere(settings, state)
+        by_states, by_strengths = self._slopes(point, strengths)
+        chosen = point.reduced.chosen
+        r = len(chosen)
+        settling, _ = balanced_step(by_states[:r], point.rates[chosen][:, None])  # what is left to come to rest
+        seen = by_states[r:]
+        missed = np.abs(point.outputs[self.rows] - wanted) + np.abs(seen @ settling)[:, 0]
+        gains = by_strengths[r:] + seen @ balanced_step(by_states[:r], by_strengths[:r])[0]
+        allowed = ENOUGH * (np.abs(gains) @ np.abs(strengths) + np.abs(wanted))
+        return (point, strengths) if (missed <= allowed).all() else None
+
+    def _slopes(self, point: OperatingPoint, strengths: Any) -> tuple[Any, Any]:
+        """Of rates and outputs by the free coordinates and by the strengths."""
+        columns, by_states = self._columns(point)
+        slopes = []
+        for drive, strength in zip(self.drives, strengths, strict=True):
+            if drive.power == 2 and abs(strength) < PROBE**2:  # the square is smooth there, its root is not
+                signed = math.copysign(PROBE**2, strength)
+                beside = point.elsewhere(drive.settings(signed), point.state)
+                slopes.append(drive.slope(signed, self._columns(beside)[0]))
+            else:
+                slopes.append(drive.slope(float(strength), columns))
+        return by_states, np.array(slopes).T
+
+    def _step(self, point: OperatingPoint, strengths: Any, wanted: Any) -> tuple[Any, Any, float] | None:
+        """Changes of states and strengths, and how large they are beside these."""
+        by_states, by_strengths = self._slopes(point, strengths)
+        matrix = np.concatenate([by_states, by_strengths], axis=1)
+        chosen = point.reduced.chosen
+        right = np.concatenate([point.rates[chosen], point.outputs[self.rows] - wanted])
+        rows = np.abs(matrix).max(axis=1, keepdims=True)
+        scaled = matrix / np.where(rows > 0, rows, 1.0)
+        sizes = np.abs(scaled).max(axis=0)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        found = -np.linalg.lstsq(scaled / sizes, right / np.where(rows > 0, rows, 1.0)[:, 0], rcond=1e-13)[0] / sizes
+        if not np.isfinite(found).all():
+            return None
+        change = np.zeros(point.all)
+        change[: point.count] = point.reduced.directions @ found[: len(chosen)]
+        moved = found[len(chosen) :]
+        largest = np.maximum(np.abs(strengths), np.abs(strengths + moved))
+        norm = float((np.abs(moved) / max(float(largest.max(initial=0.0)), 1e-300)).max(initial=0.0))
+        return change, moved, norm
+
+
+def _told(search: _Search, targets: Mapping[str, float]) -> Inversion:
+    point, program = search.point, search.point.program
+    units = units_of(point)
+    return Inversion(
+        program.name, point.made.plan.experiment, dict(targets), search.settings(search.strengths),
+        named(program.outputs.names, point.outputs), named(program.states.names, point.state[: point.count]), stability(point)[1], units,
+    )  # fmt: skip
+
+
+def asked_for(model: Model, targets: Mapping[str, str | float], experiment: str | None) -> dict[str, float]:
+    """Targets in SI. Raises `UsageError` for what is no output."""
+    from ..quantities import quantity
+
+    outputs = model.compilation(model.scene(experiment)).whole_graph.outputs
+    unknown = [n for n in targets if n not in outputs]
+    if unknown or not targets:
+        raise UsageError(f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")
+    return {n: quantity(v, outputs[n].unit, n) if isinstance(v, str) else float(v) for n, v in targets.items()}

@@ -1,0 +1,135 @@
+"""What an experiment or a sweep found: the analyses and runs of each of its points."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from .told import finite
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..results import Result
+    from .equilibrium import Equilibrium
+    from .modes import Modes
+    from .response import Response
+
+SCHEMA = "bondgraph-outcome/1"
+MODES = 6  # frequencies in a table
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """One point: what is swept, in SI, and what was found there."""
+
+    settings: Mapping[str, float]
+    equilibrium: Equilibrium | None = None
+    modes: Modes | None = None
+    responses: tuple[Response, ...] = ()
+    run: Result | None = None
+
+    def numbers(self) -> dict[str, float]:
+        """What a table shows of it: outputs at rest, frequencies, outputs at the end of the run."""
+        found: dict[str, float] = {}
+        if self.equilibrium is not None:
+            found |= dict(self.equilibrium.outputs)
+        if self.modes is not None:
+            moving = [m for m in self.modes if m.frequency > 0]
+            found |= {f"frequency {i}": m.frequency for i, m in enumerate(moving[:MODES], 1)}
+        if self.run is not None:
+            found |= {n: self.run.final(n) for n in self.run.names}
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """{settings, equilibrium, modes, responses, run}: what is there, each by its own schema."""
+        told: dict[str, Any] = {"settings": {n: finite(v) for n, v in self.settings.items()}}
+        for word in ("equilibrium", "modes", "run"):
+            found = getattr(self, word)
+            if found is not None:
+                told[word] = found.to_json()
+        if self.responses:
+            told["responses"] = [r.to_json() for r in self.responses]
+        return told
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome(Sequence[Point]):
+    """The points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
+
+    model: str
+    experiment: str | None
+    swept: Mapping[str, str]  # name -> SI unit
+    points: tuple[Point, ...]
+    shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in which a table shows it
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, place: Any) -> Any:
+        return self.points[place]
+
+    def __iter__(self) -> Iterator[Point]:
+        return iter(self.points)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI units of the columns of `table`."""
+        found = dict(self.swept)
+        for point in self.points[:1]:
+            if point.equilibrium is not None:
+                found |= {n: point.equilibrium.units.get(n, "1") for n in point.equilibrium.outputs}
+            if point.run is not None:
+                found |= {n: point.run.unit(n) for n in point.run.names}
+        return {n: found.get(n, "Hz") for n in self.names}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns of `table`: what is swept, then what was found."""
+        return (*self.swept, *dict.fromkeys(n for p in self.points for n in p.numbers() if n not in self.swept))
+
+    def table(self) -> NDArray[np.float64]:
+        """One row for each point, one column for each of `names`, in SI and Hz; NaN where a point has no such number."""
+        rows = [dict(p.numbers()) | dict(p.settings) for p in self.points]
+        return np.array([[row.get(n, math.nan) for n in self.names] for row in rows], dtype=float).reshape(
+            len(rows), -1
+        )
+
+    def __call__(self, name: str) -> NDArray[np.float64]:
+        """A column of the table over the points. Raises `UsageError`."""
+        if name not in self.names:
+            raise UsageError(f"there is no `{name}` in this outcome; it has {', '.join(self.names)}")
+        column: NDArray[np.float64] = self.table()[:, self.names.index(name)]
+        return column
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}]}."""
+        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "swept": dict(self.swept)}
+        return {**told, "points": [p.to_json() for p in self.points]}
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the table with 17 significant digits; whole or not at all. Raises OSError."""
+        from ..files import write_text
+
+        units = self.units
+        rows = [",".join('"' + f"{n} [{units[n]}]".replace('"', '""') + '"' for n in self.names)]
+        rows += [",".join(f"{x:.17g}" for x in row) for row in self.table()]
+        write_text(os.fspath(path), "\n".join(rows) + "\n")
+
+    def summary(self) -> str:
+        """For terminals: a table of the points, or all that a single point has."""
+        from ..views.analyses import outcome_text
+
+        return outcome_text(self)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """What was found over what was swept last; of a single point its response or run. Raises as `Result.plot`."""
+        from ..views.sweep_plot import plot_outcome
+
+        plot_outcome(self, path)

@@ -1,0 +1,230 @@
+"""How a state of rest and its modes move with parameters: derivatives through the compiled equations, no differences.
+
+At rest 0 = f(x, p), so dx/dp = -A^-1 B with the linear model's matrices. An eigenvalue moves by w^H dF v / w^H M v (Lancaster, Numer. Math. 6,
+1964), with left and right vectors of the whole system in states and unknowns of loops, M = diag(1 .. 1, 0 .. 0). dF is the derivative
+of the Jacobian's entries along the way that parameter, states and unknowns take together: second derivatives, by a tape. Closing joints need
+nothing besides: the whole Jacobian keeps the directions that they leave, for every value of the parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Leaf, Tape
+from ..errors import RunFailed, UsageError
+from .linear import Linearization, linearization
+from .modes import STILL, Modes, modes
+from .operating_point import OperatingPoint
+from .spectrum import left_shapes
+from .told import finite
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..model import Model
+
+SCHEMA = "bondgraph-sensitivity/1"
+SINGULAR = 1e-11  # of the largest singular value
+LOST = 1e-9  # of what a parameter does: what no state can balance
+NEAR = 1e-6  # relative distance of two eigenvalues that are taken for the same
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """`slopes` (m, k): derivatives of `quantities` (m) by `parameters` (k), in SI; their values beside them.
+
+    Quantities are outputs at rest, `frequency i` (Hz) and `damping i` of the modes that move, slowest first.
+    """
+
+    model: str
+    experiment: str | None
+    quantities: tuple[str, ...]
+    parameters: tuple[str, ...]
+    values: NDArray[np.float64]
+    at: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    units: Mapping[str, str]
+
+    def of(self, quantity: str, parameter: str) -> float:
+        """One derivative. Raises `UsageError`."""
+        for name, known in ((quantity, self.quantities), (parameter, self.parameters)):
+            if name not in known:
+                raise UsageError(f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
+        return float(self.slopes[self.quantities.index(quantity), self.parameters.index(parameter)])
+
+    @property
+    def relative(self) -> NDArray[np.float64]:
+        """By how many percent a quantity moves with one percent of a parameter; NaN where the quantity is zero."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: NDArray[np.float64] = self.slopes * self.at / self.values[:, None]
+        return np.where(np.isfinite(found), found, np.nan)
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-sensitivity/1`: {schema, model, experiment, parameters: {name: {value, unit}}, quantities: {name:
+        {value, unit, slopes: {parameter: SI over SI}, relative: {parameter: number}}}}."""
+        relative = self.relative
+        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
+        told["parameters"] = {
+            n: {"value": finite(v), "unit": self.units[n]} for n, v in zip(self.parameters, self.at, strict=True)
+        }
+        told["quantities"] = {
+            name: {
+                "value": finite(self.values[i]), "unit": self.units[name],
+                "slopes": {p: finite(x) for p, x in zip(self.parameters, self.slopes[i], strict=True)},
+                "relative": {p: finite(x) for p, x in zip(self.parameters, relative[i], strict=True)},
+            }
+            for i, name in enumerate(self.quantities)
+        }  # fmt: skip
+        return told
+
+    def summary(self) -> str:
+        """A table for terminals."""
+        from ..views.analyses import sensitivity_text
+
+        return sensitivity_text(self)
+
+
+def independent(
+    model: Model, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float]
+) -> tuple[tuple[str, ...], dict[str, str | float]]:  # fmt: skip
+    """The parameters to differentiate by (None: all that follow from nothing), and settings under which they follow from nothing."""
+    graph = model.compilation(model.scene(experiment, settings)).whole_graph
+    free = {
+        n for n, q in graph.quantities.items()
+        if q.role in ("parameter", "input") and (q.definition is None or not q.definition.arguments)
+    }  # fmt: skip
+    if parameters is None:
+        return tuple(n for n in graph.quantities if n in free and graph.quantities[n].role == "parameter"), dict(
+            settings
+        )
+    fixed = dict(settings)
+    for name in parameters:
+        named = graph.quantities.get(name)
+        if named is None or named.role not in ("parameter", "input"):
+            some = ", ".join(n for n, q in graph.quantities.items() if q.role == "parameter" and "." not in n)
+            raise UsageError(
+                f"`{name}` is no parameter or input of the model; it has {some or 'none'}, and those of its parts"
+            )
+        if name not in free:
+            if named.value is None:
+                raise UsageError(f"`{name}` moves with time: give it a value to differentiate by it")
+            fixed[name] = named.value
+    return parameters, fixed
+
+
+def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
+    """Of "equilibrium", "modes" or both, by the point's `by`."""
+    linear = linearization(point)
+    moved = _moved(linear)
+    names: list[str] = []
+    values: list[float] = []
+    slopes: list[Any] = []
+    units = dict(linear.units)
+    if "equilibrium" in of:
+        names += linear.outputs
+        values += linear.y.tolist()
+        slopes += list(linear.C @ moved + linear.D)
+    if "modes" in of:
+        found = modes(point)
+        changes = eigenvalue_slopes(point, found, moved)
+        for i, (value, change) in enumerate(changes, 1):
+            size = abs(value)
+            growth = (value.conjugate() * change).real / size
+            names += [f"frequency {i}", f"damping {i}"]
+            values += [size / (2 * math.pi), 0.0 - value.real / size]
+            slopes += [growth / (2 * math.pi), (value.real * growth / size - change.real) / size]
+            units |= {f"frequency {i}": "Hz", f"damping {i}": "1"}
+    units |= {n: q.unit for n, q in point.compilation.whole_graph.quantities.items() if n in point.by}
+    return Sensitivity(
+        linear.model, linear.experiment, tuple(names), point.by, np.array(values), linear.u,
+        np.array(slopes, dtype=float).reshape(len(names), len(point.by)), units,
+    )  # fmt: skip
+
+
+def _moved(linear: Linearization) -> Any:
+    """How the free coordinates at rest follow the parameters (r, k)."""
+    found, left = balanced_step(linear.A, linear.B)
+    lost = np.flatnonzero(left > LOST)
+    if len(lost):
+        name = linear.inputs[lost[0]]
+        raise RunFailed(
+            f"the state of rest does not follow `{name}`: it ends or branches there (`continue` goes through such points)"
+        )
+    return found
+
+
+def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
+    """The x (r, k) with A x + B = 0, and by how much that is missed, as a share of B (k,).
+
+    Where A is singular, what every motion keeps (w with w A = 0: the difference of two displacements on one flow) stays as it is,
+    and what nothing brings back stays where it is: of all solutions the shortest.
+    """
+    if not len(A):
+        return np.zeros((0, B.shape[1])), np.zeros(B.shape[1])
+    rows = np.abs(np.concatenate([A, B], axis=1)).max(axis=1)
+    rows = np.where(rows > 0, rows, 1.0)[:, None]
+    columns = np.abs(A / rows).max(axis=0)
+    columns = np.where(columns > 0, columns, 1.0)
+    scaled, right = A / rows / columns, B / rows
+    u, sizes, _ = np.linalg.svd(scaled)
+    rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
+    if rank == len(A):
+        return -np.linalg.solve(scaled, right) / columns[:, None], np.zeros(B.shape[1])
+    kept = u[:, rank:].T / rows[:, 0] / columns
+    kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
+    whole = np.concatenate([scaled, kept])
+    found = -np.linalg.lstsq(whole, np.concatenate([right, np.zeros((len(kept), B.shape[1]))]), rcond=SINGULAR)[0]
+    left = np.abs(scaled @ found + right).max(axis=0)
+    size = np.abs(right).max(axis=0)
+    return found / columns[:, None], left / np.where(size > 0, size, 1.0)
+
+
+def eigenvalue_slopes(point: OperatingPoint, found: Modes, moved: Any) -> list[tuple[complex, Any]]:
+    """Eigenvalues that are not zero, slowest first, each with its derivatives (k,) by the point's `by`. Raises `RunFailed`."""
+    n, size, k = point.count, point.all, len(point.by)
+    space = point.compilation.state_space
+    whole = point.slopes([*(s.rate for s in space.states), *(u.residual for u in space.unknowns)])[:, :size]
+    follow = point.reduced.unknowns
+    A = whole[:n, :n] + (whole[:n, n:] @ follow[:, :n] if size > n else 0.0)
+    values, left, right = left_shapes(A)
+    states = point.reduced.directions @ moved + point.reduced.following
+    unknowns = follow[:, :n] @ states + follow[:, n:]
+    changes = _jacobian_changes(point, np.concatenate([states, unknowns]))
+    rows, columns = (np.array(part, dtype=int) for part in zip(*changes, strict=True)) if changes else ([], [])
+    entries = np.array(list(changes.values())).reshape(len(changes), k)
+    fastest = max((abs(m.eigenvalue) for m in found), default=0.0)
+    result = []
+    for mode in found:
+        if abs(mode.eigenvalue) <= STILL * fastest:
+            continue
+        i = int(np.argmin(np.abs(values - mode.eigenvalue)))
+        w, v = left[:, i], right[:, i]
+        if abs(values[i] - mode.eigenvalue) > NEAR * abs(mode.eigenvalue) or not np.isfinite(w).all():
+            raise RunFailed(
+                f"the mode at {mode.frequency:.6g} Hz coincides with another: it has no derivative of its own"
+            )
+        if size > n:
+            w = np.concatenate([w, -np.linalg.solve(whole[n:, n:].T, whole[:n, n:].T @ w)])
+            v = np.concatenate([v, follow[:, :n] @ v])
+        result.append((mode.eigenvalue, np.einsum("e,ek,e->k", w[rows].conj(), entries, v[columns])))
+    return result
+
+
+def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int], Any]:
+    """The derivatives of the Jacobian's entries by `by`, states and unknowns following: place -> (k,)."""
+    lowered, k = point.lowered, len(point.by)
+    directions: dict[Leaf, Any] = {Leaf("state", i): row for i, row in enumerate(moved) if row.any()}
+    places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
+    places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
+    quantities = point.compilation.state_space.quantities
+    for j, name in enumerate(point.by):
+        if name in quantities and quantities[name] in places:
+            directions[places[quantities[name]]] = np.eye(k)[j]
+    tape = Tape(list(lowered.jacobian.values()))
+    _, slopes = tape.slopes(point.lookup, directions, k)
+    return {place: s for place, s in zip(lowered.jacobian, slopes, strict=True) if s is not None}

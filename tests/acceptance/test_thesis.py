@@ -1,0 +1,96 @@
+"""The thesis is computed again by one command; what a list of published values may not say is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.cli import commands
+from bondgraph.errors import UsageError
+from bondgraph.reproduction import reproduce
+from tests.compiling import MODELS
+
+
+@pytest.mark.parametrize("path", sorted((MODELS / "thesis").glob("*.bg")), ids=lambda p: p.stem)
+def test_models_check_clean(path: Path) -> None:
+    assert bondgraph.check(path) == ()
+
+
+def test_everything_agrees(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    done = CliRunner().invoke(commands, ["reproduce", str(MODELS / "thesis"), "--json", "--page", str(page)])
+    assert done.exit_code == 0
+    told = json.loads(done.output)
+    assert told["agrees"] and len(told["values"]) >= 19 and len(told["errata"]) == 8
+    by_name = {(v["where"], v["what"]): v["computed"] for v in told["values"]}
+    # The same numbers by hand-written equations (tests/physics) and as the reference implementation gives them.
+    for (where, what), wanted, rel in (
+        (("4.2.1", "V_side, (4.2)"), 414.7, 1e-4), (("4.4.1", "x under 30 uN"), 9.67567, 1e-6),
+        (("4.4.1", "y under 30 uN"), 8.92099, 1e-6), (("4.4.2", "resonance in x"), 1119.485, 1e-6),
+        (("4.4.2", "resonance in y"), 1161.447, 1e-6), (("5.3.1", "V3^2/x over V1^2/y"), 0.8095, 1e-4),
+        (("5.3.1", "V1^2/V2^2 in y"), 2.107, 2e-4),
+    ):  # fmt: skip
+        assert by_name[where, what] == pytest.approx(wanted, rel=rel)
+    text = page.read_text(encoding="utf-8")
+    assert "## Errata" in text and text.count("| agrees") == len(told["values"])
+
+
+LIST = """
+title = "Two springs"
+[[value]]
+where = "1"
+what = "stretch"
+model = "spring.bg"
+experiment = "pull"
+of = "x"
+published = 2.5
+unit = "mm"
+digits = 0.05
+"""
+SPRING = """
+model Spring {
+  Se pull : F = 2 N
+  I mass : p = 1 kg*v
+  C spring : F = 800 [N/m]*x
+  R r : F = 1 [N*s/m]*v
+  pull -> 1(spring, mass, r)
+  output x = spring.x
+  experiment pull { equilibrium }
+}
+"""
+
+
+def folder(tmp_path: Path, listed: str) -> Path:
+    (tmp_path / "spring.bg").write_text(SPRING, encoding="utf-8")
+    (tmp_path / "published.toml").write_text(listed, encoding="utf-8")
+    return tmp_path
+
+
+def test_what_does_not_agree_is_told(tmp_path: Path) -> None:
+    found = reproduce(folder(tmp_path, LIST))
+    assert found.agrees and found.values[0].computed == pytest.approx(2.5, rel=1e-12)
+    wrong = folder(tmp_path, LIST.replace("2.5", "2.6"))
+    (value,) = reproduce(wrong).values
+    assert not value.agrees and value.error == pytest.approx(-0.1 / 2.6, rel=1e-9)
+    done = CliRunner().invoke(commands, ["reproduce", str(wrong)])
+    assert done.exit_code == 3 and "0 of 1 agree" in done.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('of = "x"', 'of = "y"', "there is no `y` at point 0 of `pull`"),
+        ('unit = "mm"', 'unit = "mN"', "it is in m, not in mN"),
+        ('unit = "mm"', 'unit = "wide"', "`wide` is no unit"),
+        ("published = 2.5", 'published = "2.5"', "has no `published`"),
+        ('model = "spring.bg"', 'model = "../spring.bg"', "lies outside of"),
+        ("[[value]]", "[[value]", "published.toml"),
+    ],
+)
+def test_a_list_that_makes_no_sense(tmp_path: Path, old: str, new: str, told: str) -> None:
+    with pytest.raises(UsageError, match=told.replace("[", r"\[").replace("(", r"\(")):
+        reproduce(folder(tmp_path, LIST.replace(old, new)))

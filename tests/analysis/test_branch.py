@@ -1,0 +1,117 @@
+"""Branches of rest: pull-in at a third of the gap, snap-through, buckling, the onset of oscillation; closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.cli import commands
+from bondgraph.errors import UsageError
+from tests.compiling import MODELS
+
+PLATE = """
+model A {
+  parameter g = 3 um, area = 1 [mm^2], eps = 8.85e-12 [F/m], k = 8 [N/m], m = 20 ug, r = 2e-4 [N*s/m], R = 1 kohm
+  input volt = 0 V
+  MSe source : u = volt
+  R lead : u = R*i
+  C plates(q: electric, x: translation) : energy = 1/2*q^2*(g - x)/(eps*area)
+  1 plate : translation
+  I mass : p = m*v
+  C spring : F = k*x
+  R air : F = r*v
+  source -> 1(lead, plates.q)
+  plate -> plates.x, mass, spring, air
+  output x = spring.x
+}
+"""
+TRUSS = """
+model A {
+  "Two bars lean against each other; pushed down at the top they snap through."
+  parameter k = 1e4 [N/m], b = 1 m, h = 0.3 m, m = 1 kg, r = 20 [N*s/m]
+  input load = 0 N
+  constant l = sqrt(b^2 + h^2)
+  MSe push : F = load
+  C bars : energy = k*(sqrt(b^2 + (h - x)^2) - l)^2
+  I mass : p = m*v
+  R air : F = r*v
+  push -> 1(bars, mass, air)
+  output x = bars.x
+}
+"""
+
+
+def test_pull_in() -> None:
+    """At g/3 and V^2 = 8 k g^3/(27 eps A), then back along the unstable part to where the plates touch; the charge has its own way out."""
+    found = bondgraph.load(PLATE).continuation("volt", 0.0, "5 V")
+    (fold,) = found.folds
+    assert fold.outputs["x"] == pytest.approx(3e-6 / 3, rel=1e-8)
+    assert fold.value**2 == pytest.approx(8 * 8 * 3e-6**3 / (27 * 8.85e-12 * 1e-6), rel=1e-8)
+    x, volt = found["x"], found.values
+    assert 8 * x * 2 * (3e-6 - x) ** 2 == pytest.approx(8.85e-18 * volt**2, rel=1e-9, abs=1e-20)
+    assert (found.stable == (x < 1e-6)).all()
+    assert volt[-1] == pytest.approx(0, abs=1e-12) and x[-1] == pytest.approx(3e-6, rel=1e-9)
+
+
+def test_snap_through() -> None:
+    """Two folds, where the slope of 2 k y (l/s - 1) vanishes: s^3 = l b^2, with s the length of a bar and y = +-sqrt(s^2 - b^2)."""
+    found = bondgraph.load(TRUSS).continuation("load", "-400 N", "400 N")
+    length = math.hypot(1, 0.3)
+    y = math.sqrt(length ** (2 / 3) - 1)
+    load = 2e4 * y * (length / math.hypot(1, y) - 1)
+    up, down = found.folds
+    assert down.value == pytest.approx(-load, rel=1e-9) and found.values[-1] == pytest.approx(400, rel=1e-12)
+    assert up.value == pytest.approx(load, rel=1e-9) and up.outputs["x"] == pytest.approx(0.3 - y, rel=1e-8)
+
+
+def test_buckling_of_closed_loops() -> None:
+    """Upright four-bars held by springs at their feet: upright is stable down to k = G/(N + 1)."""
+    text = (MODELS / "published" / "iftomm_A02_N_fourbar.bg").read_text(encoding="utf-8")
+    text = text.replace("parameter N = 40", "parameter k = 60 [N*m], N = 2").replace(
+        "top_speed = 1 [m/s]", "top_speed = 0 [m/s]"
+    )
+    text = text.replace(
+        "  output x", "  for i in 0..N { C spring[i] : M = k*phi; bars.foot[i] -> spring[i] }\n  output x", 1
+    )
+    found = bondgraph.load(text).continuation("k", "60 N*m", "5 N*m", points=10)
+    (lost,) = found.special
+    assert lost.kind == "branch" and lost.value == pytest.approx(9.81 * (3 / 2 + 2) / 3, rel=1e-9)
+    assert (found.stable == (found.values > lost.value)).all() and found.values[-1] == pytest.approx(5, rel=1e-12)
+
+
+def test_onset_of_oscillation() -> None:
+    """A tank with R u = c u^3 - a u: at rest it is stable until a is zero."""
+    text = """
+    model A {
+      parameter a = -1 [A/V], c = 0.1 [A/V^3]
+      0 node : electric
+      C tank : q = 2 F*u
+      I coil : lambda = 3 H*i
+      R lamp : i = c*u^3 - a*u
+      node -> tank, coil, lamp
+      output u = tank.u
+    }
+    """
+    found = bondgraph.load(text).continuation("a", "-1 A/V", "0.7 A/V", points=7)
+    assert [s.kind for s in found.special] == ["oscillation"] and found.special[0].value == pytest.approx(0, abs=1e-9)
+
+
+def test_command_and_refusals(tmp_path: object) -> None:
+    from pathlib import Path
+
+    file = Path(str(tmp_path)) / "plate.bg"
+    file.write_text(PLATE, encoding="utf-8")
+    done = CliRunner().invoke(commands, ["continue", str(file), "--along", "volt = 0 V .. 5 V", "--json"])
+    told = json.loads(done.output)
+    assert told["schema"] == "bondgraph-branch/1" and [s["kind"] for s in told["special"]] == ["fold"]
+    assert np.isfinite(told["outputs"]["x"]["values"]).all()
+    assert "fold" in CliRunner().invoke(commands, ["continue", str(file), "--along", "volt = 0 V .. 5 V"]).output
+    with pytest.raises(UsageError, match="`x` is no parameter or input"):
+        bondgraph.load(PLATE).continuation("x", 0.0, 1.0)
+    with pytest.raises(UsageError, match="is no quantity in V"):
+        bondgraph.load(PLATE).continuation("volt", "0 V", "1 m")

@@ -1,0 +1,93 @@
+"""Inversion at rest: comb voltages for setpoints of the manipulator, and closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.cli import commands
+from bondgraph.errors import RunFailed, UsageError
+from tests.compiling import MODELS
+
+PAIRS = ("push1/pull1", "push2/pull2", "push3/pull3")
+SPRING = """
+model A {
+  parameter k = 8 [N/m], c = 2e-6 [N/V^2]
+  input push = 0 V, pull = 0 V, load = 0 N
+  I mass : p = 1 kg*v
+  C spring : F = k*x
+  R air : F = 1 [N*s/m]*v
+  MSe comb : F = c*(push^2 - pull^2)
+  MSe hand : F = load
+  1 table : translation
+  comb -> table
+  hand -> table
+  table -> mass, spring, air
+  output x = spring.x
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def manipulator() -> Any:
+    return bondgraph.load(MODELS / "manipulator.bg")
+
+
+@pytest.mark.parametrize(
+    ("target", "value"), [("x", 8e-6), ("x", -12e-6), ("y", 4e-6), ("phi", math.radians(3)), ("phi", math.radians(-1))]
+)
+def test_setpoints_of_the_manipulator(manipulator: Any, target: str, value: float) -> None:
+    """To 1e-10 m, found again by the search for rest with these voltages; one of push and pull is zero."""
+    wanted = {"x": 0.0, "y": 0.0, "phi": 0.0} | {target: value}
+    found = manipulator.invert(wanted, PAIRS)
+    rest = manipulator.equilibrium(settings=found.inputs)
+    for name, reach in (("x", 1.0), ("y", 1.0), ("phi", 670e-6)):  # phi moves what is farthest out
+        assert abs(rest[name] - wanted[name]) * reach < 1e-10
+    assert found.stable
+    for i in (1, 2, 3):
+        assert (
+            min(found.inputs[f"push{i}"], found.inputs[f"pull{i}"])
+            == 0.0
+            <= max(found.inputs[f"push{i}"], found.inputs[f"pull{i}"])
+        )
+
+
+def test_a_pair_and_a_single_input() -> None:
+    model = bondgraph.load(SPRING)
+    for x in (3e-6, -3e-6):
+        found = model.invert({"x": x}, ("push/pull",))
+        volt = math.sqrt(8 * abs(x) / 2e-6)
+        wanted = (volt, 0.0) if x > 0 else (0.0, volt)
+        assert (found.inputs["push"], found.inputs["pull"]) == (
+            pytest.approx(wanted[0], rel=1e-12),
+            pytest.approx(wanted[1], rel=1e-12),
+        )
+    assert model.invert({"x": "1 mm"}, ("load",)).inputs["load"] == pytest.approx(8e-3, rel=1e-12)
+    back = model.invert({"x": 0.0}, ("push/pull",), settings={"load": "-1 uN"})
+    assert back.inputs["push"] == pytest.approx(math.sqrt(0.5), rel=1e-12)
+
+
+def test_command(tmp_path: Path) -> None:
+    file = tmp_path / "spring.bg"
+    file.write_text(SPRING, encoding="utf-8")
+    arguments = ["invert", str(file), "--want", "x=3 um", "--by", "push/pull"]
+    told = json.loads(CliRunner().invoke(commands, [*arguments, "--json"]).output)
+    assert told["schema"] == "bondgraph-inversion/1"
+    assert told["inputs"]["push"] == {"value": pytest.approx(math.sqrt(12), rel=1e-12), "unit": "V"}
+    assert "stable" in CliRunner().invoke(commands, arguments).output
+
+
+def test_refused() -> None:
+    model = bondgraph.load(SPRING)
+    with pytest.raises(UsageError, match="want as many inputs or pairs"):
+        model.invert({"x": 1e-6}, ("load", "push"))
+    with pytest.raises(UsageError, match="there is no output `y`; outputs are x"):
+        model.invert({"y": 1e-6}, ("load",))
+    with pytest.raises(RunFailed, match="no inputs were found"):
+        model.invert({"x": -1e-6}, ("push",))  # which only pushes one way

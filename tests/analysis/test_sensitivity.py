@@ -1,0 +1,117 @@
+"""Sensitivities: closed forms to rounding, and differences of high order where there are none."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import UsageError
+from tests.compiling import MODELS
+
+# A plate pulled by a voltage through a resistor, on a spring: a nonlinear loop of charge, gap and force.
+PLATE = """
+model A {
+  parameter g = 3 um, area = 1 [mm^2], eps = 8.85e-12 [F/m], k = 8 [N/m], m = 20 ug, r = 2e-4 [N*s/m], R = 1 kohm
+  input volt = 2 V
+  MSe source : u = volt
+  R lead : u = R*i
+  C plates(q: electric, x: translation) : energy = 1/2*q^2*(g - x)/(eps*area)
+  1 plate : translation
+  I mass : p = m*v
+  C spring : F = k*x
+  R air : F = r*v
+  source -> 1(lead, plates.q)
+  plate -> plates.x, mass, spring, air
+  output x = spring.x, stiff = k
+}
+"""
+
+
+def difference(function: Callable[[float], Any], at: float, step: float) -> Any:
+    """Of fourth order."""
+    return (8 * (function(at + step) - function(at - step)) - (function(at + 2 * step) - function(at - 2 * step))) / (
+        12 * step
+    )
+
+
+def test_oscillator() -> None:
+    text = """
+    model A {
+      parameter m = 2 kg, k = 50 [N/m], r = 3 [N*s/m], F = 7 N
+      I mass : p = m*v
+      C spring : F = k*x
+      R damper : F = r*v
+      Se push : F = F
+      push -> 1(mass, spring, damper)
+      output x = spring.x
+    }
+    """.replace("F = 7 N", "load = 7 N").replace("push : F = F", "push : F = load")
+    found = bondgraph.load(text).sensitivity()
+    f, zeta = math.sqrt(50 / 2) / (2 * math.pi), 3 / (2 * math.sqrt(100))
+    assert set(found.parameters) == {"m", "k", "r", "load"}
+    for quantity, parameter, wanted in (
+        ("x", "k", -7 / 50**2), ("x", "load", 1 / 50), ("x", "m", 0), ("frequency 1", "k", f / 100), ("frequency 1", "m", -f / 4),
+        ("frequency 1", "r", 0), ("damping 1", "r", zeta / 3), ("damping 1", "k", -zeta / 100), ("damping 1", "m", -zeta / 4),
+    ):  # fmt: skip
+        assert found.of(quantity, parameter) == pytest.approx(wanted, rel=1e-12, abs=1e-14), (quantity, parameter)
+    assert found.relative[found.quantities.index("frequency 1")].tolist() == pytest.approx(
+        [{"m": -0.5, "k": 0.5, "r": 0, "load": 0}[p] for p in found.parameters], abs=1e-13
+    )
+    assert json.loads(json.dumps(found.to_json(), allow_nan=False))["schema"] == "bondgraph-sensitivity/1"
+    assert "percent" in found.summary()
+
+
+def test_the_point_of_rest_moves_the_modes() -> None:
+    """Under voltage the electrostatic spring softens: df/dV comes through dx/dV alone and through V itself."""
+    model = bondgraph.load(PLATE)
+    found = model.sensitivity(("volt", "g"))
+    x, volt, g, ea, k = found.values[0], 2.0, 3e-6, 8.85e-18, 8.0
+    assert k * x * 2 * (g - x) ** 2 == pytest.approx(ea * volt**2, rel=1e-12)
+    assert found.of("x", "volt") == pytest.approx(2 * x * (g - x) / (volt * (g - 3 * x)), rel=1e-10)
+    moving = [n for n in found.quantities if n.startswith(("frequency", "damping"))]
+    for name, at in (("volt", 2.0), ("g", 3e-6)):
+
+        def numbers(value: float, name: str = name) -> Any:
+            modes = [m for m in model.modes(settings={name: value}) if m.frequency > 0]
+            return np.array([n for m in modes for n in (m.frequency, m.damping)])
+
+        wanted = difference(numbers, at, 1e-3 * at)
+        assert [found.of(n, name) for n in moving] == pytest.approx(wanted, rel=1e-7, abs=1e-9)
+
+
+def test_through_closing_joints() -> None:
+    """A loaded four-bar: bar lengths move the pose, the multipliers and the swinging about it."""
+    model = bondgraph.load(MODELS / "four_bar.bg")
+    found = model.sensitivity(("coupler",))
+    for name, at in zip(found.parameters, found.at, strict=True):
+
+        def numbers(value: float, name: str = name) -> Any:
+            (mode,) = model.modes(settings={name: value})
+            rest = model.equilibrium(settings={name: value})
+            return np.array([rest["angle"], rest["load_y"], mode.frequency, mode.damping])
+
+        wanted = difference(numbers, at, 1e-3 * at)
+        got = [found.of(q, name) for q in ("angle", "load_y", "frequency 1", "damping 1")]
+        assert got == pytest.approx(wanted, rel=1e-7, abs=1e-9)
+
+
+def test_what_follows_from_others() -> None:
+    """By itself, the others held; by what it follows from, with all that follows from that."""
+    text = "model A { parameter a = 3, k: N/m = 2 [N/m]*a^2, m = 2 kg; I mass : p = m*v; C spring : F = k*x; 1 b : translation; b -> mass, spring; output x = spring.x }"
+    model = bondgraph.load(text)
+    f = math.sqrt(18 / 2) / (2 * math.pi)
+    assert model.sensitivity("k", of="modes").of("frequency 1", "k") == pytest.approx(f / 36, rel=1e-12)
+    assert model.sensitivity("a", of="modes").of("frequency 1", "a") == pytest.approx(f / 3, rel=1e-12)
+
+
+def test_refused() -> None:
+    with pytest.raises(UsageError, match="`x` is no parameter or input"):
+        bondgraph.load(PLATE).sensitivity("x")
+    with pytest.raises(UsageError, match="there is no `mass`"):
+        bondgraph.load(PLATE).sensitivity("g").of("mass", "g")
