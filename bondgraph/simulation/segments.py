@@ -56,11 +56,14 @@ def _multiples(period: float, start: float, stop: float) -> Any:
     return times[(times > start) & (times < stop)]
 
 
-def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Callable[[float, float], bool]:
+def follower(
+    program: Program, inputs: Any, constants: Any, stretch: Segment, coarse: float = 1.0
+) -> Callable[[float, float], bool]:
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
-    the signal between them, to a share of the range that the signal has. A rectifier whose diode is off at all of a step's
+    the signal between them, to a share of the range that the signal has (`coarse` times as much
+    for a first look). A rectifier whose diode is off at all of a step's
     places would else not see the next peak."""
-    allowed, ends = overlooked(program, inputs, constants, stretch), inside(stretch)
+    allowed, ends = coarse * overlooked(program, inputs, constants, stretch), inside(stretch)
     if not len(allowed):
         return lambda start, stop: True
 
@@ -76,7 +79,9 @@ def follower(program: Program, inputs: Any, constants: Any, stretch: Segment) ->
 def overlooked(program: Program, inputs: Any, constants: Any, stretch: Segment) -> Any:
     """What a step may overlook of each signal: a share of the range that it has in a stretch."""
     span = stretch.stop - stretch.start
-    grid = program.signals(stretch.start + span * (np.arange(GRID) + 0.5) / GRID, inputs, constants, stretch.mode)
+    places = stretch.start + span * (np.arange(GRID) + 0.5) / GRID
+    places = np.concatenate([places, inside(stretch)])  # the ends too: there a narrow pulse has its crest
+    grid = program.signals(places, inputs, constants, stretch.mode)
     if not grid.shape[-1]:
         return np.zeros(0)
     return SHARE * np.ptp(grid, axis=0) + 1e-9 * np.abs(grid).max(axis=0)  # the latter for rounding
