@@ -50,7 +50,10 @@ class Section:
 
     def text(self) -> str:
         """The section as Markdown."""
-        told = [f"## {self.title}", f"{self.tried} tried, {len(self.failed)} failed, {len(self.refused)} refused; {self.seconds:.0f} s."]
+        told = [
+            f"## {self.title}",
+            f"{self.tried} tried, {len(self.failed)} failed, {len(self.refused)} refused; {self.seconds:.0f} s.",
+        ]
         told += self.parts
         for title, findings in (("Refused", self.refused), ("Failed", self.failed)):
             if findings:
