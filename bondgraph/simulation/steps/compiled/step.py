@@ -15,12 +15,13 @@ from .stepper import Stepper
 if TYPE_CHECKING:
     from ....door import Floats
 
-C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
+C, E, D, AT, SLOPE = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D, radau.AT, radau.SLOPE))
+BETWEEN, MARGIN = float(radau.BETWEEN), float(radau.MARGIN)
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN = radau.NEWTON_ITERATIONS, radau.STUBBORN
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
-LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
+LOOKS, WEIGHTS = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
 NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # why there is no step; the last: the matrix must be ordered anew
 
@@ -59,6 +60,8 @@ def step(s: Stepper) -> int:
         for i in range(n):
             s.new[i] = s.state[i] + s.z[2 * n + i]
         norm = estimate(s, size, rejected > 0)
+        if norm <= 1.0 and s.closed.gaps == 0:
+            norm = max(norm, defect(s, size))
         safety = 0.9 * (2.0 * NEWTON_ITERATIONS + 1.0) / (2.0 * NEWTON_ITERATIONS + float(iterations))
         if norm <= 1.0:
             break
@@ -168,7 +171,7 @@ def follows(s: Stepper, start: float, end: float) -> bool:
         for q in range(UNSEEN):
             off = -s.seen[(SEEN + q) * m + j]
             for k in range(SEEN):
-                off += BETWEEN[q * SEEN + k] * s.seen[k * m + j]
+                off += WEIGHTS[q * SEEN + k] * s.seen[k * m + j]
             if abs(off) > s.allowed[j]:
                 return False
     return True
@@ -277,6 +280,23 @@ def estimate(s: Stepper, size: float, rejected: bool) -> float:
     for i in range(n):
         s.error[i] = s.error[i] / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
     return norm
+
+
+def defect(s: Stepper, size: float) -> float:
+    """What the polynomial between its nodes says of the error, in units of the tolerance: see `radau.Radau._defect`."""
+    n = s.n
+    for i in range(n):
+        s.w[i] = s.state[i] + AT[0] * s.z[i] + AT[1] * s.z[n + i] + AT[2] * s.z[2 * n + i]
+    rates(s, s.time + BETWEEN * size, s.w, s.rest)
+    for i in range(s.differential):
+        s.rest[i] -= (SLOPE[0] * s.z[i] + SLOPE[1] * s.z[n + i] + SLOPE[2] * s.z[2 * n + i]) / size
+    solve_real(s, s.rest)
+    total = 0.0
+    for i in range(s.differential):
+        part = s.rest[i] / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
+        total += part * part
+    norm = MARGIN * (sqrt(total) / sqrt(float(n)))
+    return norm if isfinite(norm) else 0.0
 
 
 def share(s: Stepper) -> float:
