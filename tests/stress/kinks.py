@@ -35,17 +35,40 @@ def in_time() -> Iterator[Case]:
     yield signal("max(cos t, 0)", "max(cos(time), 0)", 0, lambda t: 0.5 * (folded(t) + np.sin(t)), 20.0)
     yield signal("min(cos t, 0)", "min(cos(time), 0)", 0, lambda t: 0.5 * (np.sin(t) - folded(t)), 20.0)
     yield signal("sign(cos t)", "sign(cos(time))", 0, lambda t: np.arcsin(np.sin(t)), 20.0)
-    yield signal("sqrt(abs(t - 1))", "sqrt(abs(time - 1))", 0, lambda t: 2 / 3 * (1 + np.sign(t - 1) * np.abs(t - 1) ** 1.5), 3.0)
+    yield signal(
+        "sqrt(abs(t - 1))", "sqrt(abs(time - 1))", 0, lambda t: 2 / 3 * (1 + np.sign(t - 1) * np.abs(t - 1) ** 1.5), 3.0
+    )
     yield signal("atan2 over its cut", "atan2(sin(time), cos(time))", 0, _saw_integral, 20.0)
     yield signal("step at the start", "step(time)", 0, lambda t: t, 2.0)
     yield signal("step at the end", "step(time - 2)", 0, lambda t: 0 * t, 2.0)
     together = "step(time - 1) + 2*pulse(time, 1, 2) + ramp(time, 1, 2) + (3 if time > 1 else 0)"
     yield signal("four jumps at one instant", together, 0, _four_jumps, 3.0)
-    yield signal("a pulse of 1e-9", "1e9*pulse(time, 1, 1 + 1e-9)", 0, lambda t: np.where(t > 1, 1 + 1e-9 / 1e9, 0.0), 3.0, points=4)
+    yield signal(
+        "a pulse of 1e-9",
+        "1e9*pulse(time, 1, 1 + 1e-9)",
+        0,
+        lambda t: np.where(t > 1, 1 + 1e-9 / 1e9, 0.0),
+        3.0,
+        points=4,
+    )
     steps = "linear(time, (0, 1, 1.000001, 2, 2.000001, 3), (0, 0, 1, 1, -1, -1))"
-    yield signal("table with jumps", steps, 0, lambda t: np.clip(t - 1.0000005, 0, 1) - np.clip(t - 2.0000005, 0, 1), 3.0, points=7)
+    yield signal(
+        "table with jumps",
+        steps,
+        0,
+        lambda t: np.clip(t - 1.0000005, 0, 1) - np.clip(t - 2.0000005, 0, 1),
+        3.0,
+        points=7,
+    )
     bell = "exp(-((time - 3.1234)/0.05)^2)/0.05 + exp(-((time - 1.7)/0.00001)^2)/0.00001"
-    yield signal("smooth pulses of 5e-2 and 1e-5", bell, 0, lambda t: np.sqrt(np.pi) * ((t > 1.7) * 1.0 + (t > 3.1234)), 6.0, points=7)
+    yield signal(
+        "smooth pulses of 5e-2 and 1e-5",
+        bell,
+        0,
+        lambda t: np.sqrt(np.pi) * ((t > 1.7) * 1.0 + (t > 3.1234)),
+        6.0,
+        points=7,
+    )
     teeth = "floor_free"
     del teeth
 
@@ -93,11 +116,17 @@ def in_states() -> Iterator[Case]:
             "table": f"linear(x, (-10 m, 0 m, 10 m), ({-10 * stiff:g} N, 0 N, 10 N))",
         }
         for form, law in laws.items():
-            yield spring(f"spring of two slopes 1 : {stiff:g}, {form}", law, lambda t, s=stiff: bilinear(t, 1.0, s), 50.0)
+            yield spring(
+                f"spring of two slopes 1 : {stiff:g}, {form}", law, lambda t, s=stiff: bilinear(t, 1.0, s), 50.0
+            )
     yield spring("spring of constant force, sign", "1 N*sign(x)", _constant_force, 40.0)
     yield signal("drained by sqrt(max(x, 0))", "-2*sqrt(max(x, 0))", 1, lambda t: np.clip(1 - t, 0, None) ** 2, 2.0)
-    yield signal("leaves zero by a root", "3*(x^2)^(1/3) + (1 if time < 1 else 0)*1e-3", 1e-9, lambda t: np.nan * t, 0.5)
-    yield signal("down to a cube root", "-1.5*x/max(abs(x), 1e-20)^(2/3)", 1, lambda t: np.clip(1 - t, 0, None) ** 1.5, 0.99)
+    yield signal(
+        "leaves zero by a root", "3*(x^2)^(1/3) + (1 if time < 1 else 0)*1e-3", 1e-9, lambda t: np.nan * t, 0.5
+    )
+    yield signal(
+        "down to a cube root", "-1.5*x/max(abs(x), 1e-20)^(2/3)", 1, lambda t: np.clip(1 - t, 0, None) ** 1.5, 0.99
+    )
 
 
 def _constant_force(t: Any) -> Any:
@@ -175,7 +204,9 @@ def mechanisms() -> Iterator[Case]:
     """Singular poses, redundant constraints, links without mass."""
 
     def parallelogram(t: Any) -> Mapping[str, Any]:
-        angle = 3 * t  # the cranks turn at a constant rate: no gravity, and each point of the coupler goes on an equal circle
+        angle = (
+            3 * t
+        )  # the cranks turn at a constant rate: no gravity, and each point of the coupler goes on an equal circle
         return {"x": 1 - np.sin(angle), "y": np.cos(angle)}
 
     yield Case("parallelogram through change points", "", 0, FOUR_BAR, {}, 5.0, parallelogram)
@@ -185,7 +216,14 @@ def mechanisms() -> Iterator[Case]:
 
     yield Case("gimbal lock", "", 0, GIMBAL, {}, 9.0, gimbal)
     beams = Case(
-        "redundant bars", "", 0, REDUNDANT, {}, 5.0, lambda t: {"x": 1 + np.sin(pendulum(t, 1.0, 10.0, np.pi / 3))}, experiment="swing"
+        "redundant bars",
+        "",
+        0,
+        REDUNDANT,
+        {},
+        5.0,
+        lambda t: {"x": 1 + np.sin(pendulum(t, 1.0, 10.0, np.pi / 3))},
+        experiment="swing",
     )
     yield beams
     yield Case("links without mass", "", 0, MASSLESS, {}, 10.0, lambda t: {"phi": pendulum(t, 1.0, 1.0, 1.5)})

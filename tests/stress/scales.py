@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.stress.report import Section
 from tests.stress.trial import Case, Outcome, attempt, tell
-from tests.stress.ways import Way, ways
+from tests.stress.ways import ways
 
 STIFFNESS = (1e0, 1e3, 1e6, 1e9, 1e12)
 MASSES = (1e-12, 1e-8, 1e-4, 1e0, 1e4, 1e8, 1e12)

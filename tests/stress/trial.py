@@ -20,7 +20,7 @@ from tests.stress.ways import Way, loaded
 RTOL = 1e-6
 ALLOWED = 10.0  # times the tolerance
 POINTS = 41
-LONGEST = 120.0  # s for one run: what takes longer hangs
+LONGEST = 120.0  # s of computing for one run: what takes longer hangs
 
 Expected = Callable[[Any], Mapping[str, Any]]  # times (n,) -> by output (n,)
 
@@ -107,18 +107,18 @@ def error_of(result: bondgraph.Result, expected: Mapping[str, Any], rtol: float)
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """Ends what takes longer, by `TooLong`."""
+    """Ends what computes for longer, by `TooLong`."""
 
     def stop(*_: object) -> None:
         raise TooLong
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def tell(found: Section, outcomes: Mapping[str, Mapping[str, Outcome]], names: Sequence[str]) -> None:
