@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .events.locate import Flip, StateAt
     from .steps.compiled.run import CompiledRadau
 
+BEYOND = (4.0, 64.0, 4096.0, 1e6)  # units in the last place of a time, where a step is looked at that was not possible
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
 
@@ -428,7 +429,21 @@ class Stepper:
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             return not_finite(self.program, solver.time, slope, state)
+        beyond = None if what == "steps" else self._no_number_beyond(solver.time, state, slope, mode)
+        if beyond is not None:
+            return beyond
         return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
+
+    def _no_number_beyond(self, time: float, state: Any, slope: Any, mode: Any) -> RunFailed | None:
+        """What the next step would have met just after: a root of what becomes negative is still a number where it is zero."""
+        count = len(self.program.states.names)
+        for ulps in BEYOND:
+            reach = ulps * float(np.spacing(max(abs(time), abs(self.instants[-1]))))
+            ahead = np.concatenate([state[:count] + reach * slope[:count], state[count:]])
+            rates = self.program.derivative(time + reach, ahead, self.inputs, self.constants, mode)
+            if not np.isfinite(rates).all():
+                return not_finite(self.program, time + reach, rates, ahead)
+        return None
 
     def _sample(self, solver: Radau, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
