@@ -11,6 +11,9 @@ from ...door import Apply, Assignment, Expression, LinearLoop, Program, StateSpa
 from ...errors import RunFailed
 
 SHOWN = 4  # variables of a divisor
+PARTIAL = frozenset(
+    {"sqrt", "log", "asin", "acos", "acosh", "atanh", "power", "exp", "tan", "sinh", "cosh"}
+)  # functions that may have no value
 LOOK_FOR = (
     "look for a division by zero, a root or logarithm of a negative number, or a part of the model that nothing ties down "
     "(a circuit without earth)"
@@ -59,7 +62,8 @@ def _cause(space: StateSpace, known: dict[Any, float]) -> str:
                 begin = f"`{name}`, computed at `{step.owner}` (line {step.span.line}),"
                 divisor = _vanishing(step.expression, known)
                 if divisor is None:
-                    return f"{begin} has no value there; {LOOK_FOR}"
+                    asked = _outside(step.expression, known)
+                    return f"{begin} has no value there; {LOOK_FOR}" if asked is None else f"{begin} asks for {asked}"
                 read = {space.variables[v].name: known[v] for v in sorted(divisor)}
                 said = ", ".join(f"`{n}` = {v:.6g}" for n, v in list(read.items())[:SHOWN])
                 return f"{begin} is divided by {f'what is zero with {said}' if read else 'a factor of its law that is zero'}"
@@ -83,6 +87,21 @@ def _vanishing(x: Expression, known: dict[Any, float]) -> set[Any] | None:
         if node.operator == "divide" and _value(node.operands[1], known) == 0:
             return {s.key for s in symbols(node.operands[1])}
     return None
+
+
+def _outside(x: Expression, known: dict[Any, float]) -> str | None:
+    """The innermost function of numbers that has no value, as `sqrt(-0.1)`; None if it is none that can be called so."""
+    stack, found = [x], None
+    while stack:
+        node = stack.pop()
+        if not isinstance(node, Apply) or math.isfinite(_value(node, known)):
+            continue
+        operands = [_value(o, known) for o in node.operands]
+        if node.operator in PARTIAL and all(map(math.isfinite, operands)):
+            shown = ", ".join(map(repr, operands))
+            found = f"{operands[0]!r}^{operands[1]!r}" if node.operator == "power" else f"{node.operator}({shown})"
+        stack += [o for o, v in zip(node.operands, operands, strict=True) if not math.isfinite(v)]
+    return None if found is None else f"`{found}`, which is no number"
 
 
 def _value(x: Expression, known: dict[Any, float]) -> float:
