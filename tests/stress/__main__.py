@@ -10,6 +10,10 @@ import tempfile
 import time as clock
 import traceback
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tests.stress.report import Section
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -59,7 +63,7 @@ def stress(names: list[str] | tuple[str, ...], short: bool, folder: Path) -> int
     return 1 if new else 0
 
 
-def _section(name: str, short: bool, folder: Path):  # type: ignore[no-untyped-def]
+def _section(name: str, short: bool, folder: Path) -> Section:
     from tests.stress.report import Section
 
     try:
