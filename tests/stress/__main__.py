@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import platform
 import sys
 import tempfile
-import time as clock
 import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,9 +41,9 @@ def stress(names: list[str] | tuple[str, ...], short: bool, folder: Path) -> int
     folder.mkdir(parents=True, exist_ok=True)
     sections = []
     for name in names:
-        began = clock.perf_counter()
+        began = sum(os.times()[:4])
         section = _section(name, short, folder)
-        section.seconds = clock.perf_counter() - began
+        section.seconds = sum(os.times()[:4]) - began  # of computing, in this process and its children
         sections.append(section)
         print(
             f"{section.title}: {section.tried} tried, {len(section.failed)} failed, {len(section.refused)} refused, {section.seconds:.0f} s",
@@ -76,8 +76,6 @@ def _section(name: str, short: bool, folder: Path) -> Section:
 
 
 if __name__ == "__main__":
-    import os
-
     with tempfile.TemporaryDirectory(prefix="bondgraph-stress-") as kept:
         os.environ.setdefault("BONDGRAPH_CACHE", kept)
         code = main()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -261,7 +262,9 @@ def section(short: bool) -> Section:
     found = Section("4. Kinks, jumps, singular poses, thousands of events")
     found.say("Errors as in section 1.")
     cases = [*in_time(), *in_states(), *mechanisms(), *loops()]
-    if not short:
+    if short:
+        cases = [c for c in cases if not re.search(r"1 : (9|10000), |change points|redundant| 1$|0.001", c.name)]
+    else:
         cases += [bouncing(0.97, least=1e-4), stick_slip(1000), rectifier(False)]
     chosen = ways()
     run_all(found, cases, chosen[:1] if short else chosen)

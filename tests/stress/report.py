@@ -52,7 +52,7 @@ class Section:
         """The section as Markdown."""
         told = [
             f"## {self.title}",
-            f"{self.tried} tried, {len(self.failed)} failed, {len(self.refused)} refused; {self.seconds:.0f} s.",
+            f"{self.tried} tried, {len(self.failed)} failed, {len(self.refused)} refused; {self.seconds:.0f} s of computing.",
         ]
         told += self.parts
         for title, findings in (("Refused", self.refused), ("Failed", self.failed)):
@@ -73,7 +73,7 @@ def page(sections: Sequence[Section], heading: str, about: Sequence[str]) -> str
     """The whole page."""
     rows = [(s.title, s.tried, len(s.failed), len(s.refused), f"{s.seconds:.0f}") for s in sections]
     summary = Section("")
-    summary.table(("section", "tried", "failed", "refused", "s"), rows)
+    summary.table(("section", "tried", "failed", "refused", "s of computing"), rows)
     return "\n\n".join([f"# {heading}", *about, *summary.parts, *(s.text() for s in sections)]) + "\n"
 
 
