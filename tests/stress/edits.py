@@ -306,7 +306,7 @@ def child(first: int, count: int) -> None:
 def section(short: bool, count: int | None = None, first: int = 0) -> Section:
     """Batches of edits in children of their own, and harmless edits."""
     found = Section("7. Random edits and nonsense")
-    total = count or (800 if short else 100_000)
+    total = count or (250 if short else 100_000)
     counted: Counter[str] = Counter()
     memory = 0
     for begin in range(first, first + total, BATCH):

@@ -115,7 +115,7 @@ model StickSlip {
   Sf drive  : v = belt
   I  block  : p = m*v                    { start v = 0.1 [m/s] }
   C  spring : F = k*x
-  DryFriction rub { F_c = 5 N; F_s = 10 N; v_s = 1e-9 [m/s] }
+  DryFriction rub { F_c = 5 N; F_s = 10 N; v_s = 1e-15 [m/s] }
   drive -> gap
   0  gap : translation
   1  slide, body : translation
@@ -127,7 +127,7 @@ model StickSlip {
 
 
 def stick_slip(cycles: int = 5) -> Case:
-    """Sticks until x = Fs/k, then m x'' + k x = Fc from there with the speed of the belt, until it has that speed again.
+    """Sticks until x = Fs/k (the fall of friction to Fc takes some sqrt(m v_s/d) = 1e-8 s), then m x'' + k x = Fc from there with the speed of the belt, until it has that speed again.
 
     x = Fc/k + (d/k) cos wt + (v/w) sin wt, d = Fs - Fc; it is back at v after t = 2 (pi - atan(d w/(k v)))/w, at x = Fc/k - d/k."""
     m, k, v, fc, fs = 1.0, 100.0, 0.1, 5.0, 10.0
