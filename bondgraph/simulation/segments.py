@@ -86,25 +86,26 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
 
 
 def follower(
-    program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0
+    program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0, coarse: float = 1.0
 ) -> Callable[[float, float], bool]:
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
     the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
     is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
-    that is short beside a step would not be seen at all."""
+    that is short beside a step would not be seen at all. `coarse`: times as much may be missed, for a first look."""
     known, ends = signals_on(program, inputs, constants, stretch, whole), inside(stretch)
-    if not len(known.allowed):
+    allowed = coarse * known.allowed
+    if not len(allowed):
         return lambda start, stop: True
 
     def follows(start: float, stop: float) -> bool:
         times = np.clip(start + (stop - start) * LOOKS, *ends)
         values = program.signals(times, inputs, constants, stretch.mode)
         seen = values[: len(SEEN)]
-        if (np.abs(BETWEEN @ seen - values[len(SEEN) :]) > known.allowed).any():
+        if (np.abs(BETWEEN @ seen - values[len(SEEN) :]) > allowed).any():
             return False
         first, last = np.searchsorted(known.times, (start, stop))
         shares = (known.times[first:last] - start) / (stop - start)
-        return not bool((np.abs(np.vander(shares, 4) @ CUBIC @ seen - known.values[first:last]) > known.allowed).any())
+        return not bool((np.abs(np.vander(shares, 4) @ CUBIC @ seen - known.values[first:last]) > allowed).any())
 
     return follows
 

@@ -34,6 +34,9 @@ from .program import ConditionNote
 if TYPE_CHECKING:
     from .lower import Lowered
 
+# What is narrow where its argument is zero, if it is narrow at all: a bell, a smooth step; or has no slope there, as a root.
+NARROW = frozenset({"power", "sqrt", "tanh", "atan", "asinh", "cosh", "exp", "multiply"})
+
 
 OF_TIME = "time", "Write the signal with step, pulse, ramp or `if` on time."
 OF_STATES = (
@@ -92,6 +95,8 @@ class Switching:
                 self._instant(self.replaced(x.operands[1] - knot))
         if x.operator == "noise":
             self._period(x.operands[1], alone, span)
+        if alone and x.operator in NARROW:
+            self._centres(x)
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
             self._instant(self.replaced(g))
@@ -141,6 +146,19 @@ class Switching:
             events.located.append(Located(symbol, operands[0] - operands[1], note))
         self.next += 1
         return self.modes[condition]
+
+    def _centres(self, x: Apply) -> None:
+        """Where an affine argument is zero a step ends: a pulse `exp(-((time - t0)/w)^2)`, however narrow, is not stepped over.
+
+        Of a product only that of several such factors counts, as `(time - t0)*(time - t0)`.
+        """
+        operands = [o for o in x.operands if self.result.dependence(o) & TIME]
+        if x.operator == "multiply" and len(operands) < 2:
+            return
+        for g in operands:
+            slope = derivative(g, Symbol(Leaf("time", 0)))
+            if slope != ZERO and not self.result.dependence(slope) & TIME:
+                self._instant(self.replaced(g))
 
     def _opened(self, symbol: Symbol) -> Expression:
         """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""

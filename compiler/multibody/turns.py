@@ -7,6 +7,7 @@ A rotation of a symmetric or any 2 x 2 block needs four products, with those of 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -272,7 +273,7 @@ def unit(v: Vector) -> Vector:
     known = [k for k in range(3) if v[k] != ZERO]
     if all(isinstance(x, Number) for x in v):
         x, y, z = (x.value for x in v if isinstance(x, Number))
-        size = (x * x + y * y + z * z) ** 0.5
+        size = math.hypot(x, y, z)  # whose squares neither vanish nor overflow
         if size == 0.0 or abs(size - 1.0) < 4e-16:
             return v
         return Number(x / size), Number(y / size), Number(z / size)

@@ -21,7 +21,7 @@ from ..syntax import parse_expression, tree
 from .errors import WrongColumn
 from .scales import scale_of
 from .scope import FileScope, Wrong, suggestion
-from .within import within_project
+from .within import is_there, within_project
 
 MAXIMUM_SIZE = 4_000_000  # bytes of a file of columns
 MAXIMUM_ROWS = 10_000  # of a file of columns
@@ -79,7 +79,7 @@ def _locate(span: Span, name: str, file: FileScope) -> Path:
     if not within_project(target, root, file.library):
         hint = "Only files below the project folder are read, as with `import`."
         raise Wrong(WrongColumn(span, f"`{name}` lies outside the project folder", hint))
-    if target.suffix.lower() != ".csv" or not target.is_file():
+    if target.suffix.lower() != ".csv" or not is_there(target):
         near = [p.name for p in file.source.path.parent.glob("*.csv")]
         hint = suggestion(name, near, "The path is relative to the file that names it, and ends in `.csv`.")
         raise Wrong(WrongColumn(span, f"There is no file of columns `{name}`", hint))

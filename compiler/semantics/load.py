@@ -11,7 +11,7 @@ from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .resolve import MAXIMUM_MISTAKES
 from .scope import RESERVED, FileScope, ModelDefinition, suggestion
-from .within import project_folder, within_project
+from .within import is_there, project_folder, within_project
 
 MAXIMUM_FILES = 500
 
@@ -122,7 +122,7 @@ class Loader:
     def _locate(self, statement: tree.Import, scope: FileScope, root: Path | None) -> Path | None:
         if not statement.is_file:
             target = (self.library / f"{statement.place}.bg").resolve() if self.library is not None else None
-            if target is None or not target.is_file():
+            if target is None or not is_there(target):
                 known = sorted(p.stem for p in self.library.glob("*.bg")) if self.library is not None else []
                 hint = suggestion(
                     statement.place, known, 'A file beside this one stands in quotation marks: `from "parts.bg"`.'
@@ -146,7 +146,7 @@ class Loader:
                 WrongImport(statement.span, f"`{statement.place}` lies outside the project folder", hint)
             )
             return None
-        if target.suffix != ".bg" or not target.is_file():
+        if target.suffix != ".bg" or not is_there(target):
             near = [p.name for p in scope.source.path.parent.glob("*.bg")]
             hint = suggestion(statement.place, near, "The path is relative to the file with the import.")
             self.diagnostics.append(WrongImport(statement.span, f"There is no file `{statement.place}`", hint))

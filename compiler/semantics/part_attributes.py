@@ -169,7 +169,10 @@ class Attributes:
         attribute = self.given.get(name)
         if attribute is None:
             return ORIGIN
-        return vector(self.elaborator, attribute.value, self.part.scope, METRE, f"`{name}`", self.planar)
+        found = vector(self.elaborator, attribute.value, self.part.scope, METRE, f"`{name}`", self.planar)
+        for bound in found:  # what has no finite value is told here, where its line is known
+            self.elaborator.value_of(bound, attribute.span)
+        return found
 
     def turn(self) -> Vector:
         """How it is turned in the drawing: the plane's `angle`, the rotation vector `turn` of space."""

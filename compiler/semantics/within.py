@@ -16,3 +16,11 @@ def project_folder(file: Path) -> Path:
 def within_project(target: Path, root: Path, library: Path | None) -> bool:
     """Whether a file whose links are resolved lies in the project folder, or in the library."""
     return target.is_relative_to(root) or (library is not None and target.is_relative_to(library.resolve()))
+
+
+def is_there(target: Path) -> bool:
+    """Whether a file can be read there; a name that no disk could hold names none."""
+    try:
+        return target.is_file()
+    except (OSError, ValueError):
+        return False

@@ -78,6 +78,7 @@ def test_test_folders_are_named_after_rooms() -> None:
         "gallery",
         "published",
         "graphs",
+        "stress",
     }
     found = {
         p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and p.name != "__pycache__" and any(p.rglob("*.py"))

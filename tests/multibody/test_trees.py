@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import bondgraph
 from tests.compiling import Running
 from tests.multibody.drawing import vector
 from tests.multibody.random_trees import KINDS, RandomTree
@@ -65,3 +66,19 @@ def test_directions_that_a_run_may_change(seed: int) -> None:
     expected = tree.oracle().accelerations(q, rates, np.zeros(len(q)))
     got = np.array([found[rate] for _, rate in tree.names()])
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e-170, 1.0, 1e200])
+def test_the_length_of_a_direction_changes_nothing(length: float) -> None:
+    """Its square may vanish or overflow: a torque of 1 N*m on 2 kg*m^2 turns by 1/4 rad in 1 s."""
+    text = f"""model Turning {{
+  multibody arm : spatial {{
+    body rod {{ mass = 1 kg, inertia = (1 [kg*m^2], 1 [kg*m^2], 2 [kg*m^2]) }}
+    hinge pin : ground to rod {{ at = (0, 0, 0), about = (0, 0, {length!r}) }}
+  }}
+  Se twist : M = 1 [N*m]
+  twist -> arm.pin
+  output phi = arm.pin.phi
+}}
+"""
+    assert bondgraph.load(text).simulate(to=1.0, points=2).final("phi") == pytest.approx(0.25, rel=1e-12)

@@ -204,3 +204,16 @@ def test_signals_with_memory_are_no_ring() -> None:
         "signal error = target - place\nsignal force = 3*error + 2*integral(error/1 s, 0)\noutput y = place"
     )
     assert [d.sentence for d in check(Source("loop.bg", text))] == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'import X from "{}.bg"\nmodel A {{ output y = time }}',
+        'model A {{ output y = linear(0.5, column("{}.csv", "a"), column("{}.csv", "b")) }}',
+    ],
+)
+def test_a_name_that_no_disk_can_hold_names_no_file(line: str, tmp_path: Path) -> None:
+    (tmp_path / "main.bg").write_text(line.format("x" * 5000, "x" * 5000))
+    code, text = told(tmp_path / "main.bg")
+    assert code == 1 and "There is no file" in text

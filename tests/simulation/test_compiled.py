@@ -188,6 +188,8 @@ def test_failures_are_told_in_the_same_words(model: bondgraph.Model, word: str) 
     native, numpy = (text.split() for text in told)
     assert len(native) == len(numpy)
     for mine, other in zip(native, numpy, strict=True):
+        if mine.startswith("`sqrt(-") and other.startswith("`sqrt(-"):
+            continue  # by how little it is negative is rounding
         number = mine.strip("(),;`")
         if number != other.strip("(),;`"):
             assert float(number) == pytest.approx(float(other.strip("(),;`")), rel=1e-2)

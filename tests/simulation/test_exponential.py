@@ -109,3 +109,26 @@ def test_what_cannot_be_followed_by_polynomials_goes_by_steps() -> None:
     assert fast.solver == "matrix exponential" and fast.steps > 100
     faster = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(3e5 [1/s]*time)"}, to=1.0, points=3)
     assert faster.solver.startswith("Radau IIA 5")
+
+
+@pytest.mark.parametrize("ratio", [1e6, 1e9, 1e12])
+def test_where_rounding_of_a_stiff_matrix_would_tell_it_goes_by_steps(ratio: float) -> None:
+    """Two capacitors of 1 F, one behind 1/ratio ohm, with 1 ohm across the other: the sum of the charges falls by half a second's rate.
+
+    From u1 = u2 = 1 V the fast mode gets a share of 1/(4 ratio) alone: u = exp(-t/2) to that share.
+    """
+    text = f"""model Pair {{
+  C first  : u = q/1 F      {{ start u = 1 V }}
+  C second : u = q/1 F      {{ start u = 1 V }}
+  R leak   : u = 1 ohm*i
+  R wire   : u = {1 / ratio!r} ohm*i
+  0 here, there : electric
+  here -> first, leak
+  here -> 1(wire) -> there
+  there -> second
+  output u = first.u
+}}
+"""
+    found = bondgraph.load(text).simulate(to=3.0, points=31)
+    np.testing.assert_allclose(found["u"], np.exp(-found.time / 2), rtol=0, atol=1e-7 + 1 / ratio)
+    assert ("Radau" in found.solver) == (ratio == 1e12)

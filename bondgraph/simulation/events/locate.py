@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from .events import Events
 
 PLACES = 12  # of a step
-FINER = 256  # places by which an interval is cut again and again
+FINER, FEWER = (
+    256,
+    8,
+)  # places by which an interval is cut again and again; the latter where each is a loop to be solved
 WIDTH = 4  # units in the last place of a time: where cutting ends
 PEAKS = 2  # times that a least distance is looked at again
 
@@ -58,8 +61,9 @@ def first_flip(events: Events, start: float, stop: float, mode: Any, state_at: S
         return None
     last = int(np.argmax(wrong.any(axis=1)))
     low, high = (float(times[last - 1]) if last else start), float(times[last])
+    finer = FEWER if len(events.program.unknowns.names) else FINER
     while high - low > WIDTH * np.spacing(max(abs(low), abs(high))):
-        inner = low + (high - low) * np.arange(1, FINER) / FINER
+        inner = low + (high - low) * np.arange(1, finer) / finer
         inner = inner[(inner > low) & (inner < high)]
         if not len(inner):
             break

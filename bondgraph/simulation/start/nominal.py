@@ -20,7 +20,7 @@ from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
-from ..segments import Segment
+from ..segments import Segment, follower
 from ..steps.factorise import is_large, once, sparse
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
+COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
+CAREFUL = 300  # of these: up to then a step must not overshoot what grows
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
@@ -156,10 +158,18 @@ class _Coarse:
             length = stretch.stop - stretch.start
             usual = size = length / max(2, min(STEPS, round(STEPS * length / whole)))
             time = stretch.start
+            follows = self._follows(stretch, len(stretches))
+            while size > SMALLEST_STEP * whole and not follows(time, time + size):
+                size *= 0.25
             while time < stretch.stop and taken < MOST_STEPS:
                 taken += 1
-                size = min(size, stretch.stop - time)
-                found = self._sure_step(time, size, stretch.mode)
+                if taken == CAREFUL:  # something grows all the time, as the foot of a pulse does: on at the usual pace
+                    size = usual
+                if time + 1.001 * size >= stretch.stop:
+                    size = stretch.stop - time
+                    if size > SMALLEST_STEP * whole and not follows(time, stretch.stop):
+                        size *= 0.75
+                found = self._sure_step(time, size, stretch.mode, taken < CAREFUL)
                 if found is None:
                     size *= 0.25
                     if size < SMALLEST_STEP * whole:
@@ -178,6 +188,12 @@ class _Coarse:
                 self.stopped = time
                 break
         return self.largest
+
+    def _follows(self, stretch: Segment, stretches: int) -> Callable[[float, float], bool]:
+        """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
+        if not 1 < stretches <= STEPS:
+            return lambda start, stop: True
+        return follower(self.program, self.inputs, self.constants, stretch, coarse=COARSE)
 
     def _free_on_constraints(self, first: Segment, constraints: Constraints) -> Callable[[Any], Any] | None:
         """The same for the motions that closing joints leave, with their multipliers eliminated."""
@@ -200,11 +216,11 @@ class _Coarse:
 
         return on_constraints
 
-    def _sure_step(self, time: float, size: float, mode: Any) -> Any:
+    def _sure_step(self, time: float, size: float, mode: Any, careful: bool) -> Any:
         """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
         found = self._step(self.state, time + size, size, mode)
-        if found is None:
-            return None
+        if found is None or not careful:
+            return found
         grows = self.differential & (np.abs(found) > 1.5 * np.abs(self.state)) & (self.state != 0)
         if not grows.any():
             return found

@@ -26,6 +26,7 @@ MOST_INTERVALS = 20_000  # of a run, beyond the reported instants
 CLOSE = 1e-12  # what may be missing of b, in parts of its largest value
 BETWEEN = 1e-10  # the same at places between those that the polynomials are made of
 AFFINE = 1e-9  # what the affine form may miss of the program's own rates
+BLURRED = 1e-7  # of the states: a change by rounding that counts
 EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
 TERMS = 22  # of the series: what is left is below 1e-24 at a norm of 1/4
 BALANCINGS = 20
@@ -119,7 +120,29 @@ def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment,
     active = np.flatnonzero((given != 0).any(axis=0) | (pushed != 0).any(axis=0))
     if count + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
         return None
-    return Linear(program, fixed, stretch, matrix * scale / scale[:, None], scale, active, seen)
+    balanced = matrix * scale / scale[:, None]
+    if _blurred(balanced, high - low):
+        return None
+    return Linear(program, fixed, stretch, balanced, scale, active, seen)
+
+
+def _blurred(matrix: Any, span: float) -> bool:
+    """Whether rounding of its entries alone changes what a stiff matrix does to slow motions.
+
+    Beside a conductance of 1e12 one of 1 keeps four digits in their sum; the rates themselves, as differences, keep them all.
+    """
+    rounding = float(np.finfo(float).eps)
+    if rounding * span * float(np.abs(matrix).sum(axis=0).max()) < BLURRED:
+        return False
+    values = np.linalg.eigvals(matrix)
+    fastest = values[np.argmax(np.abs(values))]
+    if fastest.real > -0.5 * abs(fastest):  # it swings: steps would have to follow it
+        return False
+    shaken = matrix * (1 + rounding * np.random.default_rng(1).uniform(-1, 1, matrix.shape))
+    return any(
+        bool(np.abs(exponential(part * span * matrix) - exponential(part * span * shaken)).max() > BLURRED)
+        for part in (1.0, 0.1, 0.01)
+    )
 
 
 def exponential(matrix: Any) -> Any:

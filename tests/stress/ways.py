@@ -1,0 +1,62 @@
+"""The ways in which a run can be made here: every solver that the product offers, on every back-end that this machine has."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from dataclasses import dataclass, field
+from typing import Any
+
+import bondgraph
+from bondgraph import prepared
+from bondgraph.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A back-end and a solver; `arguments` of `Model.simulate`."""
+
+    name: str
+    target: str
+    solver: str = ""
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+def targets() -> tuple[str, ...]:
+    """The back-ends of this machine, the fastest first."""
+    if os.environ.get(prepared.HIDDEN) or prepared.chosen_target(None) != "native":
+        return ("numpy",)
+    return ("native", "numpy")
+
+
+def solvers() -> tuple[str, ...]:
+    """The solvers that can be asked for by name; one without a name where `simulate` has no such choice."""
+    if "solver" not in inspect.signature(Model.simulate).parameters:
+        return ("",)
+    offered = getattr(bondgraph, "SOLVERS", None) or getattr(inspect.getmodule(Model), "SOLVERS", ())
+    return tuple(offered) or ("",)
+
+
+def ways(only: tuple[str, ...] | None = None) -> list[Way]:
+    """All ways, or those on these back-ends."""
+    found = []
+    for target in only if only is not None else targets():
+        for solver in solvers():
+            arguments = {"target": target} | ({"solver": solver} if solver else {})
+            found.append(Way(" ".join(filter(None, (solver, target))), target, solver, arguments))
+    return found
+
+
+def run(text: str, way: Way, **what: Any) -> bondgraph.Result:
+    """A text run in one way."""
+    return loaded(text).simulate(**{**what, **way.arguments})
+
+
+def loaded(text: str) -> Model:
+    """The model of a text; the same object for the same text, so that it is compiled once."""
+    if text not in _LOADED:
+        _LOADED[text] = bondgraph.load(text)
+    return _LOADED[text]
+
+
+_LOADED: dict[str, Model] = {}
