@@ -29,7 +29,7 @@ from tests.compiling import MODELS
 pytestmark = pytest.mark.machine_code
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
 # Conditions on states are located by the reference stepper.
-EVENTS = {"quarter_car.bg", "crank_linkage.bg"}
+EVENTS = {"quarter_car.bg", "crank_linkage.bg", "end_stops.bg", "side_instability.bg"}
 RUNNING = [
     (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
 ]
@@ -175,7 +175,7 @@ def pushed(push: str = "1", loss: str = "0.1 [N*s/m]*v", extra: str = "") -> bon
     ("model", "word"),
     [
         (pushed(loss="-1 [N*s/m]*v - 5 [N*s^3/m^3]*v^3"), "holds|grows|fell|solved"),
-        (pushed(loss="1 N*sqrt(0.05 - v/1 [m/s])"), "solved|not finite|fell"),
+        (pushed(loss="1 N*sqrt(0.05 - v/1 [m/s])"), "the square root of -"),
         (pushed(loss="1 N*linear(v/1 [m/s], (-0.05, 0, 0.05), (-0.01, 0, 0.02))"), "asked"),
     ],
 )
@@ -192,7 +192,7 @@ def test_failures_are_told_in_the_same_words(model: bondgraph.Model, word: str) 
             continue  # by how little it is negative is rounding
         number = mine.strip("(),;`")
         if number != other.strip("(),;`"):
-            assert float(number) == pytest.approx(float(other.strip("(),;`")), rel=1e-2)
+            assert float(number) == pytest.approx(float(other.strip("(),;`")), rel=1e-2, abs=1e-9)
 
 
 def test_requirements_are_found_at_the_same_instant() -> None:
