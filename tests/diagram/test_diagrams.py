@@ -17,6 +17,7 @@ from bondgraph.door import Scene
 from bondgraph.model import Model
 from compiler.causality.assign import CausalGraph
 from tests.compiling import MODELS
+from tests.conftest import Golden
 from tests.diagram.reading import Read, cross, middle, overlap, read, segments, through
 
 FILES = sorted(p for p in [*MODELS.glob("*.bg"), *(MODELS / "published").glob("*.bg")] if p.name != "mems.bg")
@@ -231,6 +232,12 @@ def test_the_same_bytes() -> None:
     path = MODELS / "robot_arm.bg"
     first = svg_text(loaded(path).draw())
     assert svg_text(bondgraph.load(path).draw()) == first == bondgraph.load(path)._repr_svg_()
+
+
+@pytest.mark.parametrize("model, file", [("dc_motor", "dc_motor.svg"), ("manipulator", "manipulator_graph.svg")])
+def test_the_pictures_of_the_readme_are_up_to_date(golden: Golden, model: str, file: str) -> None:
+    assert f"models/{file})" in (MODELS.parent / "README.md").read_text(encoding="utf-8")
+    golden(MODELS / file, svg_text(loaded(MODELS / f"{model}.bg").draw()))
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf"])
