@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections import Counter
 from functools import cache
 from itertools import combinations, pairwise
@@ -17,6 +19,7 @@ from bondgraph.door import Scene
 from bondgraph.model import Model
 from compiler.causality.assign import CausalGraph
 from tests.compiling import MODELS
+from tests.conftest import Golden
 from tests.diagram.reading import Read, cross, middle, overlap, read, segments, through
 
 FILES = sorted(p for p in [*MODELS.glob("*.bg"), *(MODELS / "published").glob("*.bg")] if p.name != "mems.bg")
@@ -231,6 +234,18 @@ def test_the_same_bytes() -> None:
     path = MODELS / "robot_arm.bg"
     first = svg_text(loaded(path).draw())
     assert svg_text(bondgraph.load(path).draw()) == first == bondgraph.load(path)._repr_svg_()
+
+
+@pytest.mark.parametrize("model, file", [("dc_motor", "dc_motor.svg"), ("manipulator", "manipulator_graph.svg")])
+def test_the_pictures_of_the_readme_are_up_to_date(golden: Golden, model: str, file: str) -> None:
+    assert f"models/{file})" in (MODELS.parent / "README.md").read_text(encoding="utf-8")
+    golden(MODELS / file, svg_text(loaded(MODELS / f"{model}.bg").draw()))
+
+
+def test_a_run_loads_nothing_of_it() -> None:
+    code = "import sys, bondgraph; bondgraph.load('models/rlc.bg').simulate(points=3).summary(); print([m for m in sys.modules if 'diagram' in m])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=MODELS.parent, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf"])
