@@ -237,9 +237,10 @@ def main(names: Sequence[str] = ()) -> None:
         "",
     ]
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / ("targets.md" if not names else f"targets_{'_'.join(names)}.md")).write_text(
-        "\n".join(lines), encoding="utf-8"
-    )
+    if names:  # some parts are shown, all of them are kept
+        print("\n".join(lines))
+        return
+    (RESULTS / "targets.md").write_text("\n".join(lines), encoding="utf-8")
     print("\n".join(lines))
 
 
