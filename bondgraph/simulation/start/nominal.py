@@ -82,9 +82,11 @@ def nominal_magnitudes(
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
     for groups, share in ((list(zip(units, kinds, strict=True)), SHARE), (list(units), SLIGHT)):
-        for group in set(groups):
-            same = np.array([g == group for g in groups])
-            result[same] = np.maximum(result[same], share * result[same].max(initial=0.0))
+        numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
+        members = np.array([numbers[group] for group in groups])
+        most = np.zeros(len(numbers))
+        np.maximum.at(most, members, result)
+        result = np.maximum(result, share * most[members])
     bare = np.array([u in ("1", "1/s") for u in units], dtype=bool)
     result[bare] = np.maximum(result[bare], SMALLEST_ANGLE)
     unknown = (result == 0) | ~np.isfinite(result)
@@ -127,7 +129,7 @@ class _Coarse:
         """The largest magnitudes on the way, as far as it gets."""
         reach = None
         first = stretches[0]
-        if self.differential.all():
+        if self.differential.all() and len(self.state) <= LARGEST:
             fixed = (self.inputs, self.constants, first.mode)
             reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
         elif self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...native.machine import MachineCode
 from ..program import LimitNote, Names, Native, Program
+from .kernels import Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,7 @@ class Described:
     operations: int
     differentiated: int
     functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
+    rows: tuple[Rows, ...] = ()  # what kernels go through
 
     def without_source(self) -> Described:
         """The same without the text that people may read: it is the largest part."""
@@ -41,6 +43,8 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
 
     machine = MachineCode(*codes)
     names = described.names
+    for rows in described.rows:
+        _hand_over(machine, rows)
     native = Native(machine.addresses(name for name, _, _ in described.functions), machine)
     found = functions(described.functions, native.addresses, machine)
     pattern, slopes, held = (
@@ -59,3 +63,15 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
     }  # fmt: skip
     given |= found
     return Program(**given)
+
+
+def _hand_over(machine: MachineCode, rows: Rows) -> None:
+    """Put the rows where the code finds them."""
+    import ctypes
+
+    import numpy as np
+
+    arrays = np.frombuffer(rows.streams, dtype=np.int32), np.frombuffer(rows.numbers + bytes(8), dtype=float)
+    bind_rows = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(machine.address(f"bind_{rows.suffix}"))
+    bind_rows(*(a.__array_interface__["data"][0] for a in arrays))
+    machine.keep(arrays)
