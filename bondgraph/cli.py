@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 if TYPE_CHECKING:
-    from .door import Diagnostic
+    from .door import Diagnostic, Scene
     from .model import Model
 
 WRONG, USAGE, FAILED, DEFECT, INTERRUPTED = 1, 2, 3, 70, 130
@@ -26,6 +26,7 @@ CHECK_SCHEMA = "bondgraph-check/1"
 
 def main() -> None:
     """Entry of the `bondgraph` command."""
+    gc.disable()  # what a command reads and makes lives until its end: looking through it for what could go is for nothing
     try:
         code = commands.main(prog_name="bondgraph", standalone_mode=False)
     except click.ClickException as problem:
@@ -162,6 +163,17 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 # ---------------------------------------------------------------- run
 
 
+def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) -> None:
+    """Compile before anything runs; a run may be long, and what it leaves behind is collected again, but for what is there now."""
+    from .prepared import chosen_target
+
+    _ = model.prepared(scene, energy, chosen_target(target)).plan
+    if gc.isenabled():
+        return  # somebody else looks after it
+    gc.freeze()
+    gc.enable()
+
+
 @commands.command()
 @_file
 @_experiment
@@ -196,10 +208,12 @@ def run(
         write = _writer(out)
         if plot is not None:
             _check_target(plot, (".png", ".svg", ".pdf"), "--plot")
-        chosen = _load(file, model)
+        chosen, asked = _load(file, model), None if experiment == "none" else experiment
+        given = dict(map(_setting, settings))
+        _make_ready(chosen, chosen.scene(asked, given, (), tuple(outputs) or None), energy, target)
         result = chosen.simulate(
-            None if experiment == "none" else experiment,
-            dict(map(_setting, settings)),
+            asked,
+            given,
             to,
             points,
             rtol,

@@ -90,10 +90,15 @@ class Prepared:
         return self._made(key)
 
     def _made(self, key: str) -> tuple[Program, Any, Any, Any]:
+        from .door import uncollected
+
+        with uncollected():
+            return self._compiled(key, self.compilation)
+
+    def _compiled(self, key: str, made: Compilation) -> tuple[Program, Any, Any, Any]:
         from .door import bind
         from .native import CannotCompile, compiled_safely
 
-        made = self.compilation
         if made.plan.unsupported:  # told before anything else is
             return made.program, made.plan, made.facts, made.certificate
         if made.lowered.events.present or made.lowered.lags:  # what happens at instants is told by Python

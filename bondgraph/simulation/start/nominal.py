@@ -129,9 +129,10 @@ class _Coarse:
         """The largest magnitudes on the way, as far as it gets."""
         reach = None
         first = stretches[0]
-        if self.differential.all() and len(self.state) <= LARGEST:
-            fixed = (self.inputs, self.constants, first.mode)
-            reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
+        if self.differential.all():
+            if len(self.state) <= LARGEST:  # a matrix of many is not even formed
+                fixed = (self.inputs, self.constants, first.mode)
+                reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
         elif self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
             reach = self._free_on_constraints(first, self.constraints)
         whole = stretches[-1].stop - first.start
