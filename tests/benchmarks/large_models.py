@@ -18,7 +18,7 @@ def rc_ladder(sections: int, leak: str = CUBIC) -> str:
     ]
     for i in range(1, sections + 1):
         parts.append(
-            f"  R wire_{i} : u = 10 ohm*i\n  C plates_{i} : q = 1 uF*u  {{ start u = {_start(i)} V }}\n  R leak_{i} : i = {law}\n"
+            f"  R wire_{i} : u = 10 ohm*i\n  C plates_{i} : q = 1 uF*u  {{ start u = {start(i)} V }}\n  R leak_{i} : i = {law}\n"
             f"  0 node_{i} : electric\n  node_{i - 1} -> 1(wire_{i}) -> node_{i} -> plates_{i}, leak_{i}\n"
         )
     return "".join(parts) + _end(f"node_{1 + sections // 10}.u", f"node_{sections}.u")
@@ -56,7 +56,7 @@ def lc_ladder(sections: int, leak: str = CUBIC) -> str:
     ]
     for i in range(1, sections + 1):
         parts.append(
-            f"  I coil_{i} : lambda = 1 mH*i\n  R wire_{i} : u = 5 ohm*i\n  C plates_{i} : q = 1 uF*u  {{ start u = {_start(i)} V }}\n  R leak_{i} : i = {law}\n"
+            f"  I coil_{i} : lambda = 1 mH*i\n  R wire_{i} : u = 5 ohm*i\n  C plates_{i} : q = 1 uF*u  {{ start u = {start(i)} V }}\n  R leak_{i} : i = {law}\n"
             f"  0 node_{i} : electric\n  node_{i - 1} -> 1(coil_{i}, wire_{i}) -> node_{i} -> plates_{i}, leak_{i}\n"
         )
     return "".join(parts) + _end(f"node_{1 + sections // 10}.u", f"node_{sections}.u")
@@ -68,7 +68,7 @@ def network(edges: list[tuple[int, int]], nodes: int, leak: str = CUBIC, name: s
     parts = [f"model {name} {{\n  Se source : u = 1 V*sin(2*pi*1000 [1/s]*time)\n"]
     for i in range(1, nodes + 1):
         parts.append(
-            f"  C plates_{i} : q = 1 uF*u  {{ start u = {_start(i)} V }}\n  R leak_{i} : i = {law}\n  0 node_{i} : electric\n  node_{i} -> plates_{i}, leak_{i}\n"
+            f"  C plates_{i} : q = 1 uF*u  {{ start u = {start(i)} V }}\n  R leak_{i} : i = {law}\n  0 node_{i} : electric\n  node_{i} -> plates_{i}, leak_{i}\n"
         )
     parts.append("  R feed : u = 10 ohm*i\n  source -> 1(feed) -> node_1\n")
     for k, (a, b) in enumerate(edges, 1):
@@ -95,7 +95,8 @@ def random_edges(nodes: int, more: int, seed: int = 1) -> list[tuple[int, int]]:
     return tree + [(a, b) for a, b in others]
 
 
-def _start(i: int) -> str:
+def start(i: int) -> str:
+    """The voltage at which node i begins."""
     return f"{0.5 + 0.4 * math.sin(i):.6f}"
 
 
