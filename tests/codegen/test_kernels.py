@@ -114,3 +114,9 @@ def test_a_ladder_written_flat_is_the_same_code_as_an_array() -> None:
     _, flat, _ = code_of(TEXTS["flat ladder"](300))
     _, array, _ = code_of(TEXTS["ladder as an array"](300))
     assert abs(flat[0].count("\n") - array[0].count("\n")) <= 0.2 * flat[0].count("\n")
+
+
+@pytest.mark.machine_code
+def test_small_models_stay_lines() -> None:
+    described, _ = generate_code(compiled(MODELS / "manipulator.bg").lowered, lambda text, _: object_code(text, 0))
+    assert not described.rows
