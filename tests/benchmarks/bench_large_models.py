@@ -1,8 +1,8 @@
 """Large models from text to result, and their solving beside CVODE with KLU on equations written by hand in C.
 
-    python tests/benchmarks/bench_large_models.py
+    python tests/benchmarks/bench_large_models.py [--quick]
 
-writes results/large_models.md and, with matplotlib, results/large_models.png. Times are CPU times (the machine may be shared), medians
+`--quick`: each run once, up to 3000 sections, without the largest networks; the table says so. It writes results/large_models.md and, with matplotlib, results/large_models.png. Times are CPU times (the machine may be shared), medians
 of three, but of what takes long. The peer needs a C compiler and Debian's libsundials-dev and libsuitesparse-dev; without them its columns stay empty.
 """
 
@@ -41,6 +41,7 @@ LADDERS: dict[str, Callable[[int], str]] = {
 }  # fmt: skip
 TIMES = 3
 OURS, THEIRS = (1e-4, 1e-5, 1e-6, 1e-7), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+QUICK = ("ladder of 1000", "mesh 60 x 60", "star of 2000")
 REFERENCE = 1e-11  # of the peer; ours at 1e-9 where there is none
 LONG = 5.0  # s, after which nothing is run once more
 ERROR = 1e-5  # at which times are compared
@@ -87,9 +88,9 @@ def process(text: str, folder: Path) -> tuple[float, float]:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, took
 
 
-def medians(text: str, folder: Path) -> tuple[float, float]:
+def medians(text: str, folder: Path, times: int) -> tuple[float, float]:
     both: list[tuple[float, float]] = []
-    while len(both) < TIMES and sum(b[0] for b in both) < LONG:
+    while len(both) < times and sum(b[0] for b in both) < LONG:
         both.append(process(text, folder))
     return statistics.median(b[0] for b in both), statistics.median(b[1] for b in both)
 
@@ -144,9 +145,9 @@ class Solved:
     fill: int
 
 
-def ours(model: bondgraph.Model, clock: Clock, rtol: float) -> Solved:
+def ours(model: bondgraph.Model, clock: Clock, rtol: float, times: int) -> Solved:
     found: list[tuple[float, float]] = []
-    while len(found) < TIMES and sum(f[0] for f in found) < LONG:
+    while len(found) < times and sum(f[0] for f in found) < LONG:
         clock.whole = clock.stepping = 0.0
         result = model.simulate(rtol=rtol, target="native")
         found.append((clock.whole, clock.stepping))
@@ -194,15 +195,15 @@ def at_equal_error(points: list[tuple[float, float]]) -> float:
     return math.nan
 
 
-def compare(network: Network, clock: Clock, program: Path | None, folder: Path) -> dict[str, Any]:
+def compare(network: Network, clock: Clock, program: Path | None, folder: Path, times: int) -> dict[str, Any]:
     path = folder / "network.bg"
     path.write_text(network.text, encoding="utf-8")
     model = bondgraph.load(path)
-    reference = (ours(model, clock, 1e-9) if program is None else theirs(program, network, REFERENCE)).values
+    reference = (ours(model, clock, 1e-9, times) if program is None else theirs(program, network, REFERENCE)).values
     here, failed = [], []
     for rtol in OURS:
         try:
-            here.append((rtol, ours(model, clock, rtol)))
+            here.append((rtol, ours(model, clock, rtol, times)))
         except RunFailed as problem:
             failed.append(f"{network.name} at rtol {rtol:g}: {problem}")
     usual = dict(here)[1e-6]
@@ -225,34 +226,37 @@ def compare(network: Network, clock: Clock, program: Path | None, folder: Path) 
 # ---------------------------------------------------------------- what is written
 
 
-def main() -> None:
+def main(quick: bool) -> None:
     RESULTS.mkdir(exist_ok=True)
+    sections = SECTIONS[:3] if quick else SECTIONS
+    chosen = [network for network in networks() if not quick or network.name in QUICK]
+    times = 1 if quick else TIMES
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
         process(large_models.rc_ladder_array(120), folder)  # the kernels of stepping are there from now on
         clock, program = Clock(), peer(folder)
-        rows = [compare(network, clock, program, folder) for network in networks()]
-        growth = {name: [medians(make(n), folder) for n in SECTIONS] for name, make in LADDERS.items()}
-        wholes = {network.name: medians(network.text, folder) for network in networks()}
-    text = table(growth, wholes, rows)
+        rows = [compare(network, clock, program, folder, times) for network in chosen]
+        growth = {name: [medians(make(n), folder, times) for n in sections] for name, make in LADDERS.items()}
+        wholes = {network.name: medians(network.text, folder, times) for network in chosen}
+    text = table(sections, growth, wholes, rows, quick)
     (RESULTS / "large_models.md").write_text(text, encoding="utf-8")
     print(text)
-    draw(growth, rows)
+    draw(sections, growth, rows)
 
 
-def table(growth: dict[str, list[tuple[float, float]]], wholes: dict[str, tuple[float, float]], rows: list[dict[str, Any]]) -> str:  # fmt: skip
+def table(sections: tuple[int, ...], growth: dict[str, list[tuple[float, float]]], wholes: dict[str, tuple[float, float]], rows: list[dict[str, Any]], quick: bool) -> str:  # fmt: skip
     lines = [
         "# Large models", "",
-        f"`bench_large_models.py`; CPU times (elapsed in brackets), medians of {TIMES} (one of what takes longer than {LONG:g} s), on {os.cpu_count()} cores that others used too "
+        f"`bench_large_models.py`; CPU times (elapsed in brackets), {'one run each (`--quick`)' if quick else f'medians of {TIMES} (one of what takes longer than {LONG:g} s)'}, on {os.cpu_count()} cores that others used too "
         f"(load {os.getloadavg()[2]:.1f}).", "",
         "## From text to result", "",
         "The whole process `bondgraph run`, on a text never seen before: 1 ms of a ladder whose capacitors leak as the cube, 501 instants. "
-        "The exponent is that of CPU time from 1000 to 10 000 sections.", "",
-        "| sections | " + " | ".join(f"{n}" for n in SECTIONS) + " | exponent |", "|---" * (len(SECTIONS) + 2) + "|",
+        "The exponent is that of CPU time from 1000 sections on.", "",
+        "| sections | " + " | ".join(f"{n}" for n in sections) + " | exponent |", "|---" * (len(sections) + 2) + "|",
     ]  # fmt: skip
     for name, times in growth.items():
         cells = " | ".join(f"{cpu:.2f} s ({wall:.2f})" for cpu, wall in times)
-        lines.append(f"| {name} | {cells} | {exponent(SECTIONS[1:], [t[0] for t in times[1:]]):.2f} |")
+        lines.append(f"| {name} | {cells} | {exponent(sections[1:], [t[0] for t in times[1:]]):.2f} |")
     lines += [
         "", "## Solving alone", "",
         "Our steps are Radau IIA 5 with sparse factors, real and complex; `run` has the search for magnitudes and the reported values in it. "
@@ -294,7 +298,7 @@ def _number(value: float, how: str) -> str:
     return "-" if math.isnan(value) else format(value, how)
 
 
-def draw(growth: dict[str, list[tuple[float, float]]], rows: list[dict[str, Any]]) -> None:
+def draw(sections: tuple[int, ...], growth: dict[str, list[tuple[float, float]]], rows: list[dict[str, Any]]) -> None:
     try:
         import matplotlib
     except ImportError:
@@ -305,7 +309,7 @@ def draw(growth: dict[str, list[tuple[float, float]]], rows: list[dict[str, Any]
 
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
     for name, times in growth.items():
-        left.loglog(SECTIONS, [t[0] for t in times], marker="o", label=name)
+        left.loglog(sections, [t[0] for t in times], marker="o", label=name)
     left.set_xlabel("sections")
     left.set_ylabel("CPU time from text to result, s")
     for number, row in enumerate(rows):
@@ -323,4 +327,4 @@ def draw(growth: dict[str, list[tuple[float, float]]], rows: list[dict[str, Any]
 
 
 if __name__ == "__main__":
-    main()
+    main("--quick" in sys.argv[1:])

@@ -39,12 +39,12 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
     """The program of data and object code."""
     import numpy as np
 
-    from .evaluate import dense, functions
+    from .evaluate import dense, functions, hand_over
 
     machine = MachineCode(*codes)
     names = described.names
     for rows in described.rows:
-        _hand_over(machine, rows)
+        hand_over(machine, rows)
     native = Native(machine.addresses(name for name, _, _ in described.functions), machine)
     found = functions(described.functions, native.addresses, machine)
     pattern, slopes, held = (
@@ -63,15 +63,3 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
     }  # fmt: skip
     given |= found
     return Program(**given)
-
-
-def _hand_over(machine: MachineCode, rows: Rows) -> None:
-    """Put the rows where the code finds them."""
-    import ctypes
-
-    import numpy as np
-
-    arrays = np.frombuffer(rows.streams, dtype=np.int32), np.frombuffer(rows.numbers + bytes(8), dtype=float)
-    bind_rows = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(machine.address(f"bind_{rows.suffix}"))
-    bind_rows(*(a.__array_interface__["data"][0] for a in arrays))
-    machine.keep(arrays)
