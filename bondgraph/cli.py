@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 if TYPE_CHECKING:
-    from .door import Diagnostic
+    from .door import Diagnostic, Scene
     from .model import Model
     from .results import Result
 
@@ -27,6 +27,7 @@ CHECK_SCHEMA = "bondgraph-check/1"
 
 def main() -> None:
     """Entry of the `bondgraph` command."""
+    gc.disable()  # what a command reads and makes lives until its end: looking through it for what could go is for nothing
     try:
         code = commands.main(prog_name="bondgraph", standalone_mode=False)
     except click.ClickException as problem:
@@ -163,6 +164,17 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 # ---------------------------------------------------------------- run
 
 
+def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) -> None:
+    """Compile before anything runs; a run may be long, and what it leaves behind is collected again, but for what is there now."""
+    from .prepared import chosen_target
+
+    _ = model.prepared(scene, energy, chosen_target(target)).plan
+    if gc.isenabled():
+        return  # somebody else looks after it
+    gc.freeze()
+    gc.enable()
+
+
 @commands.command()
 @_file
 @_experiment
@@ -207,13 +219,16 @@ def run(
         from . import native
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
-        chosen = _load(file, model)
+        chosen, asked = _load(file, model), None if experiment == "none" else experiment
+        given = dict(map(_setting, settings))
+        if not given:  # what is set is an argument, or compiled in: the run finds that out
+            _make_ready(chosen, chosen.scene(asked, {}, (), tuple(outputs) or None), energy, target)
         arguments: dict[str, Any] = {
-            "settings": dict(map(_setting, settings)), "to": to, "points": points, "rtol": rtol, "atol": atol,
+            "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
             "energy": energy, "outputs": tuple(outputs) or None, "target": target,
         }  # fmt: skip
         try:
-            result = chosen.simulate(None if experiment == "none" else experiment, start=start, **arguments)
+            result = chosen.simulate(asked, start=start, **arguments)
         except ManyRuns:
             if start is not None:
                 raise

@@ -106,17 +106,23 @@ class Prepared:
         return self._made(key)
 
     def _made(self, key: str) -> tuple[Program, Any, Any, Any]:
-        from .door import ValuesNeeded, bind
-        from .native import CannotCompile, compiled_safely
+        from .door import ValuesNeeded, uncollected
 
         made = self.compilation
-        try:
-            if many_runs(made.plan, self.scene) is not None:  # told before anything else is
-                return made.program, made.plan, made.facts, made.certificate
-            _ = made.lowered
-        except ValuesNeeded as needed:
-            cache.keep(key, {"needed": tuple(sorted(needed.names)), "files": ()})
-            raise
+        with uncollected():
+            try:
+                if many_runs(made.plan, self.scene) is not None:  # told before anything else is
+                    return made.program, made.plan, made.facts, made.certificate
+                _ = made.lowered
+            except ValuesNeeded as needed:
+                cache.keep(key, {"needed": tuple(sorted(needed.names)), "files": ()})
+                raise
+            return self._compiled(key, made)
+
+    def _compiled(self, key: str, made: Compilation) -> tuple[Program, Any, Any, Any]:
+        from .door import bind
+        from .native import CannotCompile, compiled_safely
+
         if made.lowered.events.present or made.lowered.lags:  # what happens at instants is told by Python
             return made.program, made.plan, made.facts, made.certificate
         try:

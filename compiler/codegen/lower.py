@@ -297,7 +297,22 @@ def _entry(result: Lowered, entry: int | float) -> Expression:
 @lru_cache(maxsize=65536)
 def partial(formula: Formula, slot: int) -> Expression:
     """The partial derivative of a formula with respect to one of its slots: formed once, whatever the number of its uses."""
+    terms = _terms(formula)
+    if terms is not None:
+        return add(*(derivative(term, Symbol(slot)) for term in terms.get(slot, ())))
     return derivative(formula.expression, Symbol(slot))
+
+
+@lru_cache(maxsize=4096)
+def _terms(formula: Formula) -> Mapping[int, Sequence[Expression]] | None:
+    """The terms of a sum in which a slot stands: of thousands of terms at a junction each slot is in one; None if it is no sum."""
+    if not isinstance(formula.expression, Apply) or formula.expression.operator != "add":
+        return None
+    found: dict[int, list[Expression]] = {}
+    for term in formula.expression.operands:
+        for symbol in symbols(term):
+            found.setdefault(symbol.key, []).append(term)
+    return found
 
 
 def _lower_assignment(

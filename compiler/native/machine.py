@@ -12,7 +12,7 @@ from typing import Any
 # What generated code calls of the mathematical library.
 LIBRARY = (
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "log10", "pow",
-    "sincos", "memset", "memcpy", "memmove",
+    "sincos", "memset", "memcpy", "memmove", "malloc", "free",
 )  # fmt: skip
 
 
@@ -27,6 +27,11 @@ class MachineCode:
 
     def __init__(self, *codes: bytes) -> None:
         self._engines = [_engine(code) for code in codes]
+        self._kept: list[object] = []
+
+    def keep(self, data: object) -> None:
+        """What the code points to lives as long as it."""
+        self._kept.append(data)
 
     def address(self, name: str) -> int:
         """Where a function begins."""

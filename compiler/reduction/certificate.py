@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import PurePath
 
 from ..algebra.affine import affine_parts
-from ..algebra.expression import Expression, Symbol, depends_on, symbols
+from ..algebra.expression import Apply, Expression, Symbol, depends_on, symbols
 from ..certificate import Certificate, Loop
 from ..equations.system import Assignment, EquationSystem
 from ..source import Span
@@ -115,13 +115,13 @@ class _Dependence:
 
     def _assignment(self, step: Assignment) -> None:
         moving = frozenset(Symbol(i) for i, a in enumerate(step.arguments) if isinstance(a, int) and a in self.moving)
-        given = [Symbol(i) for i, a in enumerate(step.arguments) if isinstance(a, int) and a in self.given]
+        given = {Symbol(i) for i, a in enumerate(step.arguments) if isinstance(a, int) and a in self.given}
         if moving:
             slopes = _slopes(step.formula.expression, moving)
             if slopes is None:
                 self.linear = False
                 self.varying = self.varying or bool(given)
-            elif any(depends_on(slope, symbol) for slope in slopes for symbol in given):
+            elif any(symbol in given for slope in slopes for symbol in symbols(slope)):
                 self.varying = True
         self._mark((step.target,), bool(moving), bool(given))
 
@@ -132,10 +132,17 @@ class _Dependence:
             self.given.update(targets)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=65536)
 def _slopes(x: Expression, moving: frozenset[Symbol]) -> list[Expression] | None:
     """The slopes of an expression over what moves; None if it is not affine in it together."""
-    slopes = []
+    slopes: list[Expression] = []
+    if isinstance(x, Apply) and x.operator == "add":  # a junction may have thousands of terms
+        for term in x.operands:
+            found = _slopes(term, moving)
+            if found is None:
+                return None
+            slopes += found
+        return slopes
     rest = x
     inside = [s for s in symbols(x) if s in moving]
     for symbol in inside:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from compiler.algebra.expression import Expression, Symbol, operations
+from compiler.codegen import lower
 from compiler.codegen.cost import cost
+from tests.benchmarks import large_models
 from tests.compiling import MODELS, compiled
 
 HANDFUL = """
@@ -58,3 +61,24 @@ def test_counts_of_the_manipulator(settings: dict[str, float], most: tuple[int, 
     found = cost(compiled(MODELS / "manipulator.bg", settings, experiment="push_x" if not settings else None).lowered)
     assert found.rates <= most[0] and found.jacobian <= most[1], (found.rates, found.jacobian)
     assert found.functions[0] == ("sin", 2)  # of half the angle once for all: turns and springs agree on it
+
+
+def test_a_junction_of_many_is_differentiated_term_by_term(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many differentiations of terms as there are terms, not as their square."""
+
+    def work(degree: int) -> int:
+        calls = 0
+        original = lower.derivative
+
+        def counted(x: Expression, symbol: Symbol) -> Expression:
+            nonlocal calls
+            calls += 1 + sum(1 for _ in operations(x))
+            return original(x, symbol)
+
+        lower.partial.cache_clear()
+        with monkeypatch.context() as patched:
+            patched.setattr(lower, "derivative", counted)
+            _ = compiled(large_models.network(large_models.star_edges(degree), degree + 1)).lowered
+        return calls
+
+    assert work(200) < 4.5 * work(50)

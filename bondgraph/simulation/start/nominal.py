@@ -85,9 +85,11 @@ def nominal_magnitudes(
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
     for groups, share in ((list(zip(units, kinds, strict=True)), SHARE), (list(units), SLIGHT)):
-        for group in set(groups):
-            same = np.array([g == group for g in groups])
-            result[same] = np.maximum(result[same], share * result[same].max(initial=0.0))
+        numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
+        members = np.array([numbers[group] for group in groups])
+        most = np.zeros(len(numbers))
+        np.maximum.at(most, members, result)
+        result = np.maximum(result, share * most[members])
     result = np.maximum(result, _smallest(program, constraints, state, stretches[0]))
     unknown = (result == 0) | ~np.isfinite(result)
     result[unknown] = 1.0
@@ -148,8 +150,9 @@ class _Coarse:
         reach = None
         first = stretches[0]
         if self.differential.all():
-            fixed = (self.inputs, self.constants, first.mode)
-            reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
+            if len(self.state) <= LARGEST:  # a matrix of many is not even formed
+                fixed = (self.inputs, self.constants, first.mode)
+                reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
         elif self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
             reach = self._free_on_constraints(first, self.constraints)
         whole = stretches[-1].stop - first.start

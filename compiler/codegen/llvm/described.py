@@ -8,6 +8,7 @@ from typing import Any
 
 from ...native.machine import MachineCode
 from ..program import LimitNote, Names, Native, Program
+from .kernels import Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class Described:
     operations: int
     differentiated: int
     functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
+    rows: tuple[Rows, ...] = ()  # what kernels go through
 
     def without_source(self) -> Described:
         """The same without the text that people may read: it is the largest part."""
@@ -39,10 +41,12 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
     """The program of data and object code."""
     import numpy as np
 
-    from .evaluate import dense, functions
+    from .evaluate import dense, functions, hand_over
 
     machine = MachineCode(*codes)
     names = described.names
+    for rows in described.rows:
+        hand_over(machine, rows)
     native = Native(machine.addresses(name for name, _, _ in described.functions), machine)
     found = functions(described.functions, native.addresses, machine)
     pattern, slopes, held = (

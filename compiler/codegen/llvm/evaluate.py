@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...native.machine import MachineCode
+from .kernels import Rows
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
 _POINTER = ctypes.c_void_p
@@ -26,6 +27,13 @@ def functions(
     """The functions of a program by name."""
     many = _Many(code.address("batch"))
     return {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
+
+
+def hand_over(code: MachineCode, rows: Rows) -> None:
+    """Put the rows that kernels go through where the code finds them; they live as long as it."""
+    arrays = np.frombuffer(rows.streams, dtype=np.int32), np.frombuffer(rows.numbers + bytes(8), dtype=float)
+    ctypes.CFUNCTYPE(None, _POINTER, _POINTER)(code.address(f"bind_{rows.suffix}"))(*map(_address, arrays))
+    code.keep(arrays)
 
 
 def dense(entries: Function, pattern: Any, count: int) -> Function:

@@ -10,6 +10,7 @@ from ..numpy.generate import name_tables, of_invariants
 from ..numpy.write import Writer
 from ..program import Names, Program
 from .described import Described, bind
+from .kernels import Rows
 from .write import Module
 
 Compile = Callable[[str, int], bytes]
@@ -32,10 +33,11 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[De
     level = next((level for most, level in LEVELS if modules[0].operations <= most), 0)
     codes = compile_(texts[0], level), compile_(texts[1], 0)
     functions = tuple(function for module in modules for function in module.functions)
-    return _described(lowered, texts[0], functions), codes
+    rows = tuple(module.rows for module in modules if module.rows is not None)
+    return _described(lowered, texts[0], functions, rows), codes
 
 
-def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...]) -> Described:
+def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[Rows, ...]) -> Described:  # fmt: skip
     space = lowered.space
     tables = {
         heading: Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows)) for heading, rows in name_tables(lowered)
@@ -46,7 +48,7 @@ def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[st
         space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
         _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), of_invariants(lowered),
         tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),
-        lowered.differentiated, functions,
+        lowered.differentiated, functions, rows,
     )  # fmt: skip
 
 

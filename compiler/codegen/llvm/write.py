@@ -6,7 +6,7 @@ functions of the mathematical library. The text is written as such: it is the la
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
@@ -19,9 +19,10 @@ from ..lower import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
 from . import support
+from .kernels import Function, Kernels, Rows
 
 ARGUMENTS = ("state", "inputs", "constants", "mode")
-_HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(
+HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(
     arrays=", ".join(f"ptr noalias nocapture readonly %{a}" for a in ARGUMENTS)
 )
 _LIBRARY = {
@@ -37,6 +38,8 @@ _SUPPORTED: dict[str, Callable[..., Any]] = {
     "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
     "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
 }  # fmt: skip
+LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
+SAVING = 2  # by how much shorter the kernels must be
 LARGEST_PRODUCT = 32  # power that is written as products
 
 
@@ -60,20 +63,24 @@ class Module:
         self.arrays: dict[tuple[float, ...], str] = {}
         self.functions: list[tuple[str, tuple[str, ...], int]] = []
         self.operations = 0
+        self.rows: Rows | None = None  # what kernels go through, if there are any
 
     def text(self) -> str:
         """The whole module: the functions that are called again and again, or the others."""
         constants = self.writer.constants
+        self.functions, self.operations = [], 0
         known: dict[Expression, tuple[str, int]] = {node: ("constants", i) for i, node in enumerate(constants)}
         space = self.lowered.space
         counts = {"state": len(space.states) + len(space.unknowns), "input": len(self.lowered.inputs)}
         known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
         known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
         known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(mode_size(self.lowered))}
-        parts = [] if self.hot else [self._constants(constants)]
+        wanted = [] if self.hot else [self._constants(constants)]
         for name, arguments, _, roots in self.writer.functions():
             if (name in HOT) == self.hot:
-                parts.append(self._function(name, tuple(arguments.split(", ")), roots, known))
+                self.functions.append((name, tuple(arguments.split(", ")), len(roots)))
+                wanted.append(_ordered(name, roots, known))
+        parts = self._parts(wanted)
         needed = list(dict.fromkeys(_SUPPORTED[o] for o in sorted(self.called)))
         supporting = translate(needed if self.hot else [support.batch, *needed])
         declared = [
@@ -85,33 +92,43 @@ class Module:
         ]
         return "\n".join([*arrays, *declared, supporting, *parts, ""])
 
-    def _constants(self, nodes: Sequence[Expression]) -> str:
+    def _constants(self, nodes: Sequence[Expression]) -> Function:
         parameters = range(len(self.lowered.parameters))
         leaves: dict[Expression, tuple[str, int]] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
-        return self._function("constants", ("parameters",), nodes, leaves)
+        self.functions.append(("constants", ("parameters",), len(nodes)))
+        return _ordered("constants", nodes, leaves)
+
+    def _parts(self, functions: Sequence[Function]) -> list[str]:
+        """The functions: one line after the other where they are short, or have little that is equal; else over kernels."""
+        if sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
+            kernels = Kernels(self.lowered, functions)
+            if SAVING * kernels.size() < sum(len(f.order) + len(f.roots) for f in functions):
+                suffix = "hot" if self.hot else "cold"
+                self.rows = kernels.rows(suffix)
+                parts, self.operations = kernels.text(self, suffix)
+                return parts
+        return [self._function(f) for f in functions]
 
     def array(self, values: tuple[float, ...]) -> str:
         """The name of a list of numbers, written once for the module."""
         return self.arrays.setdefault(values, f"@points.{len(self.arrays) + 1}")
 
-    def _function(
-        self,
-        name: str,
-        arguments: tuple[str, ...],
-        roots: Sequence[Expression],
-        known: dict[Expression, tuple[str, int]],
-    ) -> str:
-        self.functions.append((name, arguments, len(roots)))
-        body = _Body(self, known)
-        lines = body.write(roots)
+    def _function(self, function: Function) -> str:
+        body = _Body(self, function.known)
+        lines = body.write(function.order, function.roots)
         self.operations += len(lines)
-        return "\n".join([f"define void @{name}{_HEAD}", *body.opening, *lines, "  ret void", "}"])
+        return "\n".join([f"define void @{function.name}{HEAD}", *body.opening, *lines, "  ret void", "}"])
+
+
+def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tuple[str, int]]) -> Function:
+    here: dict[Expression, object] = {**known, Symbol(Leaf("time", 0)): ""}
+    return Function(name, roots, operations_in_order(roots, here), known)
 
 
 class _Body:
     """The lines of one function. Values are doubles, but for conditions, which are truths."""
 
-    def __init__(self, module: Module, known: dict[Expression, tuple[str, int]]) -> None:
+    def __init__(self, module: Module, known: Mapping[Expression, tuple[str, int]]) -> None:
         self.module, self.known = module, known
         self.names: dict[Expression, str] = {Symbol(Leaf("time", 0)): "%time"}
         self.truths: set[str] = set()  # names that are no doubles
@@ -120,10 +137,21 @@ class _Body:
         self.count = 0
         self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
 
-    def write(self, roots: Sequence[Expression]) -> list[str]:
-        """Everything behind the roots, then the roots into `out`."""
-        known: dict[Expression, object] = {**self.known, Symbol(Leaf("time", 0)): ""}
-        for node in operations_in_order(roots, known):
+    def compute(self, expression: Expression, count: int) -> list[str]:
+        """One value, or the several of a linear system, to where `%target` points."""
+        for node in operations_in_order([expression], {}):
+            self.names[node] = self._operation(node)
+        if isinstance(expression, Apply) and expression.operator == "solve":
+            self.lines.append(
+                f"  call void @llvm.memcpy.p0.p0.i64(ptr %target, ptr {self.names[expression]}, i64 {8 * count}, i1 false)"
+            )
+        else:
+            self.lines.append(f"  store double {self._double(expression)}, ptr %target")
+        return self.lines
+
+    def write(self, order: Sequence[Apply], roots: Sequence[Expression]) -> list[str]:
+        """The operations in their order, then the roots into `out`."""
+        for node in order:
             self.names[node] = self._operation(node)
         for place, root in enumerate(roots):
             value = self._double(root)

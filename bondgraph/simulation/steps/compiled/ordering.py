@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-METHODS = ("COLAMD", "MMD_AT_PLUS_A")  # that with less fill is taken
+SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for a pattern that is not symmetric that with less fill is taken
 DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
 PRESENT = 1e-9  # of the largest number of its row: what stands for a zero that may not stay one
 
@@ -30,11 +30,20 @@ def ordered(
     if not np.isfinite(matrix.data).all():
         return None
     matrix.data = np.where(matrix.data == 0, PRESENT, matrix.data)
+    methods = (SYMMETRIC,) if _is_symmetric(matrix) else (ANY, SYMMETRIC)
     try:
-        factors = min((splu(matrix, permc_spec=m, diag_pivot_thresh=DIAGONAL) for m in METHODS), key=lambda f: f.nnz)
+        factors = min((splu(matrix, permc_spec=m, diag_pivot_thresh=DIAGONAL) for m in methods), key=lambda f: f.nnz)
     except RuntimeError:
         return None
     return _fields(factors, rows, columns, differential, count)
+
+
+def _is_symmetric(matrix: Any) -> bool:
+    """Whether there is something in (i, j) wherever there is in (j, i)."""
+    turned = matrix.T.tocsc()
+    matrix.sort_indices()
+    turned.sort_indices()
+    return np.array_equal(matrix.indptr, turned.indptr) and np.array_equal(matrix.indices, turned.indices)
 
 
 def _fields(factors: Any, rows: Any, columns: Any, differential: int, count: int) -> dict[str, Any]:
@@ -56,6 +65,7 @@ def _fields(factors: Any, rows: Any, columns: Any, differential: int, count: int
     found = {
         "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
         "l_start": lower[0], "l_row": lower[1], "u_start": upper[0], "u_row": upper[1], "row_place": row_place, "column_place": column_place,
+        "wide": _wide(*lower),
     }  # fmt: skip
     below, above = len(lower[1]), len(upper[1])
     sizes = {"lower": below, "lower_re": below, "lower_im": below, "upper": above, "upper_re": above, "upper_im": above}
@@ -69,3 +79,16 @@ def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
     columns = np.repeat(np.arange(count), np.diff(factor.indptr))
     kept = factor.indices != columns
     return np.searchsorted(columns[kept], np.arange(count + 1)), factor.indices[kept]
+
+
+def _wide(starts: Any, rows: Any) -> Any:
+    """For each column, how many from there on have one pattern, but for their own rows: these are subtracted together."""
+    count = len(starts) - 1
+    lengths = np.diff(starts)
+    wide = np.ones(count, dtype=np.int64)
+    below = np.flatnonzero((lengths[:-1] == lengths[1:] + 1) & (lengths[:-1] > 0))
+    for k in below[::-1].tolist():
+        own = rows[starts[k] : starts[k + 1]]
+        if own[0] == k + 1 and np.array_equal(own[1:], rows[starts[k + 1] : starts[k + 2]]):
+            wide[k] = wide[k + 1] + 1
+    return wide

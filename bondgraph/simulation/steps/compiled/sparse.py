@@ -34,6 +34,7 @@ class Pattern(Record):
     u_row: Ints
     row_place: Ints  # n: where a row goes
     column_place: Ints  # n: where a column goes
+    wide: Ints  # n: how many columns of L from there on have one pattern, but for their own rows
     lower: Floats
     upper: Floats
     diagonal: Floats  # n
@@ -55,36 +56,50 @@ def real_factors(p: Pattern, shift: float, entries: Floats) -> int:
     """Factors of shift M - J."""
     if p.ready == 0:
         return ANEW
-    for i in range(p.n):
-        p.scale[i] = 0.0
-    for k in range(p.start[p.n]):
+    n = p.n
+    x = p.x
+    scale = p.scale
+    lower = p.lower
+    l_start = p.l_start
+    l_row = p.l_row
+    start = p.start
+    for i in range(n):
+        scale[i] = 0.0
+    for k in range(start[n]):
         value = shift if p.shifted[k] != 0 else 0.0
         if p.entry[k] >= 0:
             value -= entries[p.entry[k]]
-        p.scale[p.row[k]] = max(p.scale[p.row[k]], abs(value))
-    for i in range(p.n):
-        p.scale[i] = 1.0 / p.scale[i] if p.scale[i] > 0.0 and isfinite(p.scale[i]) else 1.0
-    for j in range(p.n):
-        for k in range(p.start[j], p.start[j + 1]):
+        scale[p.row[k]] = max(scale[p.row[k]], abs(value))
+    for i in range(n):
+        scale[i] = 1.0 / scale[i] if scale[i] > 0.0 and isfinite(scale[i]) else 1.0
+    for j in range(n):
+        for k in range(start[j], start[j + 1]):
             value = shift if p.shifted[k] != 0 else 0.0
             if p.entry[k] >= 0:
                 value -= entries[p.entry[k]]
-            p.x[p.row[k]] = value * p.scale[p.row[k]]
-        for q in range(p.u_start[j], p.u_start[j + 1]):
+            x[p.row[k]] = value * scale[p.row[k]]
+        q = p.u_start[j]
+        end = p.u_start[j + 1]
+        while q < end:
             k = p.u_row[q]
-            by = p.x[k]
-            p.x[k] = 0.0
-            p.upper[q] = by
-            if by != 0.0:
-                for r in range(p.l_start[k], p.l_start[k + 1]):
-                    p.x[p.l_row[r]] -= p.lower[r] * by
-        pivot = p.x[j]
-        p.x[j] = 0.0
+            if q + 3 < end and p.wide[k] >= 4 and p.u_row[q + 3] == k + 3:
+                four_columns(x, lower, l_start, l_row, p.upper[q:], k)
+                q += 4
+            else:
+                by = x[k]
+                x[k] = 0.0
+                p.upper[q] = by
+                if by != 0.0:
+                    for r in range(l_start[k], l_start[k + 1]):
+                        x[l_row[r]] -= lower[r] * by
+                q += 1
+        pivot = x[j]
+        x[j] = 0.0
         largest = 0.0
-        for r in range(p.l_start[j], p.l_start[j + 1]):
-            largest = max(largest, abs(p.x[p.l_row[r]]))
-            p.lower[r] = p.x[p.l_row[r]] / pivot if pivot != 0.0 else 0.0
-            p.x[p.l_row[r]] = 0.0
+        for r in range(l_start[j], l_start[j + 1]):
+            largest = max(largest, abs(x[l_row[r]]))
+            lower[r] = x[l_row[r]] / pivot if pivot != 0.0 else 0.0
+            x[l_row[r]] = 0.0
         p.diagonal[j] = pivot
         if pivot == 0.0 or not isfinite(pivot) or not isfinite(largest):
             return SINGULAR if p.tolerant != 0 or pivot != 0.0 else ANEW
@@ -93,55 +108,105 @@ def real_factors(p: Pattern, shift: float, entries: Floats) -> int:
     return FINE
 
 
+def four_columns(x: Floats, lower: Floats, l_start: Ints, l_row: Ints, upper: Floats, k: int) -> None:
+    """Four columns of one pattern from k on are taken from x, in the order in which one after the other would be."""
+    r0 = l_start[k]
+    r1 = l_start[k + 1]
+    r2 = l_start[k + 2]
+    r3 = l_start[k + 3]
+    a = x[k]
+    b = x[k + 1] - lower[r0] * a
+    c = x[k + 2] - lower[r0 + 1] * a - lower[r1] * b
+    d = x[k + 3] - lower[r0 + 2] * a - lower[r1 + 1] * b - lower[r2] * c
+    upper[0] = a
+    upper[1] = b
+    upper[2] = c
+    upper[3] = d
+    for i in range(4):
+        x[k + i] = 0.0
+    count = l_start[k + 4] - r3
+    if count == 0:
+        return
+    la = lower[r0 + 3 :]
+    lb = lower[r1 + 2 :]
+    lc = lower[r2 + 1 :]
+    ld = lower[r3:]
+    first = l_row[r3]
+    if l_row[r3 + count - 1] - first == count - 1:  # what is full needs no list of rows
+        y = x[first:]
+        for i in range(count):
+            y[i] = y[i] - la[i] * a - lb[i] * b - lc[i] * c - ld[i] * d
+    else:
+        rows = l_row[r3:]
+        for i in range(count):
+            x[rows[i]] = x[rows[i]] - la[i] * a - lb[i] * b - lc[i] * c - ld[i] * d
+
+
 def complex_factors(p: Pattern, re: float, im: float, entries: Floats) -> int:
     """Factors of (re + i im) M - J."""
-    for i in range(p.n):
-        p.scale_complex[i] = 0.0
-    for k in range(p.start[p.n]):
+    n = p.n
+    x = p.x
+    xi = p.xi
+    scale = p.scale_complex
+    lr = p.lower_re
+    li = p.lower_im
+    l_start = p.l_start
+    l_row = p.l_row
+    start = p.start
+    for i in range(n):
+        scale[i] = 0.0
+    for k in range(start[n]):
         a = re if p.shifted[k] != 0 else 0.0
         b = im if p.shifted[k] != 0 else 0.0
         if p.entry[k] >= 0:
             a -= entries[p.entry[k]]
-        p.scale_complex[p.row[k]] = max(p.scale_complex[p.row[k]], sqrt(a * a + b * b))
-    for i in range(p.n):
-        size = p.scale_complex[i]
-        p.scale_complex[i] = 1.0 / size if size > 0.0 and isfinite(size) else 1.0
-    for j in range(p.n):
-        for k in range(p.start[j], p.start[j + 1]):
+        scale[p.row[k]] = max(scale[p.row[k]], sqrt(a * a + b * b))
+    for i in range(n):
+        size = scale[i]
+        scale[i] = 1.0 / size if size > 0.0 and isfinite(size) else 1.0
+    for j in range(n):
+        for k in range(start[j], start[j + 1]):
             a = re if p.shifted[k] != 0 else 0.0
             b = im if p.shifted[k] != 0 else 0.0
             if p.entry[k] >= 0:
                 a -= entries[p.entry[k]]
-            p.x[p.row[k]] = a * p.scale_complex[p.row[k]]
-            p.xi[p.row[k]] = b * p.scale_complex[p.row[k]]
-        for q in range(p.u_start[j], p.u_start[j + 1]):
+            x[p.row[k]] = a * scale[p.row[k]]
+            xi[p.row[k]] = b * scale[p.row[k]]
+        q = p.u_start[j]
+        end = p.u_start[j + 1]
+        while q < end:
             k = p.u_row[q]
-            a = p.x[k]
-            b = p.xi[k]
-            p.x[k] = 0.0
-            p.xi[k] = 0.0
-            p.upper_re[q] = a
-            p.upper_im[q] = b
-            if a != 0.0 or b != 0.0:
-                for r in range(p.l_start[k], p.l_start[k + 1]):
-                    i = p.l_row[r]
-                    p.x[i] -= p.lower_re[r] * a - p.lower_im[r] * b
-                    p.xi[i] -= p.lower_re[r] * b + p.lower_im[r] * a
-        pr = p.x[j]
-        pi = p.xi[j]
-        p.x[j] = 0.0
-        p.xi[j] = 0.0
+            if q + 1 < end and p.wide[k] >= 2 and p.u_row[q + 1] == k + 1:
+                two_columns(x, xi, lr, li, l_start, l_row, p.upper_re[q:], p.upper_im[q:], k)
+                q += 2
+            else:
+                a = x[k]
+                b = xi[k]
+                x[k] = 0.0
+                xi[k] = 0.0
+                p.upper_re[q] = a
+                p.upper_im[q] = b
+                if a != 0.0 or b != 0.0:
+                    for r in range(l_start[k], l_start[k + 1]):
+                        i = l_row[r]
+                        x[i] -= lr[r] * a - li[r] * b
+                        xi[i] -= lr[r] * b + li[r] * a
+                q += 1
+        pr = x[j]
+        pi = xi[j]
+        x[j] = 0.0
+        xi[j] = 0.0
         size = pr * pr + pi * pi
         largest = 0.0
-        for r in range(p.l_start[j], p.l_start[j + 1]):
-            i = p.l_row[r]
-            a = p.x[i]
-            b = p.xi[i]
+        for r in range(l_start[j], l_start[j + 1]):
+            i = l_row[r]
+            a = x[i]
+            b = xi[i]
             largest = max(largest, a * a + b * b)
-            p.lower_re[r] = (a * pr + b * pi) / size if size != 0.0 else 0.0
-            p.lower_im[r] = (b * pr - a * pi) / size if size != 0.0 else 0.0
-            p.x[i] = 0.0
-            p.xi[i] = 0.0
+            lr[r] = (a * pr + b * pi) / size if size != 0.0 else 0.0
+            li[r] = (b * pr - a * pi) / size if size != 0.0 else 0.0
+            x[i] = 0.0
+            xi[i] = 0.0
         p.diagonal_re[j] = pr
         p.diagonal_im[j] = pi
         if size == 0.0 or not isfinite(size) or not isfinite(largest):
@@ -151,51 +216,103 @@ def complex_factors(p: Pattern, re: float, im: float, entries: Floats) -> int:
     return FINE
 
 
+def two_columns(
+    x: Floats, xi: Floats, lr: Floats, li: Floats, l_start: Ints, l_row: Ints, ur: Floats, ui: Floats, k: int
+) -> None:
+    """The same for two columns of complex numbers."""
+    r0 = l_start[k]
+    r1 = l_start[k + 1]
+    a = x[k]
+    b = xi[k]
+    c = x[k + 1] - (lr[r0] * a - li[r0] * b)
+    d = xi[k + 1] - (lr[r0] * b + li[r0] * a)
+    ur[0] = a
+    ui[0] = b
+    ur[1] = c
+    ui[1] = d
+    for i in range(2):
+        x[k + i] = 0.0
+        xi[k + i] = 0.0
+    count = l_start[k + 2] - r1
+    if count == 0:
+        return
+    ar = lr[r0 + 1 :]
+    ai = li[r0 + 1 :]
+    br = lr[r1:]
+    bi = li[r1:]
+    first = l_row[r1]
+    if l_row[r1 + count - 1] - first == count - 1:
+        y = x[first:]
+        yi = xi[first:]
+        for i in range(count):
+            y[i] = y[i] - (ar[i] * a - ai[i] * b) - (br[i] * c - bi[i] * d)
+            yi[i] = yi[i] - (ar[i] * b + ai[i] * a) - (br[i] * d + bi[i] * c)
+    else:
+        rows = l_row[r1:]
+        for i in range(count):
+            r = rows[i]
+            x[r] = x[r] - (ar[i] * a - ai[i] * b) - (br[i] * c - bi[i] * d)
+            xi[r] = xi[r] - (ar[i] * b + ai[i] * a) - (br[i] * d + bi[i] * c)
+
+
 def real_back(p: Pattern, x: Floats) -> None:
     """The solution in the place of the right side."""
     n = p.n
+    y = p.y
+    lower = p.lower
+    upper = p.upper
+    l_row = p.l_row
+    u_row = p.u_row
     for i in range(n):
-        p.y[p.row_place[i]] = x[i] * p.scale[p.row_place[i]]
+        y[p.row_place[i]] = x[i] * p.scale[p.row_place[i]]
     for j in range(n):
-        by = p.y[j]
+        by = y[j]
         if by != 0.0:
             for r in range(p.l_start[j], p.l_start[j + 1]):
-                p.y[p.l_row[r]] -= p.lower[r] * by
+                y[l_row[r]] -= lower[r] * by
     for j in range(n - 1, -1, -1):
-        by = p.y[j] / p.diagonal[j]
-        p.y[j] = by
+        by = y[j] / p.diagonal[j]
+        y[j] = by
         for q in range(p.u_start[j], p.u_start[j + 1]):
-            p.y[p.u_row[q]] -= p.upper[q] * by
+            y[u_row[q]] -= upper[q] * by
     for i in range(n):
-        x[i] = p.y[p.column_place[i]]
+        x[i] = y[p.column_place[i]]
 
 
 def complex_back(p: Pattern, xr: Floats, xi: Floats) -> None:
     """The solution in the place of the right side."""
     n = p.n
+    y = p.y
+    yi = p.yi
+    lr = p.lower_re
+    li = p.lower_im
+    ur = p.upper_re
+    ui = p.upper_im
+    l_row = p.l_row
+    u_row = p.u_row
     for i in range(n):
         place = p.row_place[i]
-        p.y[place] = xr[i] * p.scale_complex[place]
-        p.yi[place] = xi[i] * p.scale_complex[place]
+        y[place] = xr[i] * p.scale_complex[place]
+        yi[place] = xi[i] * p.scale_complex[place]
     for j in range(n):
-        a = p.y[j]
-        b = p.yi[j]
+        a = y[j]
+        b = yi[j]
         for r in range(p.l_start[j], p.l_start[j + 1]):
-            i = p.l_row[r]
-            p.y[i] -= p.lower_re[r] * a - p.lower_im[r] * b
-            p.yi[i] -= p.lower_re[r] * b + p.lower_im[r] * a
+            i = l_row[r]
+            y[i] -= lr[r] * a - li[r] * b
+            yi[i] -= lr[r] * b + li[r] * a
     for j in range(n - 1, -1, -1):
         pr = p.diagonal_re[j]
         pi = p.diagonal_im[j]
         size = pr * pr + pi * pi
-        a = (p.y[j] * pr + p.yi[j] * pi) / size
-        b = (p.yi[j] * pr - p.y[j] * pi) / size
-        p.y[j] = a
-        p.yi[j] = b
+        a = (y[j] * pr + yi[j] * pi) / size
+        b = (yi[j] * pr - y[j] * pi) / size
+        y[j] = a
+        yi[j] = b
         for q in range(p.u_start[j], p.u_start[j + 1]):
-            i = p.u_row[q]
-            p.y[i] -= p.upper_re[q] * a - p.upper_im[q] * b
-            p.yi[i] -= p.upper_re[q] * b + p.upper_im[q] * a
+            i = u_row[q]
+            y[i] -= ur[q] * a - ui[q] * b
+            yi[i] -= ur[q] * b + ui[q] * a
     for i in range(n):
-        xr[i] = p.y[p.column_place[i]]
-        xi[i] = p.yi[p.column_place[i]]
+        xr[i] = y[p.column_place[i]]
+        xi[i] = yi[p.column_place[i]]

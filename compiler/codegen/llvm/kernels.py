@@ -1,0 +1,269 @@
+"""Kernels as LLVM IR: a loop for each shape over rows of whole numbers, and functions that go through their runs.
+
+Code is as long as there are shapes, however many instances they have; the rows are data, handed over when the code is loaded (`bind_…`).
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from ...algebra.expression import Apply, Expression, Symbol
+from ...native.values import float_text
+from ..limits import Leaf
+from ..shapes import ARRAYS, Kernel, Place, Plan, Shapes, read
+
+if TYPE_CHECKING:
+    from ..lower import Lowered
+    from .write import Module
+
+ON_THE_STACK = 4096  # numbers in between that a function keeps on the stack; more come from the heap
+_GIVEN = ("state", "inputs", "constants", "mode", "out")
+_HANDED = ", ".join(f"ptr %{a}" for a in (*_GIVEN, "work", "numbers"))
+_READ_ONLY = ", ".join(
+    f"ptr {'' if a in ('out', 'work') else 'noalias readonly '}nocapture %{a}" for a in (*_GIVEN, "work", "numbers")
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """What a function needs before it is written."""
+
+    name: str
+    roots: Sequence[Expression]
+    order: Sequence[Apply]
+    known: Mapping[Expression, Place]
+
+
+class Rows(NamedTuple):
+    """What the kernels of a module go through: rows of whole numbers (32 bits), and numbers in which instances differ."""
+
+    suffix: str
+    streams: bytes
+    numbers: bytes
+
+
+class Kernels:
+    """The functions of a module over kernels that they share."""
+
+    def __init__(self, lowered: Lowered, functions: Sequence[Function]) -> None:
+        self.shapes = Shapes(Symbol(Leaf("time", 0)), lowered.labels)
+        self.plans: dict[str, Plan] = {}
+        for function in functions:
+            self.plans[function.name] = self.shapes.plan(function.roots, function.order, function.known)
+        self.streams: list[int] = []
+        self.starts: dict[str, int] = {}
+        for name, plan in self.plans.items():
+            self.starts[name] = len(self.streams)
+            self.streams += self.shapes.stream(plan)
+
+    def size(self) -> int:
+        """Operations in all shapes."""
+        return sum(_size(k.expression) for k in self.shapes.kernels.values())
+
+    def rows(self, suffix: str) -> Rows:
+        """What the kernels go through."""
+        return Rows(suffix, array("i", self.streams).tobytes(), array("d", self.shapes.table()).tobytes())
+
+    def text(self, module: Module, suffix: str) -> tuple[list[str], int]:
+        """The kernels, the functions over them, what binds their rows; and how many lines the kernels have."""
+        kernels = list(self.shapes.kernels.values())
+        written = [self._kernel(module, kernel) for kernel in kernels]
+        functions = [self._function(name, suffix) for name in self.plans]
+        bound = (
+            f"@streams_{suffix} = internal global ptr null\n@numbers_{suffix} = internal global ptr null\n"
+            f"define void @bind_{suffix}(ptr %streams, ptr %numbers) {{\nentry:\n  store ptr %streams, ptr @streams_{suffix}\n"
+            f"  store ptr %numbers, ptr @numbers_{suffix}\n  ret void\n}}"
+        )
+        heap = "declare noalias ptr @malloc(i64)\ndeclare void @free(ptr)"
+        lines = sum(text.count("\n") for text in written)
+        return [bound, heap, *written, *functions], lines
+
+    # ------------------------------------------------------------ a loop over instances
+    def _kernel(self, module: Module, kernel: Kernel) -> str:
+        if kernel.expression is None:
+            return _sum_kernel(kernel.number)
+        from .write import _Body
+
+        differ = [i for i, value in enumerate(kernel.literals) if value is None]
+        width = 1 + len(kernel.reads) + len(differ)
+        body = _Body(module, {})
+        loads: list[str] = []
+
+        def item(place: int, home: str, name: str) -> None:
+            loads.extend(
+                (
+                    f"  %{name}.i = getelementptr inbounds i32, ptr %row, i64 {place}",
+                    f"  %{name}.n = load i32, ptr %{name}.i",
+                    f"  %{name}.w = zext i32 %{name}.n to i64",
+                    f"  %{name}.p = getelementptr inbounds double, ptr %{home}, i64 %{name}.w",
+                    f"  %{name} = load double, ptr %{name}.p",
+                )
+            )
+
+        for number, home in enumerate(kernel.reads):
+            item(1 + number, home, f"x{number}")
+            body.names[read(home, number)] = f"%x{number}"
+        for number, value in enumerate(kernel.literals):
+            body.names[read("number", number)] = f"%n{number}" if value is None else float_text(value)
+        for place, number in enumerate(differ, 1 + len(kernel.reads)):
+            item(place, "numbers", f"n{number}")
+        lines = body.compute(kernel.expression, kernel.count)
+        return "\n".join(
+            [
+                f"define internal ptr @kernel.{kernel.number}(ptr %rows, i64 %count, double %time, {_READ_ONLY}) {{",
+                "entry:",
+                *body.opening,
+                "  br label %again",
+                "again:",
+                "  %number = phi i64 [ 0, %entry ], [ %more, %again ]",
+                "  %row = phi ptr [ %rows, %entry ], [ %next, %again ]",
+                *loads,
+                "  %target.n = load i32, ptr %row",
+                "  %target.w = sext i32 %target.n to i64",
+                "  %target.o = icmp sge i64 %target.w, 0",
+                "  %target.c = xor i64 %target.w, -1",
+                "  %target.i = select i1 %target.o, i64 %target.w, i64 %target.c",
+                "  %target.a = select i1 %target.o, ptr %out, ptr %work",
+                "  %target = getelementptr inbounds double, ptr %target.a, i64 %target.i",
+                *lines,
+                f"  %next = getelementptr inbounds i32, ptr %row, i64 {width}",
+                "  %more = add nuw nsw i64 %number, 1",
+                "  %go = icmp ult i64 %more, %count",
+                "  br i1 %go, label %again, label %done",
+                "done:",
+                "  ret ptr %next",
+                "}",
+            ]
+        )
+
+    # ------------------------------------------------------------ a function
+    def _function(self, name: str, suffix: str) -> str:
+        from .write import HEAD
+
+        plan = self.plans[name]
+        used = sorted({kernel.number for kernel, _ in plan.runs})
+        heap = plan.work > ON_THE_STACK
+        room = (
+            f"  %work = call ptr @malloc(i64 {8 * plan.work})"
+            if heap
+            else f"  %work = alloca [{max(1, plan.work)} x double], align 16"
+        )
+        cases = [f"    i64 {number}, label %run.{number}" for number in used]
+        joined = ", ".join(f"[ %after.{number}, %run.{number} ]" for number in used)
+        return "\n".join(
+            [
+                f"define void @{name}{HEAD}",
+                room,
+                f"  %streams = load ptr, ptr @streams_{suffix}",
+                f"  %numbers = load ptr, ptr @numbers_{suffix}",
+                f"  %first = getelementptr inbounds i32, ptr %streams, i64 {self.starts[name]}",
+                "  br label %look",
+                "look:",
+                f"  %at = phi ptr [ %first, %entry ]{', [ %on, %next ]' if used else ''}",
+                "  %kernel.n = load i32, ptr %at",
+                "  %kernel = sext i32 %kernel.n to i64",
+                "  %count.p = getelementptr inbounds i32, ptr %at, i64 1",
+                "  %rows = getelementptr inbounds i32, ptr %at, i64 2",
+                "  switch i64 %kernel, label %done [",
+                *cases,
+                "  ]",
+                *[line.replace("%count.w", f"%count.{number}") for number in used for line in _run(number)],
+                *(["next:", f"  %on = phi ptr {joined}", "  br label %look"] if used else []),
+                "done:",
+                *(["  call void @free(ptr %work)"] if heap else []),
+                "  ret void",
+                "}",
+            ]
+        )
+
+
+def _run(number: int) -> list[str]:
+    """One case of the choice between kernels."""
+    call = f"call ptr @kernel.{number}(ptr %rows, i64 %count.w, double %time, {_HANDED})"
+    return [
+        f"run.{number}:",
+        f"  %count.n{number} = load i32, ptr %count.p",
+        f"  %count.w = zext i32 %count.n{number} to i64",
+        f"  %after.{number} = {call}",
+        "  br label %next",
+    ]
+
+
+def _sum_kernel(number: int) -> str:
+    """Long sums, in the order of their terms: each row says where the sum goes, how many terms there are, and which."""
+    bases = [
+        line
+        for place, name in enumerate(ARRAYS)
+        for line in (
+            f"  %base.{name} = getelementptr inbounds ptr, ptr %bases, i64 {place}",
+            f"  store ptr %{name}, ptr %base.{name}",
+        )
+    ]
+    return "\n".join(
+        [
+            f"define internal ptr @kernel.{number}(ptr %rows, i64 %count, double %time, {_READ_ONLY}) {{",
+            "entry:",
+            f"  %bases = alloca [{len(ARRAYS)} x ptr], align 16",
+            *bases,
+            "  br label %again",
+            "again:",
+            "  %number = phi i64 [ 0, %entry ], [ %more, %end ]",
+            "  %row = phi ptr [ %rows, %entry ], [ %on, %end ]",
+            "  %target.n = load i32, ptr %row",
+            "  %target.w = sext i32 %target.n to i64",
+            "  %target.o = icmp sge i64 %target.w, 0",
+            "  %target.c = xor i64 %target.w, -1",
+            "  %target.i = select i1 %target.o, i64 %target.w, i64 %target.c",
+            "  %target.a = select i1 %target.o, ptr %out, ptr %work",
+            "  %target = getelementptr inbounds double, ptr %target.a, i64 %target.i",
+            "  %terms.p = getelementptr inbounds i32, ptr %row, i64 1",
+            "  %terms = load i32, ptr %terms.p",
+            "  %start = getelementptr inbounds i32, ptr %row, i64 2",
+            "  br label %term",
+            "term:",
+            "  %left = phi i32 [ %terms, %again ], [ %fewer, %term ]",
+            "  %at = phi ptr [ %start, %again ], [ %on, %term ]",
+            f"  %sum = phi double [ {float_text(-0.0)}, %again ], [ %grown, %term ]",
+            "  %code = load i32, ptr %at",
+            "  %sign = and i32 %code, 1",
+            "  %away = icmp ne i32 %sign, 0",
+            "  %code.a = lshr i32 %code, 1",
+            "  %array = and i32 %code.a, 7",
+            "  %array.w = zext i32 %array to i64",
+            "  %index = lshr i32 %code, 4",
+            "  %index.w = zext i32 %index to i64",
+            "  %base.p = getelementptr inbounds ptr, ptr %bases, i64 %array.w",
+            "  %base = load ptr, ptr %base.p",
+            "  %value.p = getelementptr inbounds double, ptr %base, i64 %index.w",
+            "  %value = load double, ptr %value.p",
+            "  %turned = fneg double %value",
+            "  %signed = select i1 %away, double %turned, double %value",
+            "  %grown = fadd double %sum, %signed",
+            "  %on = getelementptr inbounds i32, ptr %at, i64 1",
+            "  %fewer = sub i32 %left, 1",
+            "  %go = icmp ne i32 %fewer, 0",
+            "  br i1 %go, label %term, label %end",
+            "end:",
+            "  store double %grown, ptr %target",
+            "  %more = add nuw nsw i64 %number, 1",
+            "  %further = icmp ult i64 %more, %count",
+            "  br i1 %further, label %again, label %done",
+            "done:",
+            "  ret ptr %on",
+            "}",
+        ]
+    )
+
+
+def _size(expression: Expression | None) -> int:
+    seen: set[Expression] = set()
+    stack = [expression]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Apply) and node not in seen:
+            seen.add(node)
+            stack.extend(node.operands)
+    return 1 + len(seen)

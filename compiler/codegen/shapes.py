@@ -1,0 +1,340 @@
+"""Equal work found once: the operations behind the values of a function, cut into trees; trees of one shape are one kernel.
+
+A shape is an expression with numbered places in the place of what it reads: an item of an array, or a number. Names, bonds and indices are
+not in it, so sections of a ladder have the same few shapes, whether they were written as an array or one by one. What differs from one
+instance to the next is a row of whole numbers: where its value goes, and where the values lie that it reads. A function is then a
+list of runs over such rows, in an order in which everything is there before it is read.
+
+Trees are cut where a value is used by several others, at the value of a law once a tree has grown, and at long sums: a sum of a thousand
+terms is one row of a thousand numbers and no code.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ..algebra.expression import CURVES, MINUS_ONE, SLOPES, Apply, Expression, Number, Symbol
+
+Place = tuple[str, int]  # an array and an index in it
+LONGEST_TREE, LONG_TREE = 40, 12  # operations in a tree; and in one that ends with the value of a law
+LONG_SUM = 4  # terms; longer ones are rows of numbers
+ARRAYS = ("state", "inputs", "constants", "mode", "out", "work", "numbers")
+_LITERAL = frozenset((*CURVES, *SLOPES))  # operators whose numbers are part of the shape
+
+_PLACES: dict[tuple[str, int], Symbol] = {}
+
+
+def read(array: str, number: int) -> Symbol:
+    """The place with this number in a shape: what stands there is read from the array."""
+    found = _PLACES.get((array, number))
+    if found is None:
+        found = _PLACES[array, number] = Symbol((array, number))
+    return found
+
+
+@dataclass(eq=False)
+class Kernel:
+    """A shape, and which numbers its instances have. `expression` is None for the kernel of long sums."""
+
+    number: int
+    expression: Expression | None
+    reads: tuple[str, ...] = ()  # the array that each place is read from
+    count: int = 1  # values: of a linear system there are several
+    literals: list[float | None] = field(default_factory=list)  # of its numbers: None where instances differ
+
+
+class Instance(NamedTuple):
+    """Where the value goes (out, or ~place in work), what is read, the numbers."""
+
+    target: int
+    places: tuple[int, ...]
+    numbers: tuple[float, ...]
+
+
+@dataclass(eq=False)
+class Plan:
+    """What a function does: runs of instances of one kernel each, and how much room it needs for what lies between."""
+
+    runs: list[tuple[Kernel, list[Instance]]]
+    work: int
+
+
+class Shapes:
+    """The kernels of a module, gathered function by function."""
+
+    def __init__(self, time: Expression, labelled: Mapping[Expression, object]) -> None:
+        self.time, self.labelled = time, labelled
+        self.kernels: dict[Expression | None, Kernel] = {}
+        self.numbers: dict[float | tuple[str, float], int] = {}
+
+    def plan(self, roots: Sequence[Expression], order: Sequence[Apply], known: Mapping[Expression, Place]) -> Plan:
+        """The plan of a function: `order` are the operations behind the roots, operands first, but for those that are known."""
+        return _Planner(self, order, known).plan(roots)
+
+    def kernel(self, expression: Expression | None, reads: tuple[str, ...], numbers: Sequence[float], count: int) -> Kernel:  # fmt: skip
+        """The kernel of a shape."""
+        found = self.kernels.get(expression)
+        if found is None:
+            found = Kernel(len(self.kernels), expression, reads, count, list(numbers))
+            self.kernels[expression] = found
+            return found
+        literals = found.literals
+        for i, value in enumerate(numbers):
+            if literals[i] is not None and not _same(literals[i], value):
+                literals[i] = None
+        return found
+
+    def place_of(self, value: float) -> int:
+        """Where a number stands in the table of those that differ from one instance to the next."""
+        return self.numbers.setdefault(value or ("zero", math.copysign(1.0, value)), len(self.numbers))
+
+    def table(self) -> list[float]:
+        """These numbers."""
+        return [math.copysign(0.0, key[1]) if isinstance(key, tuple) else key for key in self.numbers]
+
+    def stream(self, plan: Plan) -> list[int]:
+        """A plan as whole numbers: kernel, how many instances, their rows; -1 ends it."""
+        found: list[int] = []
+        for kernel, instances in plan.runs:
+            found += (kernel.number, len(instances))
+            differ = [i for i, value in enumerate(kernel.literals) if value is None]
+            for instance in instances:
+                found.append(instance.target)
+                if kernel.expression is None:
+                    found.append(len(instance.places))
+                found += instance.places
+                if differ:
+                    found += [self.place_of(instance.numbers[i]) for i in differ]
+        found.append(-1)
+        return found
+
+
+def encoded(place: Place, negative: bool) -> int:
+    """A term of a long sum as one number."""
+    array, index = place
+    return index * 16 + ARRAYS.index(array) * 2 + negative
+
+
+def _same(a: float | None, b: float) -> bool:
+    return a == b and a is not None and math.copysign(1.0, a) == math.copysign(1.0, b)
+
+
+class _Planner:
+    """Cuts the operations of one function into trees."""
+
+    def __init__(self, shapes: Shapes, order: Sequence[Apply], known: Mapping[Expression, Place]) -> None:
+        self.shapes, self.order, self.known = shapes, order, known
+        self.index: dict[Expression, int] = {node: i for i, node in enumerate(order)}
+        find = self.index.get
+        self.operands = [[find(o, -1) if isinstance(o, Apply) else -1 for o in node.operands] for node in order]
+        self.where: dict[int, Place] = {}  # of what is kept
+        self.level: dict[int, int] = {}
+        self.runs: dict[tuple[int, int], tuple[Kernel, list[Instance]]] = {}
+        self.work = 0
+
+    def plan(self, roots: Sequence[Expression]) -> Plan:
+        """The runs in an order in which what is read is there."""
+        first: dict[int, int] = {}  # operation -> the first value that is it
+        others: list[tuple[int, Expression]] = []
+        for place, root in enumerate(roots):
+            number = self.index.get(root) if isinstance(root, Apply) and root.operator != "item" else None
+            if number is None or number in first:
+                others.append((place, root))
+            else:
+                first[number] = place
+        kept = self._cut(set(first))
+        for number in kept:
+            self._tree(number, first.get(number), kept)
+        for place, root in others:
+            self._copy(place, root)
+        runs = [self.runs[key] for key in sorted(self.runs)]
+        return Plan(runs, self.work)
+
+    # ------------------------------------------------------------ where trees end
+    def _cut(self, ends: set[int]) -> dict[int, None]:
+        """The operations whose values are kept, operands first."""
+        for number, node in enumerate(self.order):
+            if node.operator == "solve":
+                ends.add(number)
+            elif _is_long(node):
+                ends.add(number)
+                ends.update(self._terms(number))
+        owner = self._owners(ends)
+        size = [0] * len(self.order)
+        grown = False
+        for number, node in enumerate(self.order):
+            own = 1 + sum(size[o] for o in self.operands[number] if o >= 0 and owner[o] != o)
+            if own > LONG_TREE and owner[number] != number and (own > LONGEST_TREE or node in self.shapes.labelled):
+                ends.add(number)
+                own, grown = 0, True
+            size[number] = own
+        if grown:
+            owner = self._owners(ends)
+        return {number: None for number in range(len(self.order)) if owner[number] == number and self._counts(number)}
+
+    def _owners(self, ends: set[int]) -> list[int]:
+        """For each operation the end of the tree that it belongs to: what two trees read is an end of its own."""
+        unknown, several = -1, -2
+        owner = [unknown] * len(self.order)
+        for number in range(len(self.order) - 1, -1, -1):
+            if number in ends or owner[number] in (unknown, several):
+                owner[number] = number
+            own = owner[number]
+            for operand in self.operands[number]:
+                if operand >= 0 and owner[operand] != own:
+                    owner[operand] = own if owner[operand] == unknown else several
+        return owner
+
+    def _counts(self, number: int) -> bool:
+        """An item of a solution is there with the solution."""
+        return self.order[number].operator != "item"
+
+    def _terms(self, number: int) -> list[int]:
+        """The operations that a long sum adds or takes away."""
+        found = []
+        for node, operand in zip(self.order[number].operands, self.operands[number], strict=True):
+            inner = self._negated(node)
+            if inner is not None:
+                operand = self.index.get(inner, -1) if isinstance(inner, Apply) else -1
+            if operand >= 0:
+                found.append(operand)
+        return found
+
+    def _negated(self, node: Expression) -> Expression | None:
+        """x, where the node is -x and nothing that is kept."""
+        if not isinstance(node, Apply) or node.operator != "multiply" or len(node.operands) != 2 or node in self.known:
+            return None
+        return node.operands[1] if node.operands[0] == MINUS_ONE else None
+
+    # ------------------------------------------------------------ instances
+    def _add(self, kernel: Kernel, level: int, instance: Instance) -> None:
+        self.runs.setdefault((level, kernel.number), (kernel, []))[1].append(instance)
+
+    def _target(self, number: int, place: int | None, count: int) -> int:
+        """Where a value goes; from now on it is known there."""
+        if place is not None:
+            self.where[number] = ("out", place)
+            return place
+        self.where[number] = ("work", self.work)
+        self.work += count
+        return ~self.where[number][1]
+
+    def _place(self, node: Expression) -> tuple[Place | None, int]:
+        """Where something lies that is there already, and the level from which on it is; None for what is no item of an array."""
+        number = self.index.get(node) if isinstance(node, Apply) else None
+        if number is None:
+            return self.known.get(node), -1
+        if self.order[number].operator == "item":
+            system, item = self.order[number].operands
+            assert isinstance(item, Number)
+            array, start = self.where[self.index[system]]
+            return (array, start + int(item.value)), self.level[self.index[system]]
+        return self.where.get(number), self.level.get(number, -1)
+
+    def _tree(self, number: int, place: int | None, kept: Mapping[int, None]) -> None:
+        node = self.order[number]
+        if _is_long(node):
+            self._sum(number, place)
+            return
+        shape = _Shape(self, kept)
+        expression = shape.of(number, True)
+        count = round(((1 + 4 * len(node.operands)) ** 0.5 - 1) / 2) if node.operator == "solve" else 1
+        kernel = self.shapes.kernel(expression, shape.reads, shape.numbers, count)
+        self.level[number] = shape.level + 1
+        target = self._target(number, place, count)
+        self._add(kernel, shape.level + 1, Instance(target, tuple(shape.places), tuple(shape.numbers)))
+
+    def _sum(self, number: int, place: int | None) -> None:
+        """A row of terms."""
+        terms, level = [], -1
+        for node in self.order[number].operands:
+            inner = self._negated(node)
+            found, before = self._term(node if inner is None else inner)
+            terms.append(encoded(found, inner is not None))
+            level = max(level, before)
+        self.level[number] = level + 1
+        self._add(
+            self.shapes.kernel(None, (), (), 1), level + 1, Instance(self._target(number, place, 1), tuple(terms), ())
+        )
+
+    def _term(self, node: Expression) -> tuple[Place, int]:
+        if isinstance(node, Number):
+            return ("numbers", self.shapes.place_of(node.value)), -1
+        found, level = self._place(node)
+        if found is None:  # the time
+            assert node == self.shapes.time
+            found = ("work", self.work)
+            self._add(self.shapes.kernel(node, (), (), 1), 0, Instance(~self.work, (), ()))
+            self.work, level = self.work + 1, 0
+        return found, level
+
+    def _copy(self, place: int, root: Expression) -> None:
+        """A value that is a number, an item of an array, or computed for another place."""
+        shape = _Shape(self, {})
+        expression = shape.leaf(root)
+        kernel = self.shapes.kernel(expression, shape.reads, shape.numbers, 1)
+        self._add(kernel, shape.level + 1, Instance(place, tuple(shape.places), tuple(shape.numbers)))
+
+
+class _Shape:
+    """The shape of one tree, and what stands in its places."""
+
+    def __init__(self, planner: _Planner, kept: Mapping[int, None]) -> None:
+        self.planner, self.kept = planner, kept
+        self.found: dict[Place, Symbol] = {}
+        self.inner: dict[int, Expression] = {}
+        self.numbers: list[float] = []
+        self.level = -1
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        return tuple(array for array, _ in self.found)
+
+    @property
+    def places(self) -> list[int]:
+        return [index for _, index in self.found]
+
+    def of(self, number: int, top: bool = False) -> Expression:
+        """An operation of the tree."""
+        planner = self.planner
+        node = planner.order[number]
+        if not top and (number in self.kept or node.operator == "item"):
+            return self.leaf(node)
+        result = self.inner.get(number)
+        if result is None:
+            operator, literal = node.operator, node.operator in _LITERAL
+            parts: list[Expression] = []
+            for i, (operand, at) in enumerate(zip(node.operands, planner.operands[number], strict=True)):
+                if at >= 0:
+                    parts.append(self.of(at))
+                elif isinstance(operand, Number) and (
+                    literal or (operator == "multiply" and operand == MINUS_ONE) or (operator == "power" and i == 1)
+                ):
+                    parts.append(operand)
+                else:
+                    parts.append(self.leaf(operand))
+            result = self.inner[number] = Apply(operator, tuple(parts))
+        return result
+
+    def leaf(self, node: Expression) -> Expression:
+        """What is there already."""
+        if isinstance(node, Number):
+            self.numbers.append(node.value)
+            return read("number", len(self.numbers) - 1)
+        if node == self.planner.shapes.time:
+            return node
+        place, level = self.planner._place(node)
+        assert place is not None
+        if level > self.level:
+            self.level = level
+        symbol = self.found.get(place)
+        if symbol is None:
+            symbol = self.found[place] = read(place[0], len(self.found))
+        return symbol
+
+
+def _is_long(node: Apply) -> bool:
+    return node.operator == "add" and len(node.operands) > LONG_SUM

@@ -1,0 +1,122 @@
+"""Equal work is code once: functions over kernels compute what straight-line functions compute, and do not grow with the model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compiler.codegen.llvm import write
+from compiler.codegen.llvm.generate import Described, bind, generate_code
+from compiler.codegen.program import Program
+from compiler.driver import Compilation
+from compiler.native.machine import object_code
+from tests.benchmarks import large_models
+from tests.compiling import MODELS, compiled
+
+FUNCTIONS = (
+    "derivative", "jacobian_entries", "output", "powers", "claims", "forced", "dependent", "sensitivities", "holds", "limit_values",
+    "invariant", "invariant_slopes",
+)  # fmt: skip
+MANY = (
+    "active_filter", "chain", "crank_linkage", "drag", "four_bar", "manipulator", "plates", "rectifier", "robot_arm", "solenoid",
+    "spatial_slider_crank", "sweep", "transformer",
+)  # fmt: skip
+
+
+def by_lines_and_by_kernels(made: Compilation, monkeypatch: pytest.MonkeyPatch) -> list[Program]:
+    programs = []
+    for longest, saving in ((10**9, 2), (-1, 0)):
+        monkeypatch.setattr(write, "LONGEST_IN_LINES", longest)
+        monkeypatch.setattr(write, "SAVING", saving)
+        described, codes = generate_code(made.lowered, lambda text, _: object_code(text, 0))
+        assert bool(described.rows) == (longest < 0)
+        programs.append(bind(described, codes))
+    return programs
+
+
+def values(program: Program) -> list[np.ndarray]:
+    constants, inputs = program.constants(np.array(program.defaults)), np.array(program.input_defaults)
+    state = program.start(constants)
+    noise = np.random.default_rng(1).normal(size=len(state))
+    state = state + noise * 1e-3 * (np.abs(state).max(initial=1e-3) + 1e-6)
+    at = (1.1e-4, state, inputs, constants, program.switches(1e-4, constants))
+    found = [getattr(program, name)(*at) for name in FUNCTIONS]
+    if program.solved is not None:
+        found.append(program.solved(*at))
+    return [constants, program.start(constants), program.nominal(constants), program.instants(constants), *found]
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("name", MANY)
+def test_kernels_compute_bit_by_bit_what_lines_compute(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = compiled(MODELS / f"{name}.bg", everything=True)
+    for one, other in zip(*map(values, by_lines_and_by_kernels(made, monkeypatch)), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+TEXTS = {
+    "flat ladder": lambda n: large_models.rc_ladder(n),
+    "ladder as an array": lambda n: large_models.rc_ladder_array(n),
+    "coils": lambda n: large_models.lc_ladder(n),
+    "mesh": lambda n: large_models.network(large_models.mesh_edges(round(n**0.5)), round(n**0.5) ** 2),
+    "star": lambda n: large_models.network(large_models.star_edges(n), n + 1),
+    "random": lambda n: large_models.network(large_models.random_edges(n, n // 2), n),
+}
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("kind", ["mesh", "star", "random", "coils"])
+def test_of_large_networks_too(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = compiled(TEXTS[kind](64), everything=True)
+    for one, other in zip(*map(values, by_lines_and_by_kernels(made, monkeypatch)), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def code_of(text: str) -> tuple[Described, list[str], list[int]]:
+    texts: list[str] = []
+
+    def keeping(part: str, level: int) -> bytes:
+        texts.append(part)
+        return object_code(part, level)
+
+    described, codes = generate_code(compiled(text).lowered, keeping)
+    return described, texts, [len(code) for code in codes]
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("kind", ["flat ladder", "ladder as an array", "coils", "star"])
+def test_code_does_not_grow_with_the_number_of_instances(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(write, "LONGEST_IN_LINES", 0)  # also where lines would do
+    described, texts, sizes = code_of(TEXTS[kind](100))
+    longer, more, others = code_of(TEXTS[kind](1000))
+    assert sum(sizes) < 30_000
+    for few, many, size, other in zip(texts, more, sizes, others, strict=True):
+        assert few.count("\ndefine ") == many.count("\ndefine ")
+        assert few.count("\n") == many.count("\n")
+        assert other == size
+    assert longer.operations == pytest.approx(10 * described.operations, rel=0.05)  # what is computed does grow
+    assert longer.differentiated == described.differentiated <= 16  # laws, whatever their number of uses
+    rows, before = (sum(len(r.streams) for r in d.rows) for d in (longer, described))
+    assert rows == pytest.approx(10 * before, rel=0.1)
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("kind", ["mesh", "random"])
+def test_code_of_networks_grows_with_kinds_of_nodes_alone(kind: str) -> None:
+    _, _, sizes = code_of(TEXTS[kind](225))
+    _, _, others = code_of(TEXTS[kind](900))
+    assert sum(others) < 1.5 * sum(sizes)
+    assert sum(others) < 100_000
+
+
+@pytest.mark.machine_code
+def test_a_ladder_written_flat_is_the_same_code_as_an_array() -> None:
+    _, flat, _ = code_of(TEXTS["flat ladder"](300))
+    _, array, _ = code_of(TEXTS["ladder as an array"](300))
+    assert abs(flat[0].count("\n") - array[0].count("\n")) <= 0.2 * flat[0].count("\n")
+
+
+@pytest.mark.machine_code
+def test_small_models_stay_lines() -> None:
+    described, _ = generate_code(compiled(MODELS / "manipulator.bg").lowered, lambda text, _: object_code(text, 0))
+    assert not described.rows
