@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
 COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
+EXPLODED = 1e3  # times as large within the second half of the way
 CAREFUL = 300  # of these: up to then a step must not overshoot what grows
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
@@ -131,6 +132,7 @@ class _Coarse:
         self.stopped: float | None = None  # where it gave up
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
+        self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
         kind = sparse if is_large(len(state), len(self.rows)) else once
@@ -176,21 +178,29 @@ class _Coarse:
                 if found is None:
                     size *= 0.25
                     if size < SMALLEST_STEP * whole:
-                        self.stopped = time
-                        return self.largest
+                        return self._given_up(stretches[0].start, time)
                     continue
                 time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
                 size = min(usual, 2 * size)
                 self.state = found if self.constraints is None else self.constraints.project(time, found, stretch.mode)
                 self.largest = np.maximum(self.largest, np.abs(found))
+                if time - stretches[0].start >= 1.1 * (self.past[-1][0] if self.past else 0.0):
+                    self.past.append((time - stretches[0].start, self.largest))
                 if choice is not None and choice.look(time, found, stretch.mode) is not None:
                     return self.largest
                 if reach is not None:
                     self.largest = np.maximum(self.largest, reach(found))
             if time < stretch.stop:
-                self.stopped = time
-                break
+                return self._given_up(stretches[0].start, time)
         return self.largest
+
+    def _given_up(self, start: float, time: float) -> Any:
+        """The magnitudes where this ends before the run does. What has grown without bound on the second half of the way counts as it was
+        before: tolerances of what a state becomes when it explodes would be none for all that the run reports until then."""
+        self.stopped = time
+        half = [largest for length, largest in self.past if length <= 0.5 * (time - start)]
+        before = half[-1] if half else self.largest
+        return np.where((before > 0) & (self.largest > EXPLODED * before), before, self.largest)
 
     def _follows(self, stretch: Segment, stretches: int) -> Callable[[float, float], bool]:
         """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
