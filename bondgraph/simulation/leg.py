@@ -369,15 +369,16 @@ class Leg:
         held, self.held = self.held, held_in(space, after)
         arguments = self._arguments()
         found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps)
-        self._audit(space, found)
+        own = slice(len(space.ports), len(space.ports) + len(space.stored))  # mechanisms: what goes to and fro within
+        self._audit(space, found, float(np.abs([before[own], after[own]]).sum()))
         passed = None if held is None else impulse_loss(space, held, before, arguments)
         return found if passed is None else added([passed, found]) or found
 
-    def _audit(self, space: StateSpace, found: EnergyBalance) -> None:
+    def _audit(self, space: StateSpace, found: EnergyBalance, within: float) -> None:
         """Name the laws that create energy: resistors that give power, storages whose work is not what they store."""
         from .watch.energy import givers, unexplained
 
-        turnover = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
+        turnover = within + sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
         powers = []
         for stretch in self.trajectory.pieces or self.stretches:
             chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)

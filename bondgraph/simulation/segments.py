@@ -76,7 +76,8 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
     share = span / whole if whole > 0 else 0.0
     numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))
     times = stretch.start + span * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / len(numbers)
-    times = np.clip(times, *inside(stretch))
+    begin, end = inside(stretch)  # where a narrow pulse may have its crest
+    times = np.concatenate([[begin], np.clip(times, begin, end), [end]])
     first = program.signals(times[:1], inputs, constants, stretch.mode)
     if not first.shape[-1]:
         return Signals(np.zeros(0), times[:0], np.zeros((0, 0)))

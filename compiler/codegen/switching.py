@@ -156,9 +156,20 @@ class Switching:
         if x.operator == "multiply" and len(operands) < 2:
             return
         for g in operands:
-            slope = derivative(g, Symbol(Leaf("time", 0)))
-            if slope != ZERO and not self.result.dependence(slope) & TIME:
+            if self._is_affine(g, {}):
                 self._instant(self.replaced(g))
+
+    def _is_affine(self, x: Expression, known: dict[Expression, bool]) -> bool:
+        """Whether an expression that depends on time is affine in it, by its form alone."""
+        if not isinstance(x, Apply):
+            return True
+        if x not in known:
+            moving = [o for o in x.operands if self.result.dependence(o) & TIME]
+            linear = x.operator == "add" or (
+                len(moving) == 1 and (x.operator == "multiply" or (x.operator == "divide" and moving[0] is x.operands[0]))
+            )
+            known[x] = linear and all(self._is_affine(o, known) for o in moving)
+        return known[x]
 
     def _opened(self, symbol: Symbol) -> Expression:
         """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""

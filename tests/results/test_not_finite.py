@@ -13,7 +13,7 @@ ROOT = "plain model M {\n  1 j\n  Se s : e = 1\n  I b : p = f\n  s -> j -> b\n  
 
 def test_an_output_without_a_value_stops_the_run_with_its_name_and_time() -> None:
     with pytest.raises(
-        RunFailed, match=r"at t = 0 s `y` is not finite: `y`, computed at `y` \(line 6\), asks for `log\(-0.6\)`"
+        RunFailed, match=r"at t = 0 s `y` is not finite: `y`, computed at `y` \(line 6\), has no value there: the logarithm of -0\.6"
     ):
         bondgraph.load(ROOT).simulate(to=1.0, points=3)
 
@@ -97,14 +97,14 @@ class TestTransducerOfRatioZero:
 @pytest.mark.parametrize(
     ("law", "asked"),
     [
-        ("sqrt(0.7 - time)", r"sqrt\(-"),
-        ("log(0.7 - time)", r"log\("),
-        ("asin(0.3 + time)", r"asin\(1\.0"),
-        ("(0.7 - time)^1.5", r"-.*\^1\.5"),
+        ("sqrt(0.7 - time)", r"the square root of -"),
+        ("log(0.7 - time)", r"the logarithm of "),
+        ("asin(0.3 + time)", r"asin of 1"),
+        ("(0.7 - time)^1.5", r"-.* to the power of 1\.5"),
     ],
 )
 def test_what_has_no_value_just_after_an_instant_is_told_there(law: str, asked: str) -> None:
     """A root of what becomes negative is still a number where it is zero: a step beyond is not, however short."""
     text = f"plain model M {{\n  signal x = integral({law} - 0.01*x^3, 0)\n  output y = x\n}}\n"
-    with pytest.raises(RunFailed, match=rf"at t = 0\.7\d* s the rate of `x` is not finite.*asks for `{asked}"):
+    with pytest.raises(RunFailed, match=rf"(at|from) t = 0\.7\d* s.*`x`.*has no value there: {asked}"):
         bondgraph.load(text).simulate(to=1.0, points=3)

@@ -25,7 +25,7 @@ LONGEST = 120.0  # s of computing for one run: what takes longer hangs
 Expected = Callable[[Any], Mapping[str, Any]]  # times (n,) -> by output (n,)
 
 
-class TooLong(Exception):
+class TooLong(BaseException):
     """A run did not end in time."""
 
 
