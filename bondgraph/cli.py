@@ -182,6 +182,11 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option(
     "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
 )
+@click.option(
+    "--solver",
+    metavar="SOLVER",
+    help="automatic, exponential, explicit, radau or energy (keeps that of lossless models).",
+)
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
@@ -189,7 +194,7 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, target: str | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
+    atol: float | None, solver: str | None, target: str | None, energy: bool, out: str | None, plot: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     with _told():
@@ -207,6 +212,7 @@ def run(
             energy,
             tuple(outputs) or None,
             target,
+            solver,
         )
         for left in result.warnings:
             click.echo(f"warning: {left}", err=True)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from compiler.native.translate import translate
     from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
-    from compiler.scene import Facts, Override, Plan, Reported, Scene
+    from compiler.scene import SOLVERS, Facts, Override, Plan, Reported, Scene
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.scales import scale_of
@@ -57,7 +57,7 @@ _HOMES = {
     "EventNote": "codegen.program", "Hybrid": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
-    "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
+    "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene", "SOLVERS": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "read_text": "source",
     "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
@@ -72,7 +72,7 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "CausalGraph",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "SOLVERS", "Apply", "Assignment", "Because", "CausalGraph",
     "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic", "Element", "EquationSystem",
     "EventNote", "Expression", "Facts", "Fields", "Floats", "Handed", "Hybrid", "InternalError", "Ints", "Junction", "Kind",
     "LimitNote", "LinearLoop", "Literal", "MachineCode", "Mechanism", "MechanismNode", "Override", "Path", "Plan", "PowerPort",

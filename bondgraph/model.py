@@ -230,18 +230,21 @@ class Model:
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None, target: str | None = None,
+        outputs: tuple[str, ...] | None = None, target: str | None = None, solver: str | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
         `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
-        balance. `target`: native (machine code) or numpy; the first that this machine has.
+        balance. `target`: native (machine code) or numpy; the first that this machine has. `solver`: automatic, exponential
+        (linear models), explicit, radau (stiff models) or energy (lossless models).
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail.
         """
         from .simulation.run import simulate
 
-        return simulate(self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target)
+        return simulate(
+            self, self.scene(experiment, settings, (), outputs), to, points, rtol, atol, energy, target, solver
+        )
 
 
 def _override(name: str, value: str | float) -> Override:

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from .syntax.tree import Expression
 
 
+# What an experiment may ask to solve with: the run chooses; matrix exponential, explicit pair, Radau, a method that conserves energy.
+SOLVERS = ("automatic", "exponential", "explicit", "radau", "energy")
+
+
 @dataclass(frozen=True, slots=True)
 class Override:
     """A parameter or input set from outside: an expression of the text, or a number in SI."""
@@ -60,6 +64,7 @@ class Plan:
     start: float = 0.0
     stop: float | None = None
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
+    solver: str | None = None  # one of `SOLVERS`
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish

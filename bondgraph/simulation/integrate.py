@@ -17,7 +17,8 @@ from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
-from .steps.radau import C, Problem, Radau, StepFailed
+from .steps.methods import AUTOMATIC, EXPLICIT, NAMES, RADAU
+from .steps.radau import INNER, Problem, Radau, StepFailed
 from .stuck import MOST_STEPS, not_finite, stuck
 from .trajectory import Tolerances, Trajectory
 from .watch.choice import Choice
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from .events.events import Events
     from .events.history import History
     from .events.locate import Flip, StateAt
+    from .steps.compiled.interpreted import Interpreted
     from .steps.compiled.run import CompiledRadau
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -50,10 +52,12 @@ def integrate(
     events: Events | None = None,
     off: tuple[str, ...] = (),
     history: History | None = None,
+    solver: str = AUTOMATIC,
 ) -> Trajectory:
     """Integrate over the stretches; `watch` looks at each accepted step. Raises `RunFailed` with time and variable.
 
     `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
+    `solver`: one of `methods.SOLVERS`.
 
     `powers` are integrated along the solution, outside the error control.
     """
@@ -61,9 +65,9 @@ def integrate(
     if events is not None:
         from .events.instants import EventStepper
 
-        return EventStepper.through(events, off, fixed, state, stretches, choice, linear, history)
+        return EventStepper.through(events, off, fixed, state, stretches, choice, linear, history, solver)
     stepper = Stepper(*fixed)
-    stepper.choice, stepper.linear = choice, linear and not constraints and history is None
+    stepper.choice, stepper.linear, stepper.solver = choice, linear and not constraints and history is None, solver
     stepper.remember(history)
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
@@ -92,6 +96,8 @@ class Stepper:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
         self.linear = False
+        self.solver = AUTOMATIC  # what the author asks for
+        self.settled: int | None = None  # the method that goes on whatever the next stretch looks like
         self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
@@ -166,8 +172,14 @@ class Stepper:
                 return end
         return self._by_steps(stretch, x)
 
+    def name(self, method: int, target: str) -> None:
+        """Tell the result what steps."""
+        self.result.solvers[f"{NAMES[method]}, {target}"] = None
+
     def count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():
+            if not count:
+                continue
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
@@ -177,10 +189,14 @@ class Stepper:
             from .machine import in_machine_code, obstacle_of
 
             obstacle = obstacle_of(self.program)
-        self.result.solvers[f"Radau IIA 5, {'native' if obstacle is None else f'numpy{obstacle}'}"] = None
+        from .method import method_of
+
+        method = method_of(self, stretch, x, obstacle is None)
+        self.name(method, "native" if obstacle is None else f"numpy{obstacle}")
         if obstacle is None:
-            return in_machine_code(self, stretch, x)
-        solver = self._solver(stretch, stretch.start, x)
+            return in_machine_code(self, stretch, x, method)
+        self.check_rates(stretch.start, x, stretch.mode)
+        solver = self._solver(stretch, stretch.start, x) if method == RADAU else self.interpreted(stretch, x)
         if self.constraints:
             self.singular.begin(stretch.start, x, stretch.mode)
         magnitude = self.tolerances.magnitude
@@ -211,18 +227,40 @@ class Stepper:
             self.grow(solver.state * magnitude)
             peak = np.maximum(peak, np.abs(solver.state))
             # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
-            solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
+            solver.hold_to(absolute := relative * np.where(self.tolerances.held, 1.0, peak))
             if self.choice is not None and not solver.finished:
                 self.result.handover = self.choice.look(solver.time, solver.state * magnitude, stretch.mode)
                 if self.result.handover is not None:
                     break
-            if self.constraints and not solver.finished:
+            if not isinstance(solver, Radau):
+                if self.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
+                    self.settled = RADAU
+                    self.name(RADAU, f"numpy{obstacle}")
+                    self.count(solver.evaluations)
+                    solver = self._solver(stretch, solver.time, solver.state * magnitude, absolute=absolute)
+            elif self.constraints and not solver.finished:
                 solver = self._past_singular_pose(solver, stretch)
         self.result.steps += steps
         self.count(solver.evaluations)
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
+
+    @cached_property
+    def obstacle_to_explicit(self) -> str:
+        """Why an explicit method cannot step; empty if it can."""
+        if self.constraints:
+            return "closed loops hold its states on constraints"
+        return (
+            "the unknowns of its algebraic loops are found with each step" if len(self.program.unknowns.names) else ""
+        )
+
+    def interpreted(self, stretch: Segment, x: Any) -> Interpreted:
+        """The explicit pair as Python, from the start of a stretch."""
+        from .steps.compiled.interpreted import Interpreted
+
+        fixed = (self.program, self.inputs, self.constants, self.tolerances, stretch)
+        return Interpreted(*fixed, x, self.longest, EXPLICIT)
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
         """A state on its invariants, with the unknowns that belong to it."""
@@ -277,7 +315,7 @@ class Stepper:
         """Where an event stepper looks for events in a step."""
         return stretch
 
-    def _dense(self, solver: Radau, stretch: Segment, times: Any, exactly: bool = True) -> Any:
+    def _dense(self, solver: Radau | Interpreted, stretch: Segment, times: Any, exactly: bool = True) -> Any:
         """States and unknowns within the last step, the latter solved for if they are wanted exactly; shape (times, n)."""
         states = solver.sample(times) * self.tolerances.magnitude
         return self.held_all(times, states, stretch.mode) if exactly or self.constraints else states
@@ -329,8 +367,11 @@ class Stepper:
                 "its flow would be an impulse; put a resistor between source and storage, or let the source rise within a time"
             )
 
-    def _solver(self, stretch: Segment, start: float, x: Any, size: float = np.inf) -> Radau:
-        """The solver for the scaled states of one stretch, from a time and state in it; `size` of the first step, if known."""
+    def _solver(self, stretch: Segment, start: float, x: Any, size: float = np.inf, absolute: Any = None) -> Radau:
+        """Radau for the scaled states of one stretch, from a time and state in it; `size` of the first step, if known.
+
+        `absolute`: tolerances of the scaled states, if they have grown.
+        """
         program, magnitude, count = self.program, self.tolerances.magnitude, len(self.program.states.names)
         fixed = (self.inputs, self.constants, stretch.mode)
         differential = np.arange(len(x)) < count
@@ -345,15 +386,15 @@ class Stepper:
         def jacobian(time: float, scaled: Any) -> Any:
             return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
-        self.check_rates(start, x, stretch.mode)
         relative = self.tolerances.relative
         from .steps.factorise import dense, is_large, sparse
 
         shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
         follows = follower(program, self.inputs, self.constants, stretch)
         problem = Problem(
-            derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
-        )
+            derivative, jacobian, shifted, differential, relative, self.tolerances.scaled if absolute is None else absolute,
+            follows, self.longest,
+        )  # fmt: skip
         if self.constraints:
 
             def hold(time: float, scaled: Any) -> Any:
@@ -370,7 +411,7 @@ class Stepper:
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x)
 
-    def _step(self, solver: Radau, steps: int, mode: Any) -> None:
+    def _step(self, solver: Radau | Interpreted, steps: int, mode: Any) -> None:
         """One accepted step."""
         try:
             solver.step()
@@ -380,7 +421,7 @@ class Stepper:
         if steps >= MOST_STEPS or self.steps > self.most_steps:
             raise self.failed(solver, "steps", mode)
 
-    def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: Radau | Interpreted | CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
         state = solver.state * self.tolerances.magnitude
         slope = np.zeros(len(state))
@@ -390,7 +431,7 @@ class Stepper:
             return not_finite(self.program, solver.time, slope, state)
         return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
 
-    def _sample(self, solver: Radau, stretch: Segment) -> None:
+    def _sample(self, solver: Radau | Interpreted, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
         first = last = self.position
         end = stretch.stop if self.flip is None else self.flip.time
@@ -401,21 +442,23 @@ class Stepper:
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
-    def look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: Radau | Interpreted | CompiledRadau, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time
-        self._watch_limits(start, stop, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
+        magnitude = self.tolerances.magnitude
+        self._watch_limits(start, stop, reported, lambda t: solver.sample(t) * magnitude, stretch, solver.inner)
 
-    def _along(self, solver: Radau, times: Any) -> Any:
+    def _along(self, solver: Radau | Interpreted, times: Any) -> Any:
         """States within the last step, as the collocation polynomial has them."""
         return solver.collocation(times) * self.tolerances.magnitude
 
     def _watch_limits(
-        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment
-    ) -> None:
+        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment,
+        inner: Sequence[float] = INNER,
+    ) -> None:  # fmt: skip
         if self.program.limits:
-            times = np.unique(np.concatenate([[start], start + C[:-1] * (stop - start), [stop], reported]))
+            times = np.unique(np.concatenate([[start], start + np.array(inner) * (stop - start), [stop], reported]))
             self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
 
     def _add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:

@@ -17,6 +17,7 @@ from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
 from .start.nominal import Looks, Magnitudes, nominal_magnitudes
 from .start.start import consistent_start
+from .steps.methods import AUTOMATIC
 from .trajectory import Tolerances, Trajectory
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
@@ -41,8 +42,10 @@ class Leg:
         atol: float | None,
         energy: bool,
         begin: Handover | None,
+        solver: str = AUTOMATIC,
         off: tuple[str, ...] = (),
     ) -> None:
+        self.solver = solver
         self.compilation, self.plan, self.begin = compilation, plan, begin
         self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
         hybrid = compilation.program.hybrid
@@ -214,7 +217,7 @@ class Leg:
             self.trajectory = integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
                 self._powers if self.energy else None, self.watch, self._choice(), self.compilation.certificate.linear,
-                self.constraints, self.events, self.off, self.history,
+                self.constraints, self.events, self.off, self.history, self.solver,
             )  # fmt: skip
         except RateNotFinite as failed:
             from .watch.finite import cause_of

@@ -15,6 +15,7 @@ from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
+from .steps.methods import chosen_solver
 from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ def simulate(
     atol: float | None,
     energy: bool,
     target: str | None = None,
+    solver: str | None = None,
 ) -> Result:
     """Run a scene of a model; arguments that are not None override the experiment."""
     began = clock.perf_counter()
@@ -45,6 +47,7 @@ def simulate(
     plan = prepared.plan
     _check_supported(plan)
     stop = _stop(plan, to)
+    solver = chosen_solver(solver if solver is not None else plan.solver)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
     count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
     if count < 2 or count > 10_000_000:
@@ -59,7 +62,7 @@ def simulate(
         begin: Handover | None = None
         while not legs or begin is not None:
             chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
-            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin)
+            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin, solver)
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
                 scene = replace(scene, off=leg.begins_without)

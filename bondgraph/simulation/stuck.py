@@ -8,11 +8,12 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RateNotFinite
-from .steps.radau import Radau
 from .trajectory import Tolerances
 
 if TYPE_CHECKING:
+    from .steps.compiled.interpreted import Interpreted
     from .steps.compiled.run import CompiledRadau
+    from .steps.radau import Radau
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
@@ -31,8 +32,15 @@ def not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNot
 
 
 def stuck(
-    program: Program, solver: Radau | CompiledRadau, what: str, state: Any, slope: Any, tolerances: Tolerances
+    program: Program,
+    solver: Radau | Interpreted | CompiledRadau,
+    what: str,
+    state: Any,
+    slope: Any,
+    tolerances: Tolerances,
 ) -> str:
+    from .steps.compiled.run import CompiledRadau
+
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)
     worst = (
@@ -41,7 +49,7 @@ def stuck(
     value = f"`{names[worst]}` (now {state[worst]:.6g} {units[worst]})"
     begin = f"the solver cannot hold rtol = {tolerances.relative:g} at t = {solver.time:.9g} s"
     if what == "steps":
-        most = MOST_STEPS if isinstance(solver, Radau) else MOST_COMPILED
+        most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
         return (
             f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
             "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"

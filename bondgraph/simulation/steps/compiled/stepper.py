@@ -31,6 +31,7 @@ class Stepper(Record):
     mode: Floats
     n: int
     differential: int  # the first of the n are states
+    method: int  # one of `methods.py`
     entry_count: int
     rows: Ints  # entry_count
     columns: Ints  # entry_count
@@ -85,6 +86,13 @@ class Stepper(Record):
     nodes: Floats  # 6
     coefficients: Floats  # 6 n: of the polynomial through them
     node_count: int  # 0: not yet computed
+    # of the explicit pair
+    slope: Floats  # 16 n: of the stages
+    dense: Floats  # 7 n: of the polynomial within the last step
+    dense_known: int
+    automatic: int  # 1: a step that is held by stability alone is left to another method
+    held_by_stability: int  # how many of the last steps were
+    free_steps: int  # since then
     # room
     si: Floats  # n: states in SI
     z: Floats  # 3 n
