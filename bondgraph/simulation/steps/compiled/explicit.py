@@ -1,7 +1,9 @@
 """One step of the explicit pair of `pair.py`, written once: as machine code, and as Python where there is none (`interpreted.py`).
 
-A step that is held by stability and not by accuracy is told from the quotient of slopes and states at two places at the end of the step
-(Hairer and Wanner, Solving ODEs II, section IV.2): then another method has to go on, or takes longer steps.
+No step is longer than what keeps the fastest mode stable: one that nothing excites and nothing damps would else be excited by the steps, up to
+the tolerance and beyond, and hold them, and those of any other method that goes on, for good. Its rate comes from the Jacobian, by the power
+method; it is looked for anew every few steps, and where slopes and states at the end of a step say that something faster has come
+(Hairer and Wanner, Solving ODEs II, section IV.2). Where accuracy would allow longer steps time and again, another method should go on.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from .. import pair
 from ..radau import STUBBORN
-from .step import ERROR, ROUND_OFF, follows, put_end, rates
+from .step import ERROR, ROUND_OFF, follows, put_end, rates, renew
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -21,14 +23,18 @@ C, STARTS, FROM, A, E5, E3, D = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5,
 STAGES, ALL_STAGES = pair.STAGES, pair.ALL_STAGES
 SEEN, UNSEEN, LOOKS, BETWEEN = pair.SEEN, pair.UNSEEN, pair.LOOKS, pair.BETWEEN
 SHORTEST, LONGEST, SAFETY = pair.SHORTEST, pair.LONGEST, pair.SAFETY
-STABLE, SELDOM = pair.STABLE, pair.SELDOM
+STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = pair.STABLE, pair.SELDOM, pair.LOOK_AGAIN, pair.ITERATIONS
 
 
 def explicit_step(s: Stepper) -> int:
     """One accepted step: 0, or why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)
+    if s.since_looked >= LOOK_AGAIN:
+        look_for_fastest(s)
     size = min(s.size, s.stop - s.time, s.longest)
+    if s.fastest > 0.0:
+        size = min(size, STABLE / s.fastest)
     rejected = 0
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
@@ -56,6 +62,13 @@ def explicit_step(s: Stepper) -> int:
     grown = LONGEST if norm == 0.0 else max(SHORTEST, min(LONGEST, SAFETY * pow(norm, -0.125)))
     put_explicit_end(s, end, size)
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
+    if s.size * s.fastest > STABLE:
+        s.held_by_stability += 1
+        s.free_steps = 0
+    else:
+        s.free_steps += 1
+        if s.free_steps >= SELDOM:
+            s.held_by_stability = 0
     return 0
 
 
@@ -76,13 +89,51 @@ def put_explicit_end(s: Stepper, end: float, size: float) -> None:
         s.rate[i] = s.slope[STAGES * n + i]
     s.last_size = size
     s.dense_known = 0
-    if below > 0.0 and size * sqrt(above / below) > STABLE:
-        s.held_by_stability += 1
-        s.free_steps = 0
-    else:
-        s.free_steps += 1
-        if s.free_steps >= SELDOM:
-            s.held_by_stability = 0
+    s.since_looked += 1
+    if below > 0.0 and size * sqrt(above / below) > 1.1 * STABLE:
+        s.since_looked = LOOK_AGAIN
+
+
+def look_for_fastest(s: Stepper) -> None:
+    """The rate of the fastest mode where the run stands: how fast products with the Jacobian grow, from the direction of the last search on."""
+    n = s.n
+    renew(s)
+    if s.fastest == 0.0:
+        for i in range(n):
+            s.direction[i] = 1.0 + 0.3 * float((7 * i) % 5)
+        product(s)
+        product(s)
+        for _ in range(ITERATIONS):
+            product(s)
+            product(s)
+    grown = 1.0
+    for _ in range(ITERATIONS):  # in pairs: where scales differ, every other product is large
+        grown *= product(s) * product(s)
+    s.fastest = pow(grown, 1.0 / (2.0 * ITERATIONS))
+    if not isfinite(s.fastest):
+        s.fastest = 0.0
+    s.since_looked = 0
+
+
+def product(s: Stepper) -> float:
+    """The direction turned by the Jacobian, at unit length again; by how much it grew."""
+    for i in range(s.n):
+        s.rest[i] = 0.0
+    for k in range(s.entry_count):
+        s.rest[s.rows[k]] += s.jacobian[k] * s.direction[s.columns[k]]
+    size = 0.0
+    for i in range(s.n):
+        size += s.rest[i] * s.rest[i]
+    size = sqrt(size)
+    before = 0.0
+    for i in range(s.n):
+        before += s.direction[i] * s.direction[i]
+    before = sqrt(before)
+    if size == 0.0:
+        return 0.0
+    for i in range(s.n):
+        s.direction[i] = s.rest[i] / size
+    return size / before
 
 
 def combine(s: Stepper, stage: int, size: float, out: Floats) -> None:

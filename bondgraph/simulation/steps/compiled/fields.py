@@ -77,6 +77,6 @@ def fields_at(
         "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
         "slope": room(pair.ALL_STAGES * n if explicit else 0), "dense": room(7 * n if explicit else 0), "dense_known": 0,
-        "automatic": 0, "held_by_stability": 0, "free_steps": 0,
+        "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": pair.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
     }  # fmt: skip
     return values

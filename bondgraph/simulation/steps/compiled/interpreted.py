@@ -89,7 +89,7 @@ class Interpreted:
     @property
     def evaluations(self) -> dict[str, int]:
         """How often what was evaluated."""
-        return {"derivative": self.record.derivatives}
+        return {"derivative": self.record.derivatives, "jacobian": self.record.jacobians}
 
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n)."""

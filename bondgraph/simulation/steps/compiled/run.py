@@ -202,7 +202,7 @@ class CompiledRadau:
 
     def go_on_with(self, method: int) -> None:
         """Another method goes on from here."""
-        self._record.method = method
+        self._record.method, self._record.automatic = method, 0
         self._forget()
 
     def _forget(self) -> None:

@@ -13,7 +13,7 @@ from .sparse import ANEW, SINGULAR
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from ....door import Floats, Numbers
 
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
@@ -164,7 +164,7 @@ def renew(s: Stepper) -> None:
     s.factorised = 0
 
 
-def follows(s: Stepper, start: float, end: float, seen: int, unseen: int, looks: Floats, between: Floats) -> bool:
+def follows(s: Stepper, start: float, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers) -> bool:
     """Whether a step from here to there would see what time alone moves (see `segments.follower`).
 
     `looks`: the places that it sees, and then those where the polynomial through these (weights in `between`) must fit.

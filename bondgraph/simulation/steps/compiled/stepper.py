@@ -91,6 +91,9 @@ class Stepper(Record):
     dense: Floats  # 7 n: of the polynomial within the last step
     dense_known: int
     automatic: int  # 1: a step that is held by stability alone is left to another method
+    fastest: float  # the rate of the fastest mode, 1/s; 0: not known
+    direction: Floats  # n: in which it moves
+    since_looked: int  # how many steps ago it was looked for
     held_by_stability: int  # how many of the last steps were
     free_steps: int  # since then
     # room
