@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -207,7 +208,7 @@ class Stepper:
             self._step(solver, steps, stretch.mode)
             steps += 1
             before = self.position
-            stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
+            stretch = self._follow(solver, stretch)
             self._sample(solver, stretch)
             self.look(solver, stretch, self.instants[before : self.position])
             if self.powers is not None:
@@ -313,6 +314,16 @@ class Stepper:
 
     def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
         """Where an event stepper looks for events in a step."""
+        return stretch
+
+    def _follow(self, solver: Radau | Interpreted, stretch: Segment) -> Segment:
+        """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
+        start, stop = solver.last_step
+        edges = [start + (stop - start) * k / solver.parts for k in range(solver.parts)] + [stop]
+        for a, b in pairwise(edges):
+            stretch = self.follow(a, b, stretch, partial(self._dense, solver, stretch))
+            if self.flip is not None:
+                break
         return stretch
 
     def _dense(self, solver: Radau | Interpreted, stretch: Segment, times: Any, exactly: bool = True) -> Any:

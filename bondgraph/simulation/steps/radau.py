@@ -120,6 +120,8 @@ class Radau:
         """Whether the end is reached."""
         return self.time >= self.stop
 
+    parts = 1  # of a step, each of which is searched for events by itself
+
     @property
     def inner(self) -> tuple[float, ...]:
         """The places of a step where the limits of a model are looked at."""

@@ -81,6 +81,8 @@ class Interpreted:
         times, count = self.record.end_time, self.record.ends
         return float(times[count - 2]), float(times[count - 1])
 
+    parts = 4  # of a step, each of which is searched for events by itself: a step is that much longer than one of Radau
+
     @property
     def inner(self) -> tuple[float, ...]:
         """The places of a step where the limits of a model are looked at."""
