@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RunFailed
+from ..errors import RunFailed, UsageError
 from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
@@ -62,13 +62,15 @@ def integrate(
 
     `powers` are integrated along the solution, outside the error control.
     """
+    exact = solver in (AUTOMATIC, "exponential")
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints)
     if events is not None:
         from .events.instants import EventStepper
 
-        return EventStepper.through(events, off, fixed, state, stretches, choice, linear, history, solver)
+        return EventStepper.through(events, off, fixed, state, stretches, choice, linear and exact, history, solver)
     stepper = Stepper(*fixed)
-    stepper.choice, stepper.linear, stepper.solver = choice, linear and not constraints and history is None, solver
+    stepper.choice, stepper.solver = choice, solver
+    stepper.linear = linear and exact and not constraints and history is None
     stepper.remember(history)
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
@@ -171,6 +173,11 @@ class Stepper:
             end = exactly(self, stretch, x)
             if end is not None:
                 return end
+        if self.solver == "exponential":
+            raise UsageError(
+                "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
+                "inputs a few thousand polynomials can follow; leave the solver to choose"
+            )
         return self._by_steps(stretch, x)
 
     def name(self, method: int, target: str) -> None:

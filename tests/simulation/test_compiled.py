@@ -35,6 +35,7 @@ RUNNING = [
     (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
 ]
 # Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
+RESTING = {"inverse_kinematics.bg"}  # what moves in it has no mass: its work is the error of a quadrature
 PARTING = {"duffing.bg", "rectifier.bg", "spatial_slider_crank.bg"}
 
 
@@ -73,8 +74,11 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
     if path.name in PARTING:
         assert native.steps == pytest.approx(numpy.steps, rel=0.05) and found < 1e-3
         return
-    assert (native.steps, dict(native.evaluations)) == (numpy.steps, dict(numpy.evaluations))
-    assert found < 1e-6
+    assert native.steps == numpy.steps and found < 1e-6
+    if numpy.energy.elements:
+        assert dict(native.evaluations) == dict(numpy.evaluations)
+    if path.name in RESTING:
+        return
     work = max(abs(numpy.energy.supplied), abs(numpy.energy.stored), abs(numpy.energy.dissipated))
     for kind in ("supplied", "stored", "dissipated", "residual"):
         assert getattr(native.energy, kind) == pytest.approx(getattr(numpy.energy, kind), rel=1e-3, abs=1e-9 * work)
@@ -116,9 +120,7 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
         original(solver)
 
     monkeypatch.setattr(compiled.CompiledRadau, "begin", keep)
-    bondgraph.load(MODELS / "pendulum.bg").simulate(
-        to=0.3, target="native", energy=True, points=20, solver=method
-    )
+    bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20, solver=method)
     (solver, values) = made[0]
     values = {
         k: np.ascontiguousarray(v, dtype=solver.values[k].dtype) if isinstance(v, np.ndarray) else v

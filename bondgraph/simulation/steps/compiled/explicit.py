@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 C, STARTS, FROM, A, E5, E3, D = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5, pair.E3, pair.D
 STAGES, ALL_STAGES = pair.STAGES, pair.ALL_STAGES
 SEEN, UNSEEN, LOOKS, BETWEEN = pair.SEEN, pair.UNSEEN, pair.LOOKS, pair.BETWEEN
+CAREFUL = pair.CAREFUL
 SHORTEST, LONGEST, SAFETY = pair.SHORTEST, pair.LONGEST, pair.SAFETY
 STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = pair.STABLE, pair.SELDOM, pair.LOOK_AGAIN, pair.ITERATIONS
 
@@ -174,7 +175,7 @@ def norm_of_pair(s: Stepper, size: float) -> float:
         third += b * b
     if fifth == 0.0 and third == 0.0:
         return 0.0
-    return fifth / sqrt((fifth + 0.01 * third) * float(n))
+    return CAREFUL * fifth / sqrt((fifth + 0.01 * third) * float(n))
 
 
 def densify(s: Stepper) -> None:
