@@ -66,7 +66,8 @@ _HOMES = {
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
     "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
-    "Floats": "native.arrays", "Ints": "native.arrays", "Numbers": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
+    "Numbers": "native.arrays",
+    "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
 }  # fmt: skip

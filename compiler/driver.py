@@ -156,7 +156,7 @@ class Compilation:
     @cached_property
     def lowered(self) -> Lowered:
         with self._instances():
-            return lower(self.state_space)
+            return lower(self.state_space, conserving=self.scene.conserving)
 
     @cached_property
     def certificate(self) -> Certificate:

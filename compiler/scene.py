@@ -44,6 +44,7 @@ class Scene:
         tuple[str, str], ...
     ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
+    conserving: bool = False  # the run asks for the stored energy and its slopes at each step
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from .closed.constraints import Constraints
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
-from .steps.methods import AUTOMATIC, EXPLICIT, NAMES, RADAU
+from .steps.methods import AUTOMATIC, ENERGY, EXPLICIT, NAMES, RADAU
 from .steps.radau import INNER, Problem, Radau, StepFailed
 from .stuck import MOST_STEPS, not_finite, stuck
 from .trajectory import Tolerances, Trajectory
@@ -201,10 +201,18 @@ class Stepper:
 
         method = method_of(self, stretch, x, obstacle is None)
         self.name(method, "native" if obstacle is None else f"numpy{obstacle}")
-        if obstacle is None:
-            return in_machine_code(self, stretch, x, method)
         self.check_rates(stretch.start, x, stretch.mode)
-        solver = self._solver(stretch, stretch.start, x) if method == RADAU else self.interpreted(stretch, x)
+        size = np.inf
+        if method == ENERGY:
+            from .conserving import equal_steps
+
+            size = equal_steps(self, stretch, x, obstacle is None)
+        if obstacle is None:
+            return in_machine_code(self, stretch, x, method, size)
+        if method == RADAU:
+            solver: Radau | Interpreted = self._solver(stretch, stretch.start, x)
+        else:
+            solver = self.interpreted(stretch, x, method, size)
         if self.constraints:
             self.singular.begin(stretch.start, x, stretch.mode)
         magnitude = self.tolerances.magnitude
@@ -263,12 +271,12 @@ class Stepper:
             "the unknowns of its algebraic loops are found with each step" if len(self.program.unknowns.names) else ""
         )
 
-    def interpreted(self, stretch: Segment, x: Any) -> Interpreted:
-        """The explicit pair as Python, from the start of a stretch."""
+    def interpreted(self, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf) -> Interpreted:
+        """A method as Python, from the start of a stretch; `size` of all steps, if it wants that."""
         from .steps.compiled.interpreted import Interpreted
 
         fixed = (self.program, self.inputs, self.constants, self.tolerances, stretch)
-        return Interpreted(*fixed, x, self.longest, EXPLICIT)
+        return Interpreted(*fixed, x, self.longest, method, size)
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
         """A state on its invariants, with the unknowns that belong to it."""

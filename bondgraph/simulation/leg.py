@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import RateNotFinite, RunFailed, UsageError
+from ..errors import NotLossless, RateNotFinite, RunFailed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .integrate import integrate
@@ -224,6 +224,8 @@ class Leg:
 
             cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters)
             raise RunFailed(f"{failed}: {cause}") from None
+        except NotLossless as failed:
+            raise self._lossy(failed) from None
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
         if self.constraints:
@@ -238,6 +240,24 @@ class Leg:
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def _lossy(self, failed: NotLossless) -> UsageError:
+        """Which elements gain or lose energy, where a method that keeps it was asked for."""
+        ports = self.compilation.state_space.ports
+        powers = self._powers(failed.time, failed.state, failed.mode)[: len(ports)]
+        by_element: dict[str, float] = {}
+        for port, power in zip(ports, powers, strict=True):
+            if port.kind not in ("C", "I", "IC", "TF", "GY"):
+                by_element[port.element] = by_element.get(port.element, 0.0) + float(power)
+        told = sorted(by_element.items(), key=lambda item: -abs(item[1]))[:3]
+        names = (
+            ", ".join(f"`{name}` takes {power:.6g} W" for name, power in told if power)
+            or "a law of its storages or joints does"
+        )
+        return UsageError(
+            f"no method keeps the energy of this model: at t = {failed.time:.9g} s it is not lossless ({names}); "
+            "leave the solver to choose, which holds the tolerance"
+        )
 
     @property
     def occurrences(self) -> list[Occurrence]:

@@ -37,17 +37,23 @@ def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> Compiled
 
 def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
     """Up to so many explicit steps, of which nothing is kept: evaluations, whether stability holds the steps, whether the end came first."""
-    solver = _solver(stepper, stretch, x, EXPLICIT)
-    solver.values["limit_count"] = 0
-    solver.begin()
+    solver = explicit_scout(stepper, stretch, x)
     answer = solver.advance(most)
     return solver.evaluations, answer == STIFF, answer == FINISHED
 
 
-def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int) -> Any:
-    """As `run` from where it begins to step, by `compiled/advance.py`."""
-    stepper.check_rates(stretch.start, x, stretch.mode)
+def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
+    """The explicit pair from the start of a stretch, to be asked for one step after another, of which nothing is kept."""
+    solver = _solver(stepper, stretch, x, EXPLICIT)
+    solver.values["limit_count"] = 0
+    solver.begin()
+    return solver
+
+
+def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> Any:
+    """As `run` from where it begins to step, by `compiled/advance.py`. `size` of all steps, if the method wants that."""
     solver = _solver(stepper, stretch, x, method)
+    solver.fixed_size = size if size < np.inf else None
     first = stepper.position
     solver.report(stepper.instants, first, stepper.result.states)
     if stepper.choice is not None:

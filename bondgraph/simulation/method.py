@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import UsageError
 from .segments import Segment
-from .steps.methods import AUTOMATIC, EXPLICIT, RADAU
+from .steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
 from .steps.radau import StepFailed
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
         raise UsageError(
             f"an explicit method cannot step through this model: {explicit}; leave the solver to choose, or name `radau`"
         )
+    if stepper.solver == "energy":
+        _check_conserving(stepper, explicit)
+        return ENERGY
     if stepper.solver != AUTOMATIC:
         return EXPLICIT if stepper.solver == "explicit" else RADAU
     if explicit or stepper.history is not None or (len(x) > LARGEST_INTERPRETED and not compiled):
@@ -49,6 +52,16 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
     if np.abs(dying).max(initial=0.0) * (stretch.stop - stretch.start) > STIFF:
         return RADAU
     return _tried(stepper, stretch, x, compiled)
+
+
+def _check_conserving(stepper: Stepper, obstacle: str) -> None:
+    """Raises `UsageError` for what a method that keeps the energy cannot step through."""
+    if stepper.program.hybrid is not None:
+        obstacle = "events change what it stores"
+    elif stepper.history is not None:
+        obstacle = "delayed signals are no storage"
+    if obstacle:
+        raise UsageError(f"no method keeps the energy of this model: {obstacle}; leave the solver to choose")
 
 
 def _spectrum(stepper: Stepper, stretch: Segment, x: Any) -> Any:

@@ -43,11 +43,13 @@ def simulate(
     """Run a scene of a model; arguments that are not None override the experiment."""
     began = clock.perf_counter()
     made = partial(model.prepared, target=chosen_target(target))
-    prepared = made(scene, energy)
-    plan = prepared.plan
+    scene = replace(scene, conserving=solver == "energy")
+    plan = made(scene, energy or scene.conserving).plan
     _check_supported(plan)
     stop = _stop(plan, to)
     solver = chosen_solver(solver if solver is not None else plan.solver)
+    scene = replace(scene, conserving=solver == "energy")
+    everything = energy or scene.conserving
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), 1e-13, 0.1)
     count = points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS))
     if count < 2 or count > 10_000_000:
@@ -62,7 +64,7 @@ def simulate(
         begin: Handover | None = None
         while not legs or begin is not None:
             chosen = replace(scene, preferences=tuple(sorted(wishes.items())))
-            leg = Leg(made(chosen, energy), plan, left, rtol, atol, energy, begin, solver)
+            leg = Leg(made(chosen, everything), plan, left, rtol, atol, energy, begin, solver)
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
                 scene = replace(scene, off=leg.begins_without)

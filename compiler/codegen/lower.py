@@ -35,6 +35,7 @@ from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME, dependence_o
 from .events import LoweredEvents, behind_the_run, event_notes, event_variables
 from .limits import Leaf, Limit, ranges, requirement
 from .multipliers import Solved, solve_multipliers
+from .stored_energy import stored_energy
 from .switching import Switching
 
 
@@ -81,6 +82,7 @@ class Lowered:
     delayed: tuple[Expression, ...] = ()  # what they will be
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     solved: Solved | None = None  # with the multipliers of closing joints solved for
+    energy: tuple[Expression, ...] = ()  # all that is stored, then its slopes by the states, if they are asked for
     differentiated: int = 0  # formulas whose partial derivatives were formed
 
     def event_symbol(self, position: int) -> Symbol:
@@ -109,8 +111,11 @@ class Lowered:
     _bits: dict[Expression, int] = field(default_factory=dict)
 
 
-def lower(space: StateSpace, located: bool = True) -> Lowered:
-    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian."""
+def lower(space: StateSpace, located: bool = True, conserving: bool = False) -> Lowered:
+    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian.
+
+    `conserving`: form the stored energy and its slopes too.
+    """
     result = Lowered(space)
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
     used = _used(space)
@@ -162,6 +167,8 @@ def lower(space: StateSpace, located: bool = True) -> Lowered:
     result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
     result.solved = solve_multipliers(result)
+    if conserving:
+        result.energy = stored_energy(result, slopes)
     result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)

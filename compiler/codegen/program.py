@@ -190,6 +190,8 @@ class Program:
     native: Native | None = None  # where the functions lie, if they are machine code
     hybrid: Hybrid | None = None  # None: only time makes anything jump
     delays: Delays | None = None
+    stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
+    # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
         """The mode at a state, with what only events change as it starts."""

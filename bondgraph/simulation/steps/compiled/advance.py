@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from math import isfinite, pow, sqrt
 
-from ..methods import EXPLICIT
+from ..methods import ENERGY, EXPLICIT
 from ..pair import OFTEN
 from .closing import add_work, grow, steep
+from .conserving import conserving_step, take_energy
 from .explicit import explicit_step
 from .step import rates, step
 from .stepper import Stepper
@@ -28,7 +29,7 @@ def advance(s: Stepper, most: int) -> int:
         if s.pending == 0:
             if s.time >= s.stop:
                 return FINISHED
-            failed = explicit_step(s) if s.method == EXPLICIT else step(s)
+            failed = one_step(s)
             if failed != 0:
                 return failed
             s.steps += 1
@@ -50,10 +51,21 @@ def advance(s: Stepper, most: int) -> int:
     return FINISHED if s.time >= s.stop else MORE
 
 
+def one_step(s: Stepper) -> int:
+    """One accepted step of the method: 0, or why there is none."""
+    if s.method == EXPLICIT:
+        return explicit_step(s)
+    if s.method == ENERGY:
+        return conserving_step(s)
+    return step(s)
+
+
 def begin(s: Stepper) -> None:
     """The first slope and the first size of a step (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
     rates(s, s.time, s.state, s.rate)
     begin_watch(s)
+    if s.method == ENERGY:
+        take_energy(s)
     span = s.stop - s.time
     d0 = 0.0
     d1 = 0.0

@@ -13,7 +13,7 @@ from ...segments import LOOKS, Segment, inside, overlooked
 from ...watch.choice import WORST
 from .. import pair
 from ..factorise import is_large
-from ..methods import EXPLICIT, RADAU
+from ..methods import ENERGY, RADAU
 from ..radau import STUBBORN
 
 if TYPE_CHECKING:
@@ -45,16 +45,16 @@ def fields_at(
     unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
     scaled = state / magnitude
     relative = tolerances.relative
-    room_of_matrix = 0 if is_sparse(program) else n * n
+    order = 3 * n if method == ENERGY else n  # of the linear systems
+    room_of_matrix = 0 if is_sparse(program) and method != ENERGY else order * order
     allowed = overlooked(program, inputs, constants, stretch)
     earliest, latest = inside(stretch)
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
-    explicit = method == EXPLICIT
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
     values: dict[str, Any] = {
         "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
-        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers,
+        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
         "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential, "method": method,
         "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
@@ -65,7 +65,7 @@ def fields_at(
         "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
         "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
-        "real": room(room_of_matrix), "real_scale": room(n), "real_pivots": whole(n),
+        "real": room(room_of_matrix), "real_scale": room(order), "real_pivots": whole(order),
         "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
@@ -76,7 +76,8 @@ def fields_at(
         "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
         "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
-        "slope": room(pair.ALL_STAGES * n if explicit else 0), "dense": room(7 * n if explicit else 0), "dense_known": 0,
+        "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
+        "slope": room(pair.ALL_STAGES * n if method != RADAU else 0), "dense": room(7 * n if method != RADAU else 0), "dense_known": 0,
         "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": pair.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
     }  # fmt: skip
     return values

@@ -6,6 +6,7 @@ Only what a step does by itself happens here; limits, events, work and samples a
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +14,11 @@ import numpy as np
 from ....door import Program
 from ...segments import Segment
 from .. import pair
+from ..methods import ENERGY
 from ..radau import StepFailed
-from .advance import begin
-from .explicit import densify, explicit_step
+from .advance import begin, one_step
+from .conserving import sample_step
+from .explicit import densify
 from .fields import fields_at
 from .holding import Held
 from .run import FAILURES
@@ -28,21 +31,25 @@ OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "po
 
 
 class Interpreted:
-    """Steps of the explicit pair over one stretch; answers what `integrate` asks of `radau.Radau`."""
+    """Steps of the explicit pair, or of the method that keeps the energy, over one stretch; answers what `integrate` asks of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        method: int,
+        method: int, size: float = np.inf,
     ) -> None:  # fmt: skip
         values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method)
         values |= {name: _into(values[name]) for name in OF_STATES} | {"signals": _of_time(values["signals"])}
+        if program.stored_energy is not None:
+            values["stored_energy"] = _into(program.stored_energy)
         values |= {"closed": _open(), "redundant": 0, "pattern": None, "stop": float(stretch.stop)}
         self.record = Stepper(**values)
         begin(self.record)
+        if size < np.inf:
+            self.record.size = size
 
     def step(self) -> None:
         """One accepted step. Raises `StepFailed`."""
-        failed = explicit_step(self.record)
+        failed = one_step(self.record)
         if failed:
             raise StepFailed(FAILURES[failed])
 
@@ -96,12 +103,42 @@ class Interpreted:
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n)."""
         record = self.record
+        if record.method == ENERGY:
+            found = np.empty((len(times), record.n))
+            for time, row in zip(np.asarray(times).tolist(), found, strict=True):
+                sample_step(record, time, row)
+            return found
         if not record.dense_known:
             densify(record)
         rows, states = (np.asarray(a).reshape(-1, record.n) for a in (record.dense, record.end_state))
         return pair.polynomial(rows, states[record.ends - 2], *self.last_step, times)
 
-    collocation = sample  # what is summed up along the step agrees with its states to the order of the polynomial
+    collocation = sample  # what is summed up along the step agrees with its states to the order of its polynomial
+
+
+def sampled(solver: Any, times: Any) -> Any:
+    """States within the last step of the method that keeps the energy, from what its machine code knows."""
+    names = (
+        "n",
+        "ends",
+        "end_time",
+        "end_state",
+        "magnitude",
+        "slope",
+        "inputs",
+        "constants",
+        "mode",
+        "energy",
+        "peak",
+    )
+    known = SimpleNamespace(**{name: getattr(solver, name) for name in names})
+    known.dense_known, known.dense = 0, np.zeros(7 * known.n)
+    known.si, known.energies = np.zeros(known.n), np.zeros(1 + known.n)
+    known.stored_energy = _into(solver.program.stored_energy)
+    found = np.empty((len(times), known.n))
+    for time, row in zip(np.asarray(times).tolist(), found, strict=True):
+        sample_step(known, time, row)  # type: ignore[arg-type]
+    return found
 
 
 def _into(function: Callable[..., Any]) -> Callable[..., None]:

@@ -19,7 +19,7 @@ from ....native import kernel
 from ...segments import Segment
 from ...watch.choice import Choice
 from .. import pair, radau
-from ..methods import EXPLICIT, RADAU
+from ..methods import ENERGY, EXPLICIT, RADAU
 from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
 from .euler import Euler, euler
@@ -161,6 +161,7 @@ class CompiledRadau:
         constraints.values["mode"][:] = stretch.mode
         self.code = machine_code()
         self.order = Ordered(program, SMALL)
+        self.fixed_size: float | None = None  # of all steps, for a method that wants that
         self.values["pattern"] = self.order.record
         self._kept: list[Any] = []
         self._record: Any = None
@@ -190,6 +191,8 @@ class CompiledRadau:
         self._here = ctypes.addressof(self._record)
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
         self._begin(self._here)
+        if self.fixed_size is not None:
+            self._record.size = self.fixed_size
         self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
 
     def begin_again(self, time: float, state: Any, size: float) -> None:
@@ -240,6 +243,10 @@ class CompiledRadau:
             raise StepFailed(FAILURES[answer])
         return answer
 
+    def step(self) -> None:
+        """One step. Raises `StepFailed`."""
+        self.advance(1)
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in record_of(Stepper).fields:
             raise AttributeError(name)
@@ -264,14 +271,22 @@ class CompiledRadau:
     @property
     def inner(self) -> tuple[float, ...]:
         """The places of a step where the limits of a model are looked at."""
-        return pair.INNER if self.method == EXPLICIT else radau.INNER
+        return radau.INNER if self.method == RADAU else pair.INNER
 
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n). As `Radau.sample`."""
+        if self.method == ENERGY:
+            return self._interpreted(times)
         if self.method == EXPLICIT:
             before = self.end_state.reshape(3, self.n)[self.ends - 2]
             return pair.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
         return self._reference().sample(times)
+
+    def _interpreted(self, times: Any) -> Any:
+        """The last step, told to the source as Python."""
+        from .interpreted import sampled
+
+        return sampled(self, times)
 
     def _reference(self) -> Radau:
         """The last step, told to the reference: it has the ends, the stages and the tolerances."""

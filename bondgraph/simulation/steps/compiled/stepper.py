@@ -26,6 +26,7 @@ class Stepper(Record):
     dependent: Function
     sensitivities: Function
     powers: Function
+    stored_energy: Function
     inputs: Floats
     constants: Floats
     mode: Floats
@@ -86,6 +87,10 @@ class Stepper(Record):
     nodes: Floats  # 6
     coefficients: Floats  # 6 n: of the polynomial through them
     node_count: int  # 0: not yet computed
+    # of the method that keeps the energy
+    energy: float  # to be kept
+    energies: Floats  # 1 + n: of a state, and its slopes
+    dropped: Floats  # n: by rounding of the last steps
     # of the explicit pair
     slope: Floats  # 16 n: of the stages
     dense: Floats  # 7 n: of the polynomial within the last step

@@ -6,7 +6,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import pair, radau
-from ..methods import EXPLICIT
+from ..methods import ENERGY, EXPLICIT, RADAU
+from .conserving import sample_step, within_step
 from .explicit import polynomial
 from .holding import hold
 from .stepper import Stepper
@@ -35,7 +36,7 @@ def sample(s: Stepper) -> bool:
     size = s.time - start
     if leaves(s, start) or leaves(s, s.time):
         return True
-    if s.method == EXPLICIT:
+    if s.method != RADAU:
         for k in range(4):
             if leaves(s, start + INNER[k] * size):
                 return True
@@ -60,8 +61,11 @@ def leaves(s: Stepper, time: float) -> bool:
 def state_at(s: Stepper, time: float, out: Floats) -> None:
     """States in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that can err."""
     n = s.n
-    collocation(s, time, out)
-    if s.ends == 3 and s.method != EXPLICIT:
+    if s.method == ENERGY:
+        sample_step(s, time, out)
+    else:
+        collocation(s, time, out)
+    if s.ends == 3 and s.method == RADAU:
         if s.node_count == 0:
             interpolate(s)
         m = s.node_count
@@ -82,6 +86,9 @@ def collocation(s: Stepper, time: float, out: Floats) -> None:
     """The polynomial of the method in the last step, scaled states."""
     if s.method == EXPLICIT:
         polynomial(s, time, out)
+        return
+    if s.method == ENERGY:
+        within_step(s, time, out)
         return
     n = s.n
     before = s.ends - 2
