@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .steps.compiled.interpreted import Interpreted
     from .steps.compiled.run import CompiledRadau
 
+Solver = Union["Radau", "Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
 
@@ -180,6 +181,14 @@ class Stepper:
             )
         return self._by_steps(stretch, x)
 
+    def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
+        """Tell the result what held the steps, if they were very many."""
+        from .crawling import MANY, note_of
+
+        if steps >= MANY:
+            note = note_of(self, solver, steps, mode, self.solver == "explicit")
+            self.result.notes += [note] if note else []
+
     def name(self, method: int, target: str) -> None:
         """Tell the result what steps."""
         self.result.solvers[f"{NAMES[method]}, {target}"] = None
@@ -258,6 +267,7 @@ class Stepper:
                 solver = self._past_singular_pose(solver, stretch)
         self.result.steps += steps
         self.count(solver.evaluations)
+        self.tell_crawling(solver, steps, stretch.mode)
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
@@ -447,7 +457,7 @@ class Stepper:
         if steps >= MOST_STEPS or self.steps > self.most_steps:
             raise self.failed(solver, "steps", mode)
 
-    def failed(self, solver: Radau | Interpreted | CompiledRadau, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
         state = solver.state * self.tolerances.magnitude
         slope = np.zeros(len(state))
@@ -455,7 +465,15 @@ class Stepper:
             slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             return not_finite(self.program, solver.time, slope, state)
-        return RunFailed(stuck(self.program, solver, what, state, slope, self.tolerances))
+        told = stuck(self.program, solver, what, state, slope, self.tolerances)
+        if what == "steps":
+            from .crawling import advice, limiting_mode
+
+            start, stop = solver.last_step
+            found = limiting_mode(self, float(stop), state, mode, float(stop - start), np.array(solver.error))
+            if found is not None:
+                told += f". The steps follow {found}: {advice(found, self.solver == 'explicit')}"
+        return RunFailed(told)
 
     def _sample(self, solver: Radau | Interpreted, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
@@ -468,7 +486,7 @@ class Stepper:
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
-    def look(self, solver: Radau | Interpreted | CompiledRadau, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: Solver, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time

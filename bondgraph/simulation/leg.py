@@ -228,6 +228,7 @@ class Leg:
             raise self._lossy(failed) from None
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
+        self.notes += tuple(dict.fromkeys(self.trajectory.notes))[:1]
         if self.constraints:
             from .closed.singular import told_of
 

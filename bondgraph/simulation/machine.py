@@ -92,6 +92,7 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, siz
         states[:] = stepper.loops.solve_all(times, states, stretch.mode)
     stepper.result.steps += solver.steps
     stepper.count(solver.evaluations)
+    stepper.tell_crawling(solver, solver.steps, stretch.mode)
     return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
 
 
