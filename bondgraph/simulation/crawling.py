@@ -66,16 +66,16 @@ def limiting_mode(stepper: Stepper, time: float, x: Any, mode: Any, step: float,
     return Mode(complex(rates[chosen]), elements, not slower.any())
 
 
-def note_of(stepper: Stepper, solver: Solver, steps: int, mode: Any, explicit: bool) -> str | None:
-    """What a run should tell that took so many steps over a stretch; None if they were few, or nothing slower goes on in the model."""
+def notes_of(stepper: Stepper, solver: Solver, steps: int, mode: Any) -> list[str]:
+    """What a run should tell that took so many steps over a stretch; nothing if they were few, or nothing slower goes on in the model."""
     if steps < MANY:
-        return None
+        return []
     start, stop = solver.last_step
     x = solver.state * stepper.tolerances.magnitude
     found = limiting_mode(stepper, float(stop), x, mode, float(stop - start), np.array(solver.error))
     if found is None or found.alone:
-        return None
-    return f"most of the {steps} steps follow {found}; {advice(found, explicit)}"
+        return []
+    return [f"most of the {steps} steps follow {found}; {advice(found, stepper.solver == 'explicit')}"]
 
 
 def _elements(names: Sequence[str], shares: Any) -> tuple[str, ...]:

@@ -15,12 +15,13 @@ import numpy as np
 from ..door import Program
 from ..errors import RunFailed, UsageError
 from .closed.constraints import Constraints
+from .crawling import notes_of
 from .loops.loops import Eliminated, LoopSolver
 from .quadrature import work_of
 from .segments import Segment, follower, with_time_of
 from .steps.methods import AUTOMATIC, ENERGY, EXPLICIT, NAMES, RADAU
 from .steps.radau import INNER, Problem, Radau, StepFailed
-from .stuck import MOST_STEPS, not_finite, stuck
+from .stuck import MOST_STEPS, failure, not_finite
 from .trajectory import Tolerances, Trajectory
 from .watch.choice import Choice
 from .watch.validity import Watch
@@ -183,11 +184,7 @@ class Stepper:
 
     def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
         """Tell the result what held the steps, if they were very many."""
-        from .crawling import MANY, note_of
-
-        if steps >= MANY:
-            note = note_of(self, solver, steps, mode, self.solver == "explicit")
-            self.result.notes += [note] if note else []
+        self.result.notes += notes_of(self, solver, steps, mode)
 
     def name(self, method: int, target: str) -> None:
         """Tell the result what steps."""
@@ -271,15 +268,6 @@ class Stepper:
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
-
-    @cached_property
-    def obstacle_to_explicit(self) -> str:
-        """Why an explicit method cannot step; empty if it can."""
-        if self.constraints:
-            return "closed loops hold its states on constraints"
-        return (
-            "the unknowns of its algebraic loops are found with each step" if len(self.program.unknowns.names) else ""
-        )
 
     def interpreted(self, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf) -> Interpreted:
         """A method as Python, from the start of a stretch; `size` of all steps, if it wants that."""
@@ -459,21 +447,7 @@ class Stepper:
 
     def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
-        state = solver.state * self.tolerances.magnitude
-        slope = np.zeros(len(state))
-        if what != "steps":
-            slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
-        if not np.isfinite(slope).all():
-            return not_finite(self.program, solver.time, slope, state)
-        told = stuck(self.program, solver, what, state, slope, self.tolerances)
-        if what == "steps":
-            from .crawling import advice, limiting_mode
-
-            start, stop = solver.last_step
-            found = limiting_mode(self, float(stop), state, mode, float(stop - start), np.array(solver.error))
-            if found is not None:
-                told += f". The steps follow {found}: {advice(found, self.solver == 'explicit')}"
-        return RunFailed(told)
+        return failure(self, solver, what, mode)
 
     def _sample(self, solver: Radau | Interpreted, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""

@@ -28,7 +28,7 @@ TRIAL = 60  # steps
 
 def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
     """The method that goes on from state x. Raises `UsageError` where the one that is asked for cannot."""
-    explicit = stepper.obstacle_to_explicit
+    explicit = _obstacle_to_explicit(stepper)
     if stepper.solver == "explicit" and explicit:
         raise UsageError(
             f"an explicit method cannot step through this model: {explicit}; leave the solver to choose, or name `radau`"
@@ -52,6 +52,13 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
     if np.abs(dying).max(initial=0.0) * (stretch.stop - stretch.start) > STIFF:
         return RADAU
     return _tried(stepper, stretch, x, compiled)
+
+
+def _obstacle_to_explicit(stepper: Stepper) -> str:
+    """Why an explicit method cannot step; empty if it can."""
+    if stepper.constraints:
+        return "closed loops hold its states on constraints"
+    return "the unknowns of its algebraic loops are found with each step" if len(stepper.program.unknowns.names) else ""
 
 
 def _check_conserving(stepper: Stepper, obstacle: str) -> None:

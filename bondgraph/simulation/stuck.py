@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RateNotFinite
+from ..errors import RateNotFinite, RunFailed
+from .crawling import advice, limiting_mode
 from .trajectory import Tolerances
 
 if TYPE_CHECKING:
+    from .integrate import Solver, Stepper
     from .steps.compiled.interpreted import Interpreted
     from .steps.compiled.run import CompiledRadau
     from .steps.radau import Radau
@@ -29,6 +31,24 @@ def not_finite(program: Program, time: float, slope: Any, state: Any) -> RateNot
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
     rates = " and ".join(f"`{b}`" for b in bad)
     return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state)
+
+
+def failure(stepper: Stepper, solver: Solver, what: str, mode: Any) -> RunFailed:
+    """Why a run ends where its solver stands; `what` failed last."""
+    program = stepper.program
+    state = solver.state * stepper.tolerances.magnitude
+    slope = np.zeros(len(state))
+    if what != "steps":
+        slope = program.derivative(solver.time, state, stepper.inputs, stepper.constants, mode)
+    if not np.isfinite(slope).all():
+        return not_finite(program, solver.time, slope, state)
+    told = stuck(program, solver, what, state, slope, stepper.tolerances)
+    if what == "steps":
+        start, stop = solver.last_step
+        found = limiting_mode(stepper, float(stop), state, mode, float(stop - start), np.array(solver.error))
+        if found is not None:
+            told += f". The steps follow {found}: {advice(found, stepper.solver == 'explicit')}"
+    return RunFailed(told)
 
 
 def stuck(
