@@ -195,6 +195,11 @@ def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) ->
 @click.option(
     "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
 )
+@click.option(
+    "--solver",
+    metavar="SOLVER",
+    help="automatic, exponential, explicit, radau or energy (keeps that of lossless models).",
+)
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
@@ -206,7 +211,8 @@ def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) ->
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def run(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None, jobs: int | None, as_json: bool,
+    atol: float | None, solver: str | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None,
+    jobs: int | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from .errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
@@ -225,7 +231,7 @@ def run(
             _make_ready(chosen, chosen.scene(asked, {}, (), tuple(outputs) or None), energy, target)
         arguments: dict[str, Any] = {
             "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
-            "energy": energy, "outputs": tuple(outputs) or None, "target": target,
+            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver,
         }  # fmt: skip
         try:
             result = chosen.simulate(asked, start=start, **arguments)

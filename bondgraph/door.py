@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
     from compiler.memory import uncollected
-    from compiler.native.arrays import Floats, Ints, Record
+    from compiler.native.arrays import Floats, Ints, Numbers, Record
     from compiler.native.kinds import INTS, Fields, Handed, record_of
     from compiler.native.machine import MachineCode, object_code, processor
     from compiler.native.machine import available as native_available
     from compiler.native.translate import translate
     from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
-    from compiler.scene import Facts, Override, Plan, Reported, Scene, Study
+    from compiler.scene import SOLVERS, Facts, Override, Plan, Reported, Scene, Study
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.scales import scale_of
@@ -67,8 +67,17 @@ _HOMES = {
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
     "EventNote": "codegen.program", "Hybrid": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
-    "InternalError": "errors", "ValuesNeeded": "errors", "render": "errors", "SECOND": "graph.units", "LinearLoop": "reduction.state_space",
-    "StateSpace": "reduction.state_space", "Override": "scene", "Plan": "scene", "Reported": "scene", "Scene": "scene",
+    "InternalError": "errors",
+    "ValuesNeeded": "errors",
+    "render": "errors",
+    "SECOND": "graph.units",
+    "LinearLoop": "reduction.state_space",
+    "StateSpace": "reduction.state_space",
+    "Override": "scene",
+    "Plan": "scene",
+    "Reported": "scene",
+    "Scene": "scene",
+    "SOLVERS": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "read_text": "source",
     "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
@@ -77,6 +86,7 @@ _HOMES = {
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
     "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
+    "Numbers": "native.arrays",
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
@@ -84,16 +94,16 @@ _HOMES = {
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "Apply", "Assignment", "Because", "Body", "BondGraph",
-    "Bound", "CausalGraph", "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described", "Diagnostic",
-    "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed", "Hybrid",
-    "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered", "MachineCode",
-    "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Override", "Path", "Plan", "PowerPort", "Program", "Quantity",
-    "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage", "Study", "Symbol", "Tape", "Unknown",
-    "Unsupported", "ValuesNeeded", "affine_parts", "bind", "blocks", "bond_lines", "braces", "check_source", "cost",
-    "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of", "native_available",
-    "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit", "record_of", "render",
-    "scale_of", "symbols", "to_sympy", "translate", "uncollected", "value_of", "write_text",
+    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "SOLVERS", "Apply", "Assignment", "Because", "Body",
+    "BondGraph", "Bound", "CausalGraph", "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described",
+    "Diagnostic", "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed",
+    "Hybrid", "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered",
+    "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Numbers", "Override", "Path", "Plan",
+    "PowerPort", "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
+    "Study", "Symbol", "Tape", "Unknown", "Unsupported", "ValuesNeeded", "affine_parts", "bind", "blocks", "bond_lines", "braces",
+    "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",
+    "native_available", "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit",
+    "record_of", "render", "scale_of", "symbols", "to_sympy", "translate", "uncollected", "value_of", "write_text",
 ]  # fmt: skip
 
 

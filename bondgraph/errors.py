@@ -72,3 +72,11 @@ class UnknownOutput(KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0])  # KeyError itself would show the quoted representation of the message
+
+
+class NotLossless(RunFailed):
+    """A method that keeps the energy was asked for, and the model gains or loses some: when and where."""
+
+    def __init__(self, time: float, state: Any, mode: Any) -> None:
+        super().__init__(f"at t = {time:.9g} s the model gains or loses energy")
+        self.time, self.state, self.mode = time, state, mode

@@ -166,7 +166,7 @@ class Compilation:
         space = self.state_space
         known = [space.quantities[name] for name in self.scene.by if name in space.quantities]
         with self._instances():
-            return lower(space, by=tuple(dict.fromkeys(known)))
+            return lower(space, by=tuple(dict.fromkeys(known)), conserving=self.scene.conserving)
 
     @cached_property
     def certificate(self) -> Certificate:

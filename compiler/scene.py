@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from .syntax.tree import Expression
 
 
+# What an experiment may ask to solve with: the run chooses; matrix exponential, explicit pair, Radau, a method that conserves energy.
+SOLVERS = ("automatic", "exponential", "explicit", "radau", "energy")
+
+
 @dataclass(frozen=True, slots=True)
 class Override:
     """A parameter or input set from outside: an expression of the text, a number in SI, or (None) a number that only a run knows.
@@ -48,6 +52,7 @@ class Scene:
     ] = ()  # quantities by which everything is differentiated as well; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
     fixed: frozenset[str] = frozenset()  # of what is set: a zero there is one for the whole run, as if the text said so
+    conserving: bool = False  # the run asks for the stored energy and its slopes at each step
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +94,7 @@ class Plan:
     start: float = 0.0
     stop: float | None = None
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
+    solver: str | None = None  # one of `SOLVERS`
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish

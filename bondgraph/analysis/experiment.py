@@ -35,6 +35,7 @@ class Options:
     energy: bool = False
     target: str | None = None
     outputs: tuple[str, ...] | None = None
+    solver: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +159,6 @@ def _point(model: Model, job: Job) -> Point:
         from ..simulation.run import Wanted, simulate
 
         o = job.options
-        wanted = Wanted(o.to, o.points, o.rtol, o.atol, o.energy, o.target)
+        wanted = Wanted(o.to, o.points, o.rtol, o.atol, o.energy, o.target, o.solver)
         found = replace(found, run=simulate(model, job.experiment, settings, outputs, wanted))
     return found

@@ -23,6 +23,7 @@ from typing import Any
 from ..door import Diagnostic, Source, bond_lines, braces, check_source
 from ..errors import UsageError
 from ..model import LIBRARY, Model
+from ..simulation.steps.methods import chosen_solver
 from .elements import Elements
 from .given import (
     Value,
@@ -231,6 +232,7 @@ class Graph(Elements):
     def experiment(
         self, name: str, to: Value, *, settings: Mapping[Any, Value] | None = None,
         report: Mapping[Any, str] | Sequence[Any] | Quantity = (), points: int | None = None, rtol: float | None = None,
+        solver: str | None = None,
     ) -> None:  # fmt: skip
         """A run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` says what in which unit."""
         own = name_of(name)
@@ -242,6 +244,8 @@ class Graph(Elements):
         ]
         given = {"points": points, "rtol": rtol}
         inner = [f"{word} = {value_of(v, f'`{word}` of `{own}`')}" for word, v in given.items() if v is not None]
+        if solver is not None:
+            inner.append(f"solver = {chosen_solver(solver)}")
         end = value_of(to, f"the end of `{own}`", "" if self.plain else "s")
         lines.append(f"simulate 0 .. {end if is_one_number(end) else f'({end})'}{braces(inner)}")
         listed = [report] if isinstance(report, str | Quantity) else report

@@ -7,18 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
 from ..door import Program
-from ..errors import RunFailed, StepsCollapsed
+from ..errors import RunFailed, StepsCollapsed, UsageError
 from .closed.constraints import Constraints
-from .loops.loops import Eliminated, LoopSolver
+from .crawling import notes_of
+from .loops.loops import LoopSolver
 from .quadrature import work_of
-from .segments import Segment, follower, with_time_of
-from .steps.radau import C, Problem, Radau, StepFailed
-from .stuck import MOST_STEPS, ahead, not_finite, stuck
+from .reference import reference
+from .segments import Segment, with_time_of
+from .stateless import without_states
+from .steps.methods import AUTOMATIC, ENERGY, EXPLICIT, NAMES, RADAU
+from .steps.radau import INNER, Radau, StepFailed
+from .stuck import MOST_STEPS, failure, not_finite
 from .trajectory import Kept, Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
@@ -29,8 +34,10 @@ if TYPE_CHECKING:
     from .events.events import Events
     from .events.history import History
     from .events.locate import Flip, StateAt
+    from .steps.compiled.interpreted import Interpreted
     from .steps.compiled.run import CompiledRadau
 
+Solver = Union["Radau", "Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 
 
@@ -51,22 +58,26 @@ def integrate(
     off: tuple[str, ...] = (),
     history: History | None = None,
     into: Trajectory | None = None,
+    solver: str = AUTOMATIC,
 ) -> Trajectory:
     """Integrate over the stretches, into a trajectory that an error leaves as far as it came. Raises `RunFailed` with time and variable.
 
     `watch` looks at each accepted step.
 
     `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
+    `solver`: one of `methods.SOLVERS`.
 
     `powers` are integrated along the solution, outside the error control.
     """
+    exact = solver in (AUTOMATIC, "exponential")
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)
     if events is not None:
         from .events.instants import EventStepper
 
-        return EventStepper.through(events, off, fixed, state, stretches, choice, linear, history)
+        return EventStepper.through(events, off, fixed, state, stretches, choice, linear and exact, history, solver)
     stepper = Stepper(*fixed)
-    stepper.choice, stepper.linear = choice, linear and not constraints and history is None
+    stepper.choice, stepper.solver = choice, solver
+    stepper.linear = linear and exact and not constraints and history is None
     stepper.remember(history)
     x = np.array(state, dtype=float)
     for number, stretch in enumerate(stretches):
@@ -96,6 +107,8 @@ class Stepper:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
         self.linear = False
+        self.solver = AUTOMATIC  # what the author asks for
+        self.settled: int | None = None  # the method that goes on whatever the next stretch looks like
         self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
@@ -180,7 +193,7 @@ class Stepper:
             self.position += 1
         self.keep(stretch.start, x, stretch.mode, stretch.start)
         if not len(self.program.states.names):
-            return self._without_states(stretch, x)
+            return without_states(self, stretch, x)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
         if self.linear:
             from .exact import exactly
@@ -188,10 +201,25 @@ class Stepper:
             end = exactly(self, stretch, x)
             if end is not None:
                 return end
+        if self.solver == "exponential":
+            raise UsageError(
+                "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
+                "inputs a few thousand polynomials can follow; leave the solver to choose"
+            )
         return self._by_steps(stretch, x)
+
+    def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
+        """Tell the result what held the steps, if they were very many."""
+        self.result.notes += notes_of(self, solver, steps, mode)
+
+    def name(self, method: int, target: str) -> None:
+        """Tell the result what steps."""
+        self.result.solvers[f"{NAMES[method]}, {target}"] = None
 
     def count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():
+            if not count:
+                continue
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
@@ -201,10 +229,22 @@ class Stepper:
             from .machine import in_machine_code, obstacle_of
 
             obstacle = obstacle_of(self.program)
-        self.result.solvers[f"Radau IIA 5, {'native' if obstacle is None else f'numpy{obstacle}'}"] = None
+        from .method import method_of
+
+        method = method_of(self, stretch, x, obstacle is None)
+        self.name(method, "native" if obstacle is None else f"numpy{obstacle}")
+        self.check_rates(stretch.start, x, stretch.mode)
+        size = np.inf
+        if method == ENERGY:
+            from .conserving import equal_steps
+
+            size = equal_steps(self, stretch, x, obstacle is None)
         if obstacle is None:
-            return in_machine_code(self, stretch, x)
-        solver = self._solver(stretch, stretch.start, x)
+            return in_machine_code(self, stretch, x, method, size)
+        if method == RADAU:
+            solver: Radau | Interpreted = reference(self, stretch, stretch.start, x)
+        else:
+            solver = self.interpreted(stretch, x, method, size)
         if self.constraints:
             self.singular.begin(stretch.start, x, stretch.mode)
         magnitude = self.tolerances.magnitude
@@ -227,12 +267,18 @@ class Stepper:
                     break
                 peak = np.maximum(peak, np.abs(solver.state))
                 # A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance.
-                solver.problem.absolute = relative * np.where(self.tolerances.held, 1.0, peak)
+                solver.hold_to(absolute := relative * np.where(self.tolerances.held, 1.0, peak))
                 if self.choice is not None and not solver.finished:
                     self.result.handover = self.choice.look(solver.time, state, stretch.mode)
                     if self.result.handover is not None:
                         break
-                if self.constraints and not solver.finished:
+                if not isinstance(solver, Radau):
+                    if self.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
+                        self.settled = RADAU
+                        self.name(RADAU, f"numpy{obstacle}")
+                        self.count(solver.evaluations)
+                        solver = reference(self, stretch, solver.time, state, absolute=absolute)
+                elif self.constraints and not solver.finished:
                     solver = self._past_singular_pose(solver, stretch)
                     if self.result.handover is not None:
                         break
@@ -240,23 +286,31 @@ class Stepper:
         finally:
             self.result.steps += steps
             self.count(solver.evaluations)
+        self.tell_crawling(solver, steps, stretch.mode)
         if self.flip is not None:
             return self.flip.state
         return self.loops.solve(solver.time, solver.state * magnitude, stretch.mode)
 
-    def _passed(self, solver: Radau, stretch: Segment) -> Segment:
+    def _passed(self, solver: Radau | Interpreted, stretch: Segment) -> Segment:
         """All that looks at an accepted step: events, reports, limits, work, delays. The stretch, from the last flip in it on."""
         before = self.position
-        stretch = self.follow(*solver.last_step, stretch, partial(self._dense, solver, stretch))
+        stretch = self._follow(solver, stretch)
         self._sample(solver, stretch)
         self.look(solver, stretch, self.instants[before : self.position])
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time
         if self.powers is not None:
-            self._add_work(start, stop, partial(self._along, solver), stretch)
+            self.add_work(start, stop, partial(self._along, solver), stretch)
         if self.history is not None:
             self.history.keep(start, stop, partial(self._dense, solver, stretch), self.inputs, stretch.mode)
         return stretch
+
+    def interpreted(self, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf) -> Interpreted:
+        """A method as Python, from the start of a stretch; `size` of all steps, if it wants that."""
+        from .steps.compiled.interpreted import Interpreted
+
+        fixed = (self.program, self.inputs, self.constants, self.tolerances, stretch)
+        return Interpreted(*fixed, x, self.longest, method, size, self.whole)
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
         """A state on its invariants, with the unknowns that belong to it."""
@@ -282,7 +336,7 @@ class Stepper:
         after = self.beyond(crossed, state, stretch)
         self.count(solver.evaluations)
         watcher.begin(end := crossed.start + crossed.size, after, mode)
-        return self._solver(stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+        return reference(self, stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
 
     def chosen_anew(self, time: float, state: Any, mode: Any, step: float) -> bool:
         """Whether to stop here, as other constraints should take part from now on: the next leg chooses them."""
@@ -310,7 +364,7 @@ class Stepper:
             self.position = last
         self._watch_limits(crossed.start, end, times, sample, stretch)
         if self.powers is not None:
-            self._add_work(crossed.start, end, sample, stretch)
+            self.add_work(crossed.start, end, sample, stretch)
         return self.held(end, sample(np.array([end]))[0], stretch.mode)
 
     def grow(self, x: Any) -> None:
@@ -320,45 +374,20 @@ class Stepper:
         """Where an event stepper looks for events in a step."""
         return stretch
 
-    def _dense(self, solver: Radau, stretch: Segment, times: Any, exactly: bool = True) -> Any:
+    def _follow(self, solver: Radau | Interpreted, stretch: Segment) -> Segment:
+        """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
+        start, stop = solver.last_step
+        edges = [start + (stop - start) * k / solver.parts for k in range(solver.parts)] + [stop]
+        for a, b in pairwise(edges):
+            stretch = self.follow(a, b, stretch, partial(self._dense, solver, stretch))
+            if self.flip is not None:
+                break
+        return stretch
+
+    def _dense(self, solver: Radau | Interpreted, stretch: Segment, times: Any, exactly: bool = True) -> Any:
         """States and unknowns within the last step, the latter solved for if they are wanted exactly; shape (times, n)."""
         states = solver.sample(times) * self.tolerances.magnitude
         return self.held_all(times, states, stretch.mode) if exactly or self.constraints else states
-
-    def _without_states(self, stretch: Segment, x: Any) -> Any:
-        """Nothing to integrate: loops at each instant by themselves, each from the solution before it."""
-        inner = self.instants[(self.instants > stretch.start) & (self.instants < stretch.stop)]
-        self.watch.look(
-            np.array([stretch.start, *inner, stretch.stop]), stretch.mode, partial(self._loops_at, x, stretch)
-        )
-        before = stretch.start
-        while before < stretch.stop:
-            inside = self.position < len(self.instants) and self.instants[self.position] < stretch.stop
-            now = self.instants[self.position] if inside else stretch.stop
-            if now - before > self.longest:
-                now, inside = before + self.longest, False
-            stretch = self.follow(before, now, stretch, partial(self._loops_exactly, x, stretch))
-            if self.powers is not None:
-                stop = now if self.flip is None else self.flip.time
-                self._add_work(before, stop, partial(self._loops_at, x, stretch), stretch)
-            if self.history is not None:
-                stop = now if self.flip is None else self.flip.time
-                self.history.keep(before, stop, partial(self._loops_at, x, stretch), self.inputs, stretch.mode)
-            if self.flip is not None:
-                return self.flip.state
-            x = self.loops.solve(now, x, stretch.mode)
-            if inside:
-                self.result.states[self.position] = x
-                self.position += 1
-            self.keep(now, x, stretch.mode, stretch.start)
-            before = now
-        return x
-
-    def _loops_exactly(self, x: Any, stretch: Segment, times: Any, _: bool) -> Any:
-        return self._loops_at(x, stretch, times)
-
-    def _loops_at(self, x: Any, stretch: Segment, times: Any) -> Any:
-        return self.loops.solve_all(times, np.tile(x, (len(times), 1)), stretch.mode)
 
     def check_forced(self, time: float, before: Any, after: Any, x: Any) -> None:
         """What is differentiated in time must not jump where conditions on time change. `before`, `after`: modes."""
@@ -373,51 +402,13 @@ class Stepper:
                 "its flow would be an impulse; put a resistor between source and storage, or let the source rise within a time"
             )
 
-    def _solver(self, stretch: Segment, start: float, x: Any, size: float = np.inf) -> Radau:
-        """The solver for the scaled states of one stretch, from a time and state in it; `size` of the first step, if known."""
-        program, magnitude, count = self.program, self.tolerances.magnitude, len(self.program.states.names)
-        fixed = (self.inputs, self.constants, stretch.mode)
-        differential = np.arange(len(x)) < count
-        rows, columns = program.pattern
-        unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
-        ratio = magnitude[columns] / unit[rows]
-        eliminated = Eliminated(program)
-
-        def derivative(time: float, scaled: Any) -> Any:
-            return eliminated.rates(time, scaled * magnitude, *fixed) / unit
-
-        def jacobian(time: float, scaled: Any) -> Any:
-            return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
-
-        self.check_rates(start, x, stretch.mode)
-        relative = self.tolerances.relative
-        from .steps.factorise import dense, is_large, sparse
-
-        shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
-        follows = follower(program, self.inputs, self.constants, stretch, self.whole)
-        problem = Problem(
-            derivative, jacobian, shifted, differential, relative, self.tolerances.scaled, follows, self.longest
-        )
-        if program.bends is not None:
-            bends = program.bends
-            problem.bends = lambda time, scaled: bends(time, scaled * magnitude, *fixed)
-        if self.constraints:
-
-            def hold(time: float, scaled: Any) -> Any:
-                held = self.constraints.project(time, scaled * magnitude, stretch.mode) / magnitude
-                held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
-                return held
-
-            problem.hold = hold
-        return Radau(problem, start, x / magnitude, stretch.stop, size)
-
     def check_rates(self, start: float, x: Any, mode: Any) -> None:
         """A run can only begin where all rates are numbers."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x, mode)
 
-    def _step(self, solver: Radau, steps: int, stretch: Segment) -> bool:
+    def _step(self, solver: Radau | Interpreted, steps: int, stretch: Segment) -> bool:
         """One accepted step; false where none leads on, but an event just ahead does."""
         try:
             solver.step()
@@ -435,21 +426,11 @@ class Stepper:
         """Whether an event stepper sees an event where steps collapse: beyond it the law of this side may have no value."""
         return False
 
-    def failed(self, solver: Radau | CompiledRadau, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
         """Why the run ends here."""
-        state = solver.state * self.tolerances.magnitude
-        slope = np.zeros(len(state))
-        if what != "steps":
-            slope = self.program.derivative(solver.time, state, self.inputs, self.constants, mode)
-        if not np.isfinite(slope).all():
-            return not_finite(self.program, solver.time, slope, state, mode)
-        told = stuck(self.program, solver, what, state, slope, self.tolerances)
-        if what in ("newton", "error"):
-            places = ahead(self.program, self.tolerances, self.whole, solver.time, state, slope)
-            return StepsCollapsed(told, solver.time, state, places, mode)
-        return RunFailed(told)
+        return failure(self, solver, what, mode)
 
-    def _sample(self, solver: Radau, stretch: Segment) -> None:
+    def _sample(self, solver: Radau | Interpreted, stretch: Segment) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
         first = last = self.position
         end = stretch.stop if self.flip is None else self.flip.time
@@ -460,24 +441,26 @@ class Stepper:
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
 
-    def look(self, solver: Radau | CompiledRadau, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: Solver, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time
-        self._watch_limits(start, stop, reported, lambda t: solver.sample(t) * self.tolerances.magnitude, stretch)
+        magnitude = self.tolerances.magnitude
+        self._watch_limits(start, stop, reported, lambda t: solver.sample(t) * magnitude, stretch, solver.inner)
 
-    def _along(self, solver: Radau, times: Any) -> Any:
+    def _along(self, solver: Radau | Interpreted, times: Any) -> Any:
         """States within the last step, as the collocation polynomial has them."""
         return solver.collocation(times) * self.tolerances.magnitude
 
     def _watch_limits(
-        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment
-    ) -> None:
+        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment,
+        inner: Sequence[float] = INNER,
+    ) -> None:  # fmt: skip
         if self.program.limits:
-            times = np.unique(np.concatenate([[start], start + C[:-1] * (stop - start), [stop], reported]))
+            times = np.unique(np.concatenate([[start], start + np.array(inner) * (stop - start), [stop], reported]))
             self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
 
-    def _add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
+    def add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
         """The work of a step. `sample`: states at instants, with or without the multipliers that belong to them."""
         powers = self.powers
         assert powers is not None

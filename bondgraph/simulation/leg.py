@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..ended import End
-from ..errors import RateNotFinite, RunFailed, StepsCollapsed, UsageError
+from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .integrate import integrate
@@ -18,6 +18,7 @@ from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
 from .start.nominal import Looks, Magnitudes, nominal_magnitudes
 from .start.start import consistent_start
+from .steps.methods import AUTOMATIC
 from .trajectory import Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch
@@ -43,8 +44,10 @@ class Leg:
         energy: bool,
         begin: Handover | None,
         values: Mapping[str, float] | None = None,
+        solver: str = AUTOMATIC,
         off: tuple[str, ...] = (),
     ) -> None:
+        self.solver = solver
         self.compilation, self.plan, self.begin = compilation, plan, begin
         self.set = values or {}  # what is set when a run begins
         self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
@@ -237,7 +240,7 @@ class Leg:
             integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
                 self._powers if self.energy else None, self.watch, self.choice, self.compilation.certificate.linear,
-                self.constraints, self.events, self.off, self.history, self.trajectory,
+                self.constraints, self.events, self.off, self.history, self.trajectory, self.solver,
             )  # fmt: skip
         except RateNotFinite as failed:
             from .watch.finite import cause_of
@@ -247,6 +250,8 @@ class Leg:
             raise RunFailed(f"{failed}: {cause}") from None
         except StepsCollapsed as failed:
             raise self._explained(failed) from None
+        except NotLossless as failed:
+            raise self._lossy(failed) from None
         self._finish()
         self.values = self._outputs()
         self.whole = True
@@ -294,6 +299,7 @@ class Leg:
     def _finish(self) -> None:
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
+        self.notes += tuple(dict.fromkeys(self.trajectory.notes))[:1]
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import told_of
 
@@ -318,6 +324,24 @@ class Leg:
             tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off if hybrid is not None else (), self.scene.preferences,
             None if self.history is None else self.history.past(kept.remembered),
         )  # fmt: skip
+
+    def _lossy(self, failed: NotLossless) -> UsageError:
+        """Which elements gain or lose energy, where a method that keeps it was asked for."""
+        ports = self.compilation.state_space.ports
+        powers = self._powers(failed.time, failed.state, failed.mode)[: len(ports)]
+        by_element: dict[str, float] = {}
+        for port, power in zip(ports, powers, strict=True):
+            if port.kind not in ("C", "I", "IC", "TF", "GY"):
+                by_element[port.element] = by_element.get(port.element, 0.0) + float(power)
+        told = sorted(by_element.items(), key=lambda item: -abs(item[1]))[:3]
+        names = (
+            ", ".join(f"`{name}` takes {power:.6g} W" for name, power in told if power)
+            or "a law of its storages or joints does"
+        )
+        return UsageError(
+            f"no method keeps the energy of this model: at t = {failed.time:.9g} s it is not lossless ({names}); "
+            "leave the solver to choose, which holds the tolerance"
+        )
 
     @property
     def occurrences(self) -> list[Occurrence]:

@@ -9,8 +9,9 @@ import numpy as np
 from ..door import Program
 from .closed.singular import NEAR
 from .segments import Segment
-from .steps.compiled.advance import HANDOVER
+from .steps.compiled.advance import FINISHED, HANDOVER, STIFF
 from .steps.compiled.run import CompiledRadau, obstacle, steps
+from .steps.methods import AUTOMATIC, EXPLICIT, RADAU
 from .steps.radau import StepFailed
 from .stuck import MOST_COMPILED
 
@@ -24,21 +25,35 @@ def obstacle_of(program: Program) -> str | None:
     return f" ({found})" if found else None
 
 
-def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
-    """As `run` from where it begins to step, by `compiled/advance.py`."""
-    stepper.check_rates(stretch.start, x, stretch.mode)
-    constraints = stepper.constraints.always_compiled
+def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> CompiledRadau:
+    """A solver for a stretch, of which nothing but the steps is asked yet."""
     solver = CompiledRadau(
-        stepper.program,
-        stepper.inputs,
-        stepper.constants,
-        stepper.tolerances,
-        stretch,
-        x,
-        stepper.longest,
-        constraints,
-        stepper.whole,
-    )
+        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
+        stepper.constraints.always_compiled, method, stepper.whole,
+    )  # fmt: skip
+    solver.values["automatic"] = int(stepper.solver == AUTOMATIC and method == EXPLICIT)
+    return solver
+
+
+def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
+    """Up to so many explicit steps, of which nothing is kept: evaluations, whether stability holds the steps, whether the end came first."""
+    solver = explicit_scout(stepper, stretch, x)
+    answer = solver.advance(most)
+    return solver.evaluations, answer == STIFF, answer == FINISHED
+
+
+def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
+    """The explicit pair from the start of a stretch, to be asked for one step after another, of which nothing is kept."""
+    solver = _solver(stepper, stretch, x, EXPLICIT)
+    solver.values["limit_count"] = 0
+    solver.begin()
+    return solver
+
+
+def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> Any:
+    """As `run` from where it begins to step, by `compiled/advance.py`. `size` of all steps, if the method wants that."""
+    solver = _solver(stepper, stretch, x, method)
+    solver.fixed_size = size if size < np.inf else None
     first = stepper.position
     solver.report(stepper.instants, first, stepper.result.states)
     if stepper.choice is not None:
@@ -56,6 +71,11 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
 
     try:
         while answer := steps(solver, look, MOST_COMPILED):
+            if answer == STIFF:
+                stepper.settled = RADAU
+                stepper.name(RADAU, "native")
+                solver.go_on_with(RADAU)
+                continue
             if answer != HANDOVER:
                 _near_singular_pose(stepper, solver, stretch)
                 if stepper.result.handover is not None:
@@ -78,6 +98,7 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any) -> Any:
         states[:] = stepper.loops.solve_all(times, states, stretch.mode)
     stepper.result.steps += solver.steps
     stepper.count(solver.evaluations)
+    stepper.tell_crawling(solver, solver.steps, stretch.mode)
     return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
 
 

@@ -6,7 +6,6 @@ import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..prepared import chosen_target, many_runs
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
 from .settings import Settings, refused_with_values, settle, with_zeros
+from .steps.methods import chosen_solver
 from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 DEFAULT_RTOL = 1e-6
 RTOL = 1e-13, 0.1
 DEFAULT_POINTS = 501
+ENERGY_METHOD = "energy"  # the solver that asks for the stored energy
 MOST_CHOICES = 1000  # of states in one run
 
 
@@ -40,11 +41,13 @@ class Wanted:
     atol: float | None = None
     energy: bool = False
     target: str | None = None
+    solver: str | None = None
 
 
 def check_wanted(wanted: Wanted) -> None:
     """Raises `UsageError` for what no run can be made with."""
     chosen_target(wanted.target)
+    chosen_solver(wanted.solver)
     if isinstance(wanted.to, str):
         seconds(wanted.to)
     if wanted.rtol is not None:
@@ -97,18 +100,25 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
     """Run a scene of a model; `values` are set when it begins."""
     began = clock.perf_counter()
     to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy
-    made = partial(model.prepared, target=chosen_target(wanted.target))
-    prepared = made(scene, energy)
-    plan = prepared.plan
+    target = chosen_target(wanted.target)
+
+    def made(scene: Scene, everything: bool) -> Prepared:
+        return model.prepared(scene, everything or scene.conserving, target)
+
+    scene = replace(scene, conserving=wanted.solver == ENERGY_METHOD)
+    plan = made(scene, energy).plan
     many = many_runs(plan, scene)
     if many is not None:
         raise ManyRuns(many)
     stop = _stop(plan, to)
+    solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
+    scene = replace(scene, conserving=solver == ENERGY_METHOD)
+    prepared = made(scene, energy)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
-    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, began)
+    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, solver, began)
     if start is not None:
         from .resume import resumed
 
@@ -127,6 +137,8 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         from ..errors import RunInterrupted
 
         raise RunInterrupted(f"interrupted at t = {run.reached:.9g} s", result) from None
+    except UsageError:  # a solver was asked for that cannot do this
+        raise
     except Exception as broken:
         if run.leg is None:  # nothing runs: what is wrong is told by whoever found it
             raise
@@ -143,10 +155,10 @@ class Run:
 
     def __init__(
         self, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], plan: Plan, stop: float, count: int,
-        rtol: float, atol: float | None, energy: bool, began: float,
+        rtol: float, atol: float | None, energy: bool, solver: str, began: float,
     ) -> None:  # fmt: skip
         self.made, self.scene, self.values, self.plan, self.stop = made, scene, values, plan, stop
-        self.rtol, self.atol, self.energy, self.began = rtol, atol, energy, began
+        self.rtol, self.atol, self.energy, self.solver, self.began = rtol, atol, energy, solver, began
         self.instants = np.linspace(plan.start, stop, count)
         self.legs: list[Leg] = []
         self.leg: Leg | None = None  # that is on its way
@@ -161,8 +173,9 @@ class Run:
             self.leg = None
             chosen = replace(self.scene, preferences=tuple(sorted(wishes.items())))
             leg = Leg(
-                self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values
-            )
+                self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
+                self.solver,
+            )  # fmt: skip
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
                 self.scene = replace(self.scene, off=leg.begins_without)

@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Program
-from ..errors import RateNotFinite
-from .steps.radau import Radau
+from ..errors import RateNotFinite, RunFailed, StepsCollapsed
+from .crawling import advice, limiting_mode
 from .trajectory import Tolerances
 
 if TYPE_CHECKING:
+    from .integrate import Solver, Stepper
+    from .steps.compiled.interpreted import Interpreted
     from .steps.compiled.run import CompiledRadau
+    from .steps.radau import Radau
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
+HUGE = 1e280  # near the largest number there is
 MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
 
 
@@ -47,9 +51,37 @@ def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any)
     return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state, mode)
 
 
+def failure(stepper: Stepper, solver: Solver, what: str, mode: Any) -> RunFailed:
+    """Why a run ends where its solver stands; `what` failed last."""
+    program = stepper.program
+    state = solver.state * stepper.tolerances.magnitude
+    slope = np.zeros(len(state))
+    if what != "steps":
+        slope = program.derivative(solver.time, state, stepper.inputs, stepper.constants, mode)
+    if not np.isfinite(slope).all():
+        return not_finite(program, solver.time, slope, state, mode)
+    told = stuck(program, solver, what, state, slope, stepper.tolerances)
+    if what == "steps":
+        start, stop = solver.last_step
+        found = limiting_mode(stepper, float(stop), state, mode, float(stop - start), np.array(solver.error))
+        if found is not None:
+            told += f". The steps follow {found}: {advice(found, stepper.solver == 'explicit')}"
+    if what in ("newton", "error"):
+        places = ahead(program, stepper.tolerances, stepper.whole, solver.time, state, slope)
+        return StepsCollapsed(told, solver.time, state, places, mode)
+    return RunFailed(told)
+
+
 def stuck(
-    program: Program, solver: Radau | CompiledRadau, what: str, state: Any, slope: Any, tolerances: Tolerances
+    program: Program,
+    solver: Radau | Interpreted | CompiledRadau,
+    what: str,
+    state: Any,
+    slope: Any,
+    tolerances: Tolerances,
 ) -> str:
+    from .steps.compiled.run import CompiledRadau
+
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)
     worst = (
@@ -57,8 +89,14 @@ def stuck(
     )
     value = f"`{names[worst]}` (now {state[worst]:.6g} {units[worst]})"
     begin = f"the solver cannot hold rtol = {tolerances.relative:g} at t = {solver.time:.9g} s"
+    huge = int(np.argmax(np.maximum(np.abs(state), np.abs(slope))))
+    if max(abs(state[huge]), abs(slope[huge])) > HUGE:
+        return (
+            f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
+            "for a number. Likely causes: a law that grows like an exponential, or a unit that is missing"
+        )
     if what == "steps":
-        most = MOST_STEPS if isinstance(solver, Radau) else MOST_COMPILED
+        most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
         return (
             f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
             "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"

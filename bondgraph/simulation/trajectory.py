@@ -65,6 +65,7 @@ class Trajectory:
     solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
     pieces: list[Segment] = field(default_factory=list)  # of the stretches, with their modes, as they were run through
     peak: Any = None  # the largest magnitudes on the way
+    notes: list[str] = field(default_factory=list)  # of what held the steps
     jumps: list[tuple[Any, Any]] = field(default_factory=list)  # powers and what is stored, before and after each event
     kept: Kept | None = None  # after the last accepted step
 

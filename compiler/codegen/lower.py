@@ -37,6 +37,7 @@ from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME, dependence_o
 from .events import LoweredEvents, behind_the_run, event_notes, event_variables
 from .limits import Leaf, Limit, ranges, requirement
 from .multipliers import Solved, solve_multipliers
+from .stored_energy import stored_energy
 from .switching import Switching
 
 
@@ -86,6 +87,7 @@ class Lowered:
     )  # zero where a law of states bends: steps end there if it shows
     signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
     solved: Solved | None = None  # with the multipliers of closing joints solved for
+    energy: tuple[Expression, ...] = ()  # all that is stored, then its slopes by the states, if they are asked for
     differentiated: int = 0  # formulas whose partial derivatives were formed
     by: tuple[int, ...] = ()  # variables by which all is differentiated beside states and unknowns
     slopes: dict[int, dict[int, Expression]] = field(
@@ -124,10 +126,11 @@ class Lowered:
     _bits: dict[Expression, int] = field(default_factory=dict)
 
 
-def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = ()) -> Lowered:
+def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = (), conserving: bool = False) -> Lowered:
     """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian.
 
-    `by`: more variables to differentiate by; of one that is computed, by what is added to it.
+    `by`: more variables to differentiate by; of one that is computed, by what is added to it. `conserving`: form the stored
+    energy and its slopes too.
     """
     result = Lowered(space, by=by)
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
@@ -186,6 +189,8 @@ def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = ()) -> 
     result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
     result.solved = solve_multipliers(result)
+    if conserving:
+        result.energy = stored_energy(result, slopes)
     result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)

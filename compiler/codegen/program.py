@@ -192,6 +192,8 @@ class Program:
     bends: Callable[[float, Array, Array, Array, Array], Array] | None = None
     # as output -> zero where a law of states bends but does not jump; None if none does
     delays: Delays | None = None
+    stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
+    # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
         """The mode at a state, with what only events change as it starts."""

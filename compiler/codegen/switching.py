@@ -166,7 +166,8 @@ class Switching:
         if x not in known:
             moving = [o for o in x.operands if self.result.dependence(o) & TIME]
             linear = x.operator == "add" or (
-                len(moving) == 1 and (x.operator == "multiply" or (x.operator == "divide" and moving[0] is x.operands[0]))
+                len(moving) == 1
+                and (x.operator == "multiply" or (x.operator == "divide" and moving[0] is x.operands[0]))
             )
             known[x] = linear and all(self._is_affine(o, known) for o in moving)
         return known[x]

@@ -25,6 +25,9 @@ class Ints(Protocol):
     def __setitem__(self, place: int, value: int) -> None: ...
 
 
+Numbers = tuple[float, ...]  # a list that stands in the source
+
+
 class Record:
     """What several functions work on together: a class whose annotations are its fields, in this order, each eight bytes wide.
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, get_args
 from .arrays import Record
 
 FLOAT, INT, BOOL, FLOATS, INTS, NOTHING = "double", "i64", "i1", "floats", "ints", "void"
-_WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Ints": INTS, "None": NOTHING}
+_WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Numbers": FLOATS, "Ints": INTS, "None": NOTHING}
 ITEMS = {FLOATS: FLOAT, INTS: INT}
 
 

@@ -10,7 +10,7 @@ from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
 from ..graph.network import Named
 from ..graph.units import ONE, SECOND
-from ..scene import Override, Plan, Reported, Scene
+from ..scene import SOLVERS, Override, Plan, Reported, Scene
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
@@ -160,6 +160,8 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
                     )
                 )
             tolerances[attribute.target.words] = value
+        elif attribute.name == "solver" and attribute.target is None:
+            plan = replace(plan, solver=_solver(attribute))
         elif attribute.name in SETTINGS and attribute.target is None:
             value = elaborator.static(attribute.value, root, f"`{attribute.name}`")
             settings[attribute.name] = value
@@ -177,10 +179,21 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
                 )
         else:
             hint = suggestion(
-                attribute.name, [*SETTINGS, "tolerance"], "It has: rtol, atol, points, and `tolerance NAME = …`."
+                attribute.name,
+                [*SETTINGS, "solver", "tolerance"],
+                "It has: rtol, atol, points, solver, and `tolerance NAME = …`.",
             )
             raise Wrong(UnknownAttribute(attribute.span, "simulate", attribute.name, hint))
     return replace(plan, start=start, stop=stop, settings=settings, tolerances=tolerances)
+
+
+def _solver(attribute: tree.Attribute) -> str:
+    """The solver that an attribute names."""
+    word = attribute.value.span.words if attribute.value is not None else ""
+    if word not in SOLVERS:
+        hint = suggestion(word, SOLVERS, f"Solvers: {', '.join(SOLVERS)}.")
+        raise Wrong(UnknownName(attribute.span, word, "the solvers", hint))
+    return word
 
 
 def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs: dict[str, Named]) -> Reported:

@@ -13,7 +13,8 @@ ROOT = "plain model M {\n  1 j\n  Se s : e = 1\n  I b : p = f\n  s -> j -> b\n  
 
 def test_an_output_without_a_value_stops_the_run_with_its_name_and_time() -> None:
     with pytest.raises(
-        RunFailed, match=r"at t = 0 s `y` is not finite: `y`, computed at `y` \(line 6\), has no value there: the logarithm of -0\.6"
+        RunFailed,
+        match=r"at t = 0 s `y` is not finite: `y`, computed at `y` \(line 6\), has no value there: the logarithm of -0\.6",
     ):
         bondgraph.load(ROOT).simulate(to=1.0, points=3)
 

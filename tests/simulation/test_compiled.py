@@ -19,6 +19,7 @@ from bondgraph.prepared import HIDDEN
 from bondgraph.results import Result
 from bondgraph.simulation import integrate, leg
 from bondgraph.simulation.steps import exponential
+from bondgraph.simulation.steps.compiled import fields
 from bondgraph.simulation.steps.compiled import run as compiled
 from bondgraph.simulation.steps.compiled.advance import advance, begin
 from bondgraph.simulation.steps.compiled.sparse import FINE, Pattern, real_back, real_factors
@@ -34,6 +35,7 @@ RUNNING = [
     (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
 ]
 # Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
+RESTING = {"inverse_kinematics.bg"}  # what moves in it has no mass: its work is the error of a quadrature
 PARTING = {"duffing.bg", "rectifier.bg", "spatial_slider_crank.bg"}
 
 
@@ -50,18 +52,21 @@ def both(path: Path, name: str | None = None, **settings: Any) -> tuple[Result, 
 
 def test_events_are_the_affair_of_the_reference() -> None:
     native, numpy = both(MODELS / "quarter_car.bg")
-    assert native.solver == numpy.solver == "Radau IIA 5, numpy (events)"
+    assert native.solver == numpy.solver == "Dormand-Prince 8, numpy (events)"
     assert (native.values == numpy.values).all()
 
 
+@pytest.mark.parametrize("solver", ["radau", "automatic"])
 @pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
-def test_models_take_the_same_steps(path: Path, name: str) -> None:
-    native, numpy = both(path, name, energy=True)
+def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
+    native, numpy = both(path, name, energy=True, solver=solver)
     program = bondgraph.load(path, name).compilation(bondgraph.load(path, name).scene()).program
     if program.hybrid is not None:
         assert "numpy" in native.solver
         pytest.skip("steps of the reference")
-    assert native.solver in ("Radau IIA 5, native", "Newton", "none")
+    assert native.solver.replace("native", "numpy") == numpy.solver
+    if solver == "radau":
+        assert native.solver in ("Radau IIA 5, native", "Newton", "none")
     assert native.warnings == numpy.warnings
     scale = np.abs(numpy.values).max(axis=0) + 1e-300
     found = (np.abs(native.values - numpy.values) / scale).max()
@@ -69,8 +74,11 @@ def test_models_take_the_same_steps(path: Path, name: str) -> None:
     if path.name in PARTING:
         assert native.steps == pytest.approx(numpy.steps, rel=0.05) and found < 1e-3
         return
-    assert (native.steps, dict(native.evaluations)) == (numpy.steps, dict(numpy.evaluations))
-    assert found < 1e-6
+    assert native.steps == numpy.steps and found < 1e-6
+    if numpy.energy.elements:
+        assert dict(native.evaluations) == dict(numpy.evaluations)
+    if path.name in RESTING:
+        return
     work = max(abs(numpy.energy.supplied), abs(numpy.energy.stored), abs(numpy.energy.dissipated))
     for kind in ("supplied", "stored", "dissipated", "residual"):
         assert getattr(native.energy, kind) == pytest.approx(getattr(numpy.energy, kind), rel=1e-3, abs=1e-9 * work)
@@ -93,14 +101,15 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(compiled.CompiledRadau, "advance", one)
     monkeypatch.setattr(integrate.Radau, "step", step)
-    both(MODELS / "manipulator.bg", rtol=rtol)
+    both(MODELS / "manipulator.bg", rtol=rtol, solver="radau")
     assert len(seen["native"]) == len(seen["numpy"]) > 30
     for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):
         assert here == pytest.approx(there, rel=1e-5)
         np.testing.assert_allclose(error, expected, atol=1e-3 * max(1e-2, np.abs(expected).max()))
 
 
-def test_the_same_source_runs_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("method", ["radau", "explicit"])
+def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit by bit: what the compiler makes of the source is what the source says."""
     made: list[tuple[compiled.CompiledRadau, dict[str, Any]]] = []
     original = compiled.CompiledRadau.begin
@@ -111,7 +120,7 @@ def test_the_same_source_runs_as_python(monkeypatch: pytest.MonkeyPatch) -> None
         original(solver)
 
     monkeypatch.setattr(compiled.CompiledRadau, "begin", keep)
-    bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20)
+    bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20, solver=method)
     (solver, values) = made[0]
     values = {
         k: np.ascontiguousarray(v, dtype=solver.values[k].dtype) if isinstance(v, np.ndarray) else v
@@ -244,7 +253,7 @@ model Chain {{
 
 def test_a_large_model_by_sparse_factors() -> None:
     model = bondgraph.load(CELLS.format(n=60), "Chain")
-    native, numpy = (model.simulate(to=3, points=11, target=t) for t in ("native", "numpy"))
+    native, numpy = (model.simulate(to=3, points=11, target=t, solver="radau") for t in ("native", "numpy"))
     assert len(model.states) == 120 and native.solver == "Radau IIA 5, native"
     assert native.steps == numpy.steps
     np.testing.assert_allclose(native.values, numpy.values, rtol=1e-9, atol=1e-12)
@@ -253,12 +262,13 @@ def test_a_large_model_by_sparse_factors() -> None:
 def test_sparse_factors_where_the_order_must_change(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small models by sparse factors; orders are chosen anew as pivots become small, and the steps stay those of the reference."""
     monkeypatch.setattr(compiled, "is_sparse", lambda program: True)
+    monkeypatch.setattr(fields, "is_sparse", lambda program: True)
     monkeypatch.setattr(compiled, "SMALL", 0.3)
     chosen: list[float] = []
     original = compiled.Ordered.choose
     monkeypatch.setattr(compiled.Ordered, "choose", lambda order, *a: chosen.append(a[0]) or original(order, *a))
     for name in ("manipulator.bg", "rectifier.bg", "van_der_pol.bg"):
-        native, numpy = both(MODELS / name)
+        native, numpy = both(MODELS / name, solver="radau")
         assert native.steps == pytest.approx(numpy.steps, rel=0.05 if name in PARTING else 0.0)
         scale = np.abs(numpy.values).max(axis=0)
         assert (np.abs(native.values - numpy.values) / scale).max() < (1e-3 if name in PARTING else 1e-6)
@@ -304,12 +314,12 @@ def test_the_pattern_has_room_for_all_that_comes() -> None:
 
 def test_targets(monkeypatch: pytest.MonkeyPatch) -> None:
     model = pushed()
-    assert model.simulate(to=1).solver == "Radau IIA 5, native"
-    assert model.simulate(to=1, target="numpy").solver == "Radau IIA 5, numpy"
+    assert model.simulate(to=1).solver == "Dormand-Prince 8, native"
+    assert model.simulate(to=1, target="numpy").solver == "Dormand-Prince 8, numpy"
     with pytest.raises(UsageError, match="targets are native, numpy"):
         model.simulate(to=1, target="fortran")
     monkeypatch.setenv(HIDDEN, "1")
-    assert model.simulate(to=1).solver == "Radau IIA 5, numpy"
+    assert model.simulate(to=1).solver == "Dormand-Prince 8, numpy"
     with pytest.raises(UsageError, match="llvmlite"):
         model.simulate(to=1, target="native")
 

@@ -100,7 +100,7 @@ def test_what_is_not_linear_or_not_constant_goes_by_steps(law: str) -> None:
         text = text.replace(f"C spring : {law}", "C spring : F = k*x").replace(
             "R damper : F = r*v", "MR damper : F = r*v*(2 + sin(time/1 s))"
         )
-    assert bondgraph.load(text).simulate(to=1.0, points=3).solver.startswith("Radau IIA 5")
+    assert bondgraph.load(text).simulate(to=1.0, points=3).solver.startswith("Dormand-Prince 8")
 
 
 def test_what_cannot_be_followed_by_polynomials_goes_by_steps() -> None:
@@ -108,7 +108,7 @@ def test_what_cannot_be_followed_by_polynomials_goes_by_steps() -> None:
     fast = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(1e3 [1/s]*time)"}, to=1.0, points=3)
     assert fast.solver == "matrix exponential" and fast.steps > 100
     faster = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(3e5 [1/s]*time)"}, to=1.0, points=3)
-    assert faster.solver.startswith("Radau IIA 5")
+    assert faster.solver.startswith("Dormand-Prince 8")
 
 
 @pytest.mark.parametrize("ratio", [1e6, 1e9, 1e12])

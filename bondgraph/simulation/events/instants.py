@@ -36,11 +36,11 @@ class EventStepper(Stepper):
     @classmethod
     def through(
         cls, events: Events, off: tuple[str, ...], fixed: tuple[Any, ...], state: Any, stretches: Sequence[Segment],
-        choice: Choice | None, linear: bool, history: History | None,
+        choice: Choice | None, linear: bool, history: History | None, solver: str,
     ) -> Trajectory:  # fmt: skip
         """As `integrate`, from event to event."""
         stepper = cls(*fixed)
-        stepper.events, stepper.off, stepper.choice = events, off, choice
+        stepper.events, stepper.off, stepper.choice, stepper.solver = events, off, choice, solver
         stepper.linear = linear and not stepper.constraints and history is None and not len(events.places)
         stepper.remember(history)
         x = np.array(state, dtype=float)
@@ -171,7 +171,7 @@ def pilot(
     stepper = EventStepper(
         program, constants, inputs, np.array([stretches[-1].stop]), lambda: tolerances, None, watch, constraints
     )
-    stepper.events, stepper.off = events, off
+    stepper.events, stepper.off, stepper.solver = events, off, "radau"
     stepper.remember(history)
     stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
     x = np.array(state, dtype=float)

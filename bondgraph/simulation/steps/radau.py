@@ -46,6 +46,7 @@ P = np.array(
     ]
 )
 D = P @ np.array([1.0, 2.0, 3.0])
+INNER = tuple(C[:-1].tolist())  # places of a step where the limits of a model are looked at
 NEWTON_ITERATIONS = 6
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 # A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
@@ -125,6 +126,17 @@ class Radau:
     def finished(self) -> bool:
         """Whether the end is reached."""
         return self.time >= self.stop
+
+    parts = 1  # of a step, each of which is searched for events by itself
+
+    @property
+    def inner(self) -> tuple[float, ...]:
+        """The places of a step where the limits of a model are looked at."""
+        return INNER
+
+    def hold_to(self, absolute: Any) -> None:
+        """Other absolute tolerances from now on."""
+        self.problem.absolute = absolute
 
     @property
     def wish(self) -> float:

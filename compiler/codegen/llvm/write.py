@@ -44,7 +44,7 @@ LARGEST_PRODUCT = 32  # power that is written as products
 
 
 HOT = frozenset(
-    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes", "bends"}
+    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes", "bends", "stored_energy"}
 )  # what the steps of a run call again and again
 
 

@@ -35,6 +35,7 @@ def generate_program(lowered: Lowered) -> Program:
         module.solved if lowered.solved is not None else None,
         count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module), module.bends if lowered.bends else None,
         Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
+        module.stored_energy if lowered.energy else None,
     )  # fmt: skip
 
 

@@ -51,6 +51,7 @@ class Writer:
             *lowered.claims,
             *lowered.forced,
             *lowered.dependents,
+            *lowered.energy,
             *lowered.invariants,
             *lowered.invariant_slopes.values(),
             *(() if lowered.solved is None else (*lowered.solved.rates, *lowered.solved.multipliers)),
@@ -188,6 +189,8 @@ class Writer:
         if lowered.solved is not None:
             roots = [*lowered.solved.rates, *lowered.solved.multipliers]
             yield "solved", full, "The rates with the multipliers solved for, and then these.", roots
+        if lowered.energy:
+            yield "stored_energy", full, "All energy that is stored, and its slopes by the states.", lowered.energy
         yield "invariant", full, "What every state of a run keeps at zero.", lowered.invariants
         held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
         yield "invariant_slopes", full, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held

@@ -1,19 +1,26 @@
-"""Stepping in the subset of Python that becomes machine code: `radau.py` and the loop over steps of `integrate.py`, with the same decisions.
+"""Stepping in the subset of Python that becomes machine code: the loop over steps of `integrate.py`, with the same decisions, around a step of
+one method or another.
 
-Those two are the reference, in which the method is explained and whose names stand here; a test holds both to the same steps.
+For Radau the reference is `radau.py`, in which the method is explained and whose names stand here; a test holds both to the same steps. The other
+methods are written here alone, and run as Python where there is no machine code.
 """
 
 from __future__ import annotations
 
 from math import isfinite, pow, sqrt
 
+from ..methods import ENERGY, EXPLICIT
+from ..pair import OFTEN
 from .closing import add_work, grow, steep
+from .conserving import conserving_step, take_energy
+from .explicit import explicit_step
 from .step import rates, step
 from .stepper import Stepper
 from .watching import GOES_ON, begin_watch, watch
 from .within import sample
 
 FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # what `advance` answers, or why there is no step
+STIFF = 10  # it is stability that holds the steps of an explicit method
 
 
 def advance(s: Stepper, most: int) -> int:
@@ -22,7 +29,7 @@ def advance(s: Stepper, most: int) -> int:
         if s.pending == 0:
             if s.time >= s.stop:
                 return FINISHED
-            failed = step(s)
+            failed = one_step(s)
             if failed != 0:
                 return failed
             s.steps += 1
@@ -35,6 +42,8 @@ def advance(s: Stepper, most: int) -> int:
         s.pending = 0
         if s.slope_count > 0 and s.time < s.stop and steep(s):
             return HANDOVER
+        if s.automatic != 0 and s.held_by_stability >= OFTEN and s.time < s.stop:
+            return STIFF
         if s.closed.gaps > 0 and s.time < s.stop:
             near = watch(s)
             if near != GOES_ON:
@@ -42,10 +51,21 @@ def advance(s: Stepper, most: int) -> int:
     return FINISHED if s.time >= s.stop else MORE
 
 
+def one_step(s: Stepper) -> int:
+    """One accepted step of the method: 0, or why there is none."""
+    if s.method == EXPLICIT:
+        return explicit_step(s)
+    if s.method == ENERGY:
+        return conserving_step(s)
+    return step(s)
+
+
 def begin(s: Stepper) -> None:
     """The first slope and the first size of a step (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
     rates(s, s.time, s.state, s.rate)
     begin_watch(s)
+    if s.method == ENERGY:
+        take_energy(s)
     span = s.stop - s.time
     d0 = 0.0
     d1 = 0.0
@@ -67,7 +87,8 @@ def begin(s: Stepper) -> None:
             d2 += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
     d2 = sqrt(d2) / sqrt(float(s.n)) / h0
     largest = max(d1, d2)
-    h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else pow(0.01 / largest, 0.25)
+    order = 0.125 if s.method == EXPLICIT else 0.25
+    h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else pow(0.01 / largest, order)
     if not isfinite(h1):
         h1 = h0
     s.size = min(100.0 * h0, h1, span)

@@ -9,21 +9,22 @@ from __future__ import annotations
 import ctypes
 import time as clock
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ....door import INTS, Fields, Handed, MachineCode, Program, record_of
 from ....native import kernel
-from ...segments import LOOKS, Segment, inside, signals_on
+from ...segments import Segment
 from ...start.nominal import smallest_angles
-from ...watch.choice import WORST, Choice
-from .. import radau
-from ..factorise import is_large
-from ..radau import STUBBORN, Radau, StepFailed
+from ...watch.choice import Choice
+from .. import pair, radau
+from ..methods import ENERGY, EXPLICIT, RADAU
+from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
 from .euler import Euler, euler
+from .fields import fields_at, is_sparse
 from .holding import hold_all, least_all, rates_all
 from .ordering import ordered
 from .sparse import ANEW, FINE, Pattern
@@ -40,7 +41,6 @@ OPTIMISED = 2
 _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
 # Pivots beside what they divide: of the steps; and of the coarse run, whose scales change from one iteration to the next and say little.
 SMALL, SMALL_AND_COARSE = 1e-3, 0.0
-LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with the help of its order
 
 
 def obstacle(program: Program) -> str:
@@ -50,12 +50,6 @@ def obstacle(program: Program) -> str:
     if program.invariants.names and (program.solved is None) != ("solved" not in program.native.addresses):
         return "closed loops are held on their constraints"
     return ""
-
-
-def is_sparse(program: Program) -> bool:
-    """Whether the linear algebra is sparse."""
-    count = len(program.states.names) + len(program.unknowns.names)
-    return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
 
 
 @lru_cache
@@ -169,14 +163,15 @@ class CompiledRadau:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints, whole: float = 0.0,
+        constraints: CompiledConstraints, method: int = RADAU, whole: float = 0.0,
     ) -> None:  # fmt: skip
         self.program = program
-        self.values = _values(program, inputs, constants, tolerances, stretch, state, longest, whole)
+        self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method, whole)
         self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
         constraints.values["mode"][:] = stretch.mode
         self.code = machine_code()
         self.order = Ordered(program, SMALL)
+        self.fixed_size: float | None = None  # of all steps, for a method that wants that
         self.values["pattern"] = self.order.record
         self._kept: list[Any] = []
         self._record: Any = None
@@ -206,6 +201,8 @@ class CompiledRadau:
         self._here = ctypes.addressof(self._record)
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
         self._begin(self._here)
+        if self.fixed_size is not None:
+            self._record.size = self.fixed_size
         self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
 
     def begin_again(self, time: float, state: Any, size: float) -> None:
@@ -213,11 +210,21 @@ class CompiledRadau:
         record, values = self._record, self.values
         values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
         record.time = time
+        self._forget()
+        record.size = min(size, record.stop - time)
+
+    def go_on_with(self, method: int) -> None:
+        """Another method goes on from here."""
+        self._record.method, self._record.automatic = method, 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """What steps remember of each other is forgotten."""
+        record = self._record
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
         record.last_size = record.last_error = record.contraction = 0.0
         self._begin(self._here)
-        record.size = min(size, record.stop - time)
 
     def went_on(self, position: int, work: Any, traffic: float) -> Any:
         """What was reported and added up meanwhile; the array in which work goes on to be added up."""
@@ -246,6 +253,10 @@ class CompiledRadau:
             raise StepFailed(FAILURES[answer])
         return answer
 
+    def step(self) -> None:
+        """One step. Raises `StepFailed`."""
+        self.advance(1)
+
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in record_of(Stepper).fields:
             raise AttributeError(name)
@@ -267,9 +278,25 @@ class CompiledRadau:
         """How often what was evaluated."""
         return {"derivative": self.derivatives, "jacobian": self.jacobians, "factorisation": self.factorisations}
 
+    @property
+    def inner(self) -> tuple[float, ...]:
+        """The places of a step where the limits of a model are looked at."""
+        return radau.INNER if self.method == RADAU else pair.INNER
+
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n). As `Radau.sample`."""
+        if self.method == ENERGY:
+            return self._interpreted(times)
+        if self.method == EXPLICIT:
+            before = self.end_state.reshape(3, self.n)[self.ends - 2]
+            return pair.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
         return self._reference().sample(times)
+
+    def _interpreted(self, times: Any) -> Any:
+        """The last step, told to the source as Python."""
+        from .interpreted import sampled
+
+        return sampled(self, times)
 
     def _reference(self) -> Radau:
         """The last step, told to the reference: it has the ends, the stages and the tolerances."""
@@ -305,58 +332,3 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> in
         else:
             several = max(1, several // 2)
     return answer
-
-
-def _values(
-    program: Program,
-    inputs: Any,
-    constants: Any,
-    tolerances: Tolerances,
-    stretch: Segment,
-    state: Any,
-    longest: float,
-    length: float,
-) -> dict[str, Any]:
-    """All fields of a `Stepper` where the stretch begins."""
-    n, differential = len(state), len(program.states.names)
-    rows, columns = program.pattern
-    magnitude = np.asarray(tolerances.magnitude, dtype=float)
-    unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
-    scaled = state / magnitude
-    relative = tolerances.relative
-    room_of_matrix = 0 if is_sparse(program) else n * n
-    known = signals_on(program, inputs, constants, stretch, length)
-    allowed = known.allowed
-    earliest, latest = inside(stretch)
-    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
-    bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
-    room: Callable[[int], Any] = partial(np.zeros, dtype=float)
-    whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
-    values: dict[str, Any] = {
-        "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
-        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers,
-        "bends": program.bends, "bend_count": bends, "bend_seen": room(5 * bends),
-        "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential,
-        "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
-        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
-        "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
-        "newton_tolerance": max(10 * np.finfo(float).eps / relative, min(0.03, relative**0.5)),
-        "node_time": known.times, "node_value": known.values, "signal_nodes": len(known.times), "node_next": 0,
-        "signal_count": len(allowed), "allowed": allowed, "seen": room(len(LOOKS) * len(allowed)), "earliest": earliest, "latest": latest,
-        "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
-        "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
-        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
-        "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
-        "real": room(room_of_matrix), "real_scale": room(n), "real_pivots": whole(n),
-        "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
-        "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
-        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
-        "change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n), "norms": room(STUBBORN),
-        "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
-        "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),
-        "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),
-        "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
-        "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
-        "derivatives": 0, "jacobians": 0, "factorisations": 0,
-    }  # fmt: skip
-    return values

@@ -14,7 +14,7 @@ from .sparse import ANEW, SINGULAR
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from ....door import Floats, Numbers
 
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
@@ -39,7 +39,7 @@ def step(s: Stepper) -> int:
     share = 1.0
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
-    while size > 2.0 * least and not follows(s, s.time, s.time + size):
+    while size > 2.0 * least and not follows(s, s.time, s.time + size, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC):
         size *= 0.5
     if s.known == 0:
         renew(s)
@@ -92,27 +92,13 @@ def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejec
     n = s.n
     if s.closed.gaps > 0:
         onto_constraints(s, end)
-    if s.ends == 3:
-        s.first_sloped = 1
-        for k in range(2):
-            s.end_time[k] = s.end_time[k + 1]
-        for i in range(2 * n):
-            s.end_state[i] = s.end_state[n + i]
-            s.end_slope[i] = s.end_slope[n + i]
-    else:
-        s.ends += 1
-    place = s.ends - 1
-    s.end_time[place] = end
     for i in range(n):
-        s.end_state[place * n + i] = s.new[i]
-        s.end_slope[place * n + i] = (D[0] * s.z[i] + D[1] * s.z[n + i] + D[2] * s.z[2 * n + i]) / size
-        s.state[i] = s.new[i]
+        s.rest[i] = (D[0] * s.z[i] + D[1] * s.z[n + i] + D[2] * s.z[2 * n + i]) / size
+    put_end(s, end, s.rest)
     for i in range(3 * n):
         s.stages[i] = s.z[i]
-    s.node_count = 0
     s.last_size = size
     s.last_error = max(norm, 1e-2)
-    s.time = end
     rates(s, end, s.state, s.rate)
     if s.closed.gaps > 0:
         for i in range(s.differential, n):
@@ -127,6 +113,28 @@ def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejec
         if grown < 1.2:
             grown = 1.0  # the factorisation serves once more
     s.size = size * grown
+
+
+def put_end(s: Stepper, end: float, slope: Floats) -> None:
+    """Go to the end of a step, the state in `new`; the last three ends are kept."""
+    n = s.n
+    if s.ends == 3:
+        s.first_sloped = 1
+        for k in range(2):
+            s.end_time[k] = s.end_time[k + 1]
+        for i in range(2 * n):
+            s.end_state[i] = s.end_state[n + i]
+            s.end_slope[i] = s.end_slope[n + i]
+    else:
+        s.ends += 1
+    place = s.ends - 1
+    s.end_time[place] = end
+    for i in range(n):
+        s.end_state[place * n + i] = s.new[i]
+        s.end_slope[place * n + i] = slope[i]
+        s.state[i] = s.new[i]
+    s.node_count = 0
+    s.time = end
 
 
 def onto_constraints(s: Stepper, end: float) -> None:
@@ -170,19 +178,25 @@ def renew(s: Stepper) -> None:
     s.factorised = 0
 
 
-def follows(s: Stepper, start: float, end: float) -> bool:
-    """Whether a step from here to there would see what time alone moves (see `segments.follower`)."""
+def follows(
+    s: Stepper, start: float, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
+) -> bool:
+    """Whether a step from here to there would see what time alone moves (see `segments.follower`).
+
+    `looks`: the places that it sees, and then those where the polynomial through these (weights in `between`) must fit;
+    `through`: from the values at the former to the coefficients of that polynomial, the highest first.
+    """
     m = s.signal_count
     if m == 0:
         return True
-    for k in range(SEEN + UNSEEN):
-        at = min(max(start + (end - start) * LOOKS[k], s.earliest), s.latest)
+    for k in range(seen + unseen):
+        at = min(max(start + (end - start) * looks[k], s.earliest), s.latest)
         s.signals(at, s.state, s.inputs, s.constants, s.mode, s.seen[k * m :])
     for j in range(m):
-        for q in range(UNSEEN):
-            off = -s.seen[(SEEN + q) * m + j]
-            for k in range(SEEN):
-                off += BETWEEN[q * SEEN + k] * s.seen[k * m + j]
+        for q in range(unseen):
+            off = -s.seen[(seen + q) * m + j]
+            for k in range(seen):
+                off += between[q * seen + k] * s.seen[k * m + j]
             if abs(off) > s.allowed[j]:
                 return False
     while s.node_next < s.signal_nodes and s.node_time[s.node_next] < start:
@@ -192,8 +206,11 @@ def follows(s: Stepper, start: float, end: float) -> bool:
         at = (s.node_time[node] - start) / (end - start)
         for j in range(m):
             off = -s.node_value[node * m + j]
-            for k in range(SEEN):
-                off += (((at * CUBIC[k] + CUBIC[4 + k]) * at + CUBIC[8 + k]) * at + CUBIC[12 + k]) * s.seen[k * m + j]
+            for k in range(seen):
+                weight = through[k]
+                for row in range(1, seen):
+                    weight = weight * at + through[row * seen + k]
+                off += weight * s.seen[k * m + j]
             if abs(off) > s.allowed[j]:
                 return False
         node += 1

@@ -27,11 +27,13 @@ class Stepper(Record):
     sensitivities: Function
     powers: Function
     bends: Function
+    stored_energy: Function
     inputs: Floats
     constants: Floats
     mode: Floats
     n: int
     differential: int  # the first of the n are states
+    method: int  # one of `methods.py`
     entry_count: int
     rows: Ints  # entry_count
     columns: Ints  # entry_count
@@ -93,6 +95,20 @@ class Stepper(Record):
     nodes: Floats  # 6
     coefficients: Floats  # 6 n: of the polynomial through them
     node_count: int  # 0: not yet computed
+    # of the method that keeps the energy
+    energy: float  # to be kept
+    energies: Floats  # 1 + n: of a state, and its slopes
+    dropped: Floats  # n: by rounding of the last steps
+    # of the explicit pair
+    slope: Floats  # 16 n: of the stages
+    dense: Floats  # 7 n: of the polynomial within the last step
+    dense_known: int
+    automatic: int  # 1: a step that is held by stability alone is left to another method
+    fastest: float  # the rate of the fastest mode, 1/s; 0: not known
+    direction: Floats  # n: in which it moves
+    since_looked: int  # how many steps ago it was looked for
+    held_by_stability: int  # how many of the last steps were
+    free_steps: int  # since then
     # room
     si: Floats  # n: states in SI
     z: Floats  # 3 n

@@ -5,13 +5,17 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from .. import radau
+from .. import pair, radau
+from ..methods import ENERGY, EXPLICIT, RADAU
+from .conserving import sample_step, within_step
+from .explicit import polynomial
 from .holding import hold
 from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ....door import Floats
 
+INNER = pair.INNER
 C, P = tuple(radau.C.tolist()), tuple(radau.P.ravel().tolist())
 
 
@@ -30,7 +34,13 @@ def sample(s: Stepper) -> bool:
         return False
     start = s.end_time[s.ends - 2]
     size = s.time - start
-    if leaves(s, start) or leaves(s, start + C[0] * size) or leaves(s, start + C[1] * size) or leaves(s, s.time):
+    if leaves(s, start) or leaves(s, s.time):
+        return True
+    if s.method != RADAU:
+        for k in range(4):
+            if leaves(s, start + INNER[k] * size):
+                return True
+    elif leaves(s, start + C[0] * size) or leaves(s, start + C[1] * size):
         return True
     for k in range(first, s.position):
         if leaves(s, s.instants[k]):
@@ -51,8 +61,11 @@ def leaves(s: Stepper, time: float) -> bool:
 def state_at(s: Stepper, time: float, out: Floats) -> None:
     """States in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that can err."""
     n = s.n
-    collocation(s, time, out)
-    if s.ends == 3:
+    if s.method == ENERGY:
+        sample_step(s, time, out)
+    else:
+        collocation(s, time, out)
+    if s.ends == 3 and s.method == RADAU:
         if s.node_count == 0:
             interpolate(s)
         m = s.node_count
@@ -70,7 +83,13 @@ def state_at(s: Stepper, time: float, out: Floats) -> None:
 
 
 def collocation(s: Stepper, time: float, out: Floats) -> None:
-    """The collocation polynomial of the last step, scaled states."""
+    """The polynomial of the method in the last step, scaled states."""
+    if s.method == EXPLICIT:
+        polynomial(s, time, out)
+        return
+    if s.method == ENERGY:
+        within_step(s, time, out)
+        return
     n = s.n
     before = s.ends - 2
     at = (time - s.end_time[before]) / (s.end_time[before + 1] - s.end_time[before])

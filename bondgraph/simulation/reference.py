@@ -1,0 +1,58 @@
+"""Radau as Python for a stretch: what it asks of a program, over states that are divided by their magnitudes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .loops.loops import Eliminated
+from .segments import Segment, follower
+from .steps.radau import Problem, Radau
+
+if TYPE_CHECKING:
+    from .integrate import Stepper
+
+
+def reference(
+    stepper: Stepper, stretch: Segment, start: float, x: Any, size: float = np.inf, absolute: Any = None
+) -> Radau:
+    """Radau for the scaled states of one stretch, from a time and state in it; `size` of the first step, if known.
+
+    `absolute`: tolerances of the scaled states, if they have grown.
+    """
+    program, magnitude, count = stepper.program, stepper.tolerances.magnitude, len(stepper.program.states.names)
+    fixed = (stepper.inputs, stepper.constants, stretch.mode)
+    differential = np.arange(len(x)) < count
+    rows, columns = program.pattern
+    unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
+    ratio = magnitude[columns] / unit[rows]
+    eliminated = Eliminated(program)
+
+    def derivative(time: float, scaled: Any) -> Any:
+        return eliminated.rates(time, scaled * magnitude, *fixed) / unit
+
+    def jacobian(time: float, scaled: Any) -> Any:
+        return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
+
+    relative = stepper.tolerances.relative
+    from .steps.factorise import dense, is_large, sparse
+
+    shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
+    follows = follower(program, stepper.inputs, stepper.constants, stretch, stepper.whole)
+    problem = Problem(
+        derivative, jacobian, shifted, differential, relative, stepper.tolerances.scaled if absolute is None else absolute,
+        follows, stepper.longest,
+    )  # fmt: skip
+    if program.bends is not None:
+        bends = program.bends
+        problem.bends = lambda time, scaled: bends(time, scaled * magnitude, *fixed)
+    if stepper.constraints:
+
+        def hold(time: float, scaled: Any) -> Any:
+            held = stepper.constraints.project(time, scaled * magnitude, stretch.mode) / magnitude
+            held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
+            return held
+
+        problem.hold = hold
+    return Radau(problem, start, x / magnitude, stretch.stop, size)

@@ -1,0 +1,223 @@
+"""One step of the explicit pair of `pair.py`, written once: as machine code, and as Python where there is none (`interpreted.py`).
+
+No step is longer than what keeps the fastest mode stable: one that nothing excites and nothing damps would else be excited by the steps, up to
+the tolerance and beyond, and hold them, and those of any other method that goes on, for good. Its rate comes from the Jacobian, by the power
+method; it is looked for anew every few steps, and where slopes and states at the end of a step say that something faster has come
+(Hairer and Wanner, Solving ODEs II, section IV.2). Where accuracy would allow longer steps time and again, another method should go on.
+"""
+
+from __future__ import annotations
+
+from math import isfinite, pow, sqrt, ulp
+from typing import TYPE_CHECKING
+
+from .. import pair
+from ..radau import STUBBORN
+from .step import ERROR, ROUND_OFF, follows, put_end, rates, renew
+from .stepper import Stepper
+
+if TYPE_CHECKING:
+    from ....door import Floats
+
+C, STARTS, FROM, A, E5, E3, D = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5, pair.E3, pair.D
+STAGES, ALL_STAGES = pair.STAGES, pair.ALL_STAGES
+SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = pair.SEEN, pair.UNSEEN, pair.LOOKS, pair.BETWEEN, pair.THROUGH
+CAREFUL = pair.CAREFUL
+SHORTEST, LONGEST, SAFETY = pair.SHORTEST, pair.LONGEST, pair.SAFETY
+STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = pair.STABLE, pair.SELDOM, pair.LOOK_AGAIN, pair.ITERATIONS
+
+
+def explicit_step(s: Stepper) -> int:
+    """One accepted step: 0, or why there is none."""
+    n = s.n
+    least = 10.0 * ulp(s.time)
+    if s.since_looked >= LOOK_AGAIN:
+        look_for_fastest(s)
+    size = min(s.size, s.stop - s.time, s.longest)
+    if s.fastest > 0.0:
+        size = min(size, STABLE / s.fastest)
+    rejected = 0
+    if s.time + 1.01 * size >= s.stop:
+        size = s.stop - s.time
+    while size > 2.0 * least and not follows(s, s.time, s.time + size, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH):
+        size *= 0.5
+    for i in range(n):
+        s.slope[i] = s.rate[i]
+    while True:
+        if size < least and s.time + size < s.stop:
+            return ERROR
+        end = s.stop if s.time + size >= s.stop else s.time + size
+        size = end - s.time
+        for stage in range(1, STAGES):
+            evaluate_stage(s, stage, size)
+        combine(s, STAGES, size, s.new)
+        norm = norm_of_pair(s, size)
+        if norm <= 1.0:
+            break
+        size *= max(SHORTEST, SAFETY * pow(norm, -0.125)) if isfinite(norm) else 0.1
+        s.rejected += 1
+        s.norms[rejected % STUBBORN] = norm
+        rejected += 1
+        if rejected >= STUBBORN and norm > 0.5 * s.norms[rejected % STUBBORN]:
+            return ROUND_OFF
+    grown = LONGEST if norm == 0.0 else max(SHORTEST, min(LONGEST, SAFETY * pow(norm, -0.125)))
+    put_explicit_end(s, end, size)
+    s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
+    if s.size * s.fastest > STABLE:
+        s.held_by_stability += 1
+        s.free_steps = 0
+    else:
+        s.free_steps += 1
+        if s.free_steps >= SELDOM:
+            s.held_by_stability = 0
+    return 0
+
+
+def put_explicit_end(s: Stepper, end: float, size: float) -> None:
+    """Close a step, and look at what held it."""
+    n = s.n
+    rates(s, end, s.new, s.slope[STAGES * n :])
+    above = 0.0
+    below = 0.0
+    for i in range(n):  # the last stage stands at the end too, at a state of its own, which is still in `rest`
+        scale = s.absolute[i] + abs(s.new[i]) * s.relative
+        a = (s.slope[STAGES * n + i] - s.slope[(STAGES - 1) * n + i]) / scale
+        b = (s.new[i] - s.rest[i]) / scale
+        above += a * a
+        below += b * b
+    put_end(s, end, s.slope[STAGES * n :])
+    for i in range(n):
+        s.rate[i] = s.slope[STAGES * n + i]
+    s.last_size = size
+    s.dense_known = 0
+    s.since_looked += 1
+    if below > 0.0 and size * sqrt(above / below) > 1.1 * STABLE:
+        s.since_looked = LOOK_AGAIN
+
+
+def look_for_fastest(s: Stepper) -> None:
+    """The rate of the fastest mode where the run stands: how fast products with the Jacobian grow, from the direction of the last search on."""
+    n = s.n
+    renew(s)
+    if s.fastest == 0.0:
+        for i in range(n):
+            s.direction[i] = 1.0 + 0.3 * float((7 * i) % 5)
+        product(s)
+        product(s)
+        for _ in range(ITERATIONS):
+            product(s)
+            product(s)
+    grown = 1.0
+    for _ in range(ITERATIONS):  # in pairs: where scales differ, every other product is large
+        grown *= product(s) * product(s)
+    s.fastest = pow(grown, 1.0 / (2.0 * ITERATIONS))
+    if not isfinite(s.fastest):
+        s.fastest = 0.0
+    s.since_looked = 0
+
+
+def product(s: Stepper) -> float:
+    """The direction turned by the Jacobian, at unit length again; by how much it grew."""
+    for i in range(s.n):
+        s.rest[i] = 0.0
+    for k in range(s.entry_count):
+        s.rest[s.rows[k]] += s.jacobian[k] * s.direction[s.columns[k]]
+    size = 0.0
+    for i in range(s.n):
+        size += s.rest[i] * s.rest[i]
+    size = sqrt(size)
+    before = 0.0
+    for i in range(s.n):
+        before += s.direction[i] * s.direction[i]
+    before = sqrt(before)
+    if size == 0.0:
+        return 0.0
+    for i in range(s.n):
+        s.direction[i] = s.rest[i] / size
+    return size / before
+
+
+def combine(s: Stepper, stage: int, size: float, out: Floats) -> None:
+    """The state of a stage, from the slopes of those before it."""
+    n = s.n
+    for i in range(n):
+        out[i] = 0.0
+    for k in range(STARTS[stage], STARTS[stage + 1]):
+        weight = A[k]
+        first = FROM[k] * n
+        for i in range(n):
+            out[i] += weight * s.slope[first + i]
+    for i in range(n):
+        out[i] = s.state[i] + size * out[i]
+
+
+def evaluate_stage(s: Stepper, stage: int, size: float) -> None:
+    """The slope of a stage."""
+    combine(s, stage, size, s.rest)
+    rates(s, s.time + C[stage] * size, s.rest, s.slope[stage * s.n :])
+
+
+def norm_of_pair(s: Stepper, size: float) -> float:
+    """The estimated error in units of the tolerance: that of order 5, less where that of order 3 says that it is too careful."""
+    n = s.n
+    fifth = 0.0
+    third = 0.0
+    for i in range(n):
+        scale = s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative
+        a = 0.0
+        b = 0.0
+        for stage in range(STAGES):
+            a += E5[stage] * s.slope[stage * n + i]
+            b += E3[stage] * s.slope[stage * n + i]
+        s.error[i] = size * a / scale
+        b = size * b / scale
+        fifth += s.error[i] * s.error[i]
+        third += b * b
+    if fifth == 0.0 and third == 0.0:
+        return 0.0
+    return CAREFUL * fifth / sqrt((fifth + 0.01 * third) * float(n))
+
+
+def densify(s: Stepper) -> None:
+    """The polynomial of the last step, from three more slopes."""
+    n = s.n
+    before = (s.ends - 2) * n
+    size = s.end_time[s.ends - 1] - s.end_time[s.ends - 2]
+    for stage in range(STAGES + 1, ALL_STAGES):
+        for i in range(n):
+            s.rest[i] = 0.0
+        for k in range(STARTS[stage], STARTS[stage + 1]):
+            for i in range(n):
+                s.rest[i] += A[k] * s.slope[FROM[k] * n + i]
+        for i in range(n):
+            s.rest[i] = s.end_state[before + i] + size * s.rest[i]
+        rates(s, s.end_time[s.ends - 2] + C[stage] * size, s.rest, s.slope[stage * n :])
+    for i in range(n):
+        change = s.end_state[before + n + i] - s.end_state[before + i]
+        s.dense[i] = change
+        s.dense[n + i] = size * s.slope[i] - change
+        s.dense[2 * n + i] = 2.0 * change - size * (s.slope[STAGES * n + i] + s.slope[i])
+        for row in range(4):
+            total = 0.0
+            for stage in range(ALL_STAGES):
+                total += D[row * ALL_STAGES + stage] * s.slope[stage * n + i]
+            s.dense[(3 + row) * n + i] = size * total
+    s.dense_known = 1
+
+
+def polynomial(s: Stepper, time: float, out: Floats) -> None:
+    """The scaled states within the last step."""
+    if s.dense_known == 0:
+        densify(s)
+    n = s.n
+    before = s.ends - 2
+    at = (time - s.end_time[before]) / (s.end_time[before + 1] - s.end_time[before])
+    back = 1.0 - at
+    for i in range(n):
+        value = at * s.dense[6 * n + i] + s.dense[5 * n + i]
+        value = back * value + s.dense[4 * n + i]
+        value = at * value + s.dense[3 * n + i]
+        value = back * value + s.dense[2 * n + i]
+        value = at * value + s.dense[n + i]
+        value = back * value + s.dense[i]
+        out[i] = s.end_state[before * n + i] + at * value

@@ -1,0 +1,88 @@
+"""The fields of a `Stepper` where a stretch begins, for machine code and for the same source as Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....door import Program
+from ...segments import LOOKS, Segment, inside, signals_on
+from ...watch.choice import WORST
+from .. import pair
+from ..factorise import is_large
+from ..methods import ENERGY, RADAU
+from ..radau import STUBBORN
+
+if TYPE_CHECKING:
+    from ...trajectory import Tolerances
+
+LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with the help of its order
+
+
+def is_sparse(program: Program) -> bool:
+    """Whether the linear algebra is sparse."""
+    count = len(program.states.names) + len(program.unknowns.names)
+    return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
+
+
+def fields_at(
+    program: Program,
+    inputs: Any,
+    constants: Any,
+    tolerances: Tolerances,
+    stretch: Segment,
+    state: Any,
+    longest: float,
+    method: int = RADAU,
+    length: float = 0.0,
+) -> dict[str, Any]:
+    """All fields of a `Stepper` where the stretch begins. `length`: of the whole run."""
+    n, differential = len(state), len(program.states.names)
+    rows, columns = program.pattern
+    magnitude = np.asarray(tolerances.magnitude, dtype=float)
+    unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
+    scaled = state / magnitude
+    relative = tolerances.relative
+    order = 3 * n if method == ENERGY else n  # of the linear systems
+    room_of_matrix = 0 if is_sparse(program) and method != ENERGY else order * order
+    known = signals_on(program, inputs, constants, stretch, length)
+    allowed = known.allowed
+    earliest, latest = inside(stretch)
+    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
+    room: Callable[[int], Any] = partial(np.zeros, dtype=float)
+    whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
+    values: dict[str, Any] = {
+        "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
+        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
+        "bends": program.bends, "bend_count": bends, "bend_seen": room(5 * bends),
+        "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential, "method": method,
+        "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
+        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
+        "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
+        "newton_tolerance": max(10 * np.finfo(float).eps / relative, min(0.03, relative**0.5)),
+        "node_time": known.times, "node_value": known.values.ravel(), "signal_nodes": len(known.times), "node_next": 0,
+        "signal_count": len(allowed), "allowed": allowed, "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(allowed)), "earliest": earliest, "latest": latest,
+        "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
+        "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
+        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
+        "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
+        "real": room(room_of_matrix), "real_scale": room(order), "real_pivots": whole(order),
+        "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
+        "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
+        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
+        "change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n), "norms": room(STUBBORN),
+        "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
+        "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),
+        "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),
+        "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
+        "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
+        "derivatives": 0, "jacobians": 0, "factorisations": 0,
+        "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
+        "slope": room(pair.ALL_STAGES * n if method != RADAU else 0), "dense": room(7 * n if method != RADAU else 0), "dense_known": 0,
+        "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": pair.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
+    }  # fmt: skip
+    return values

@@ -1,0 +1,166 @@
+"""The source of the compiled steps as Python, in the place of the loop over steps in `integrate.py`: where there is no machine code, and for events.
+
+Only what a step does by itself happens here; limits, events, work and samples are the affair of `integrate.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....door import Program
+from ...segments import Segment
+from .. import pair
+from ..methods import ENERGY
+from ..radau import StepFailed
+from .advance import begin, one_step
+from .conserving import sample_step
+from .explicit import densify
+from .fields import fields_at
+from .holding import Held
+from .run import FAILURES
+from .stepper import Stepper
+
+if TYPE_CHECKING:
+    from ...trajectory import Tolerances
+
+OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "powers")
+
+
+class Interpreted:
+    """Steps of the explicit pair, or of the method that keeps the energy, over one stretch; answers what `integrate` asks of `radau.Radau`."""
+
+    def __init__(
+        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
+        method: int, size: float = np.inf, whole: float = 0.0,
+    ) -> None:  # fmt: skip
+        values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method, whole)
+        values |= {name: _into(values[name]) for name in OF_STATES} | {"signals": _of_time(values["signals"])}
+        if program.stored_energy is not None:
+            values["stored_energy"] = _into(program.stored_energy)
+        values |= {"closed": _open(), "redundant": 0, "pattern": None, "stop": float(stretch.stop)}
+        self.record = Stepper(**values)
+        begin(self.record)
+        if size < np.inf:
+            self.record.size = size
+
+    def step(self) -> None:
+        """One accepted step. Raises `StepFailed`."""
+        failed = one_step(self.record)
+        if failed:
+            raise StepFailed(FAILURES[failed])
+
+    def hold_to(self, absolute: Any) -> None:
+        """Other absolute tolerances from now on."""
+        self.record.absolute[:] = absolute  # type: ignore[index]
+
+    @property
+    def is_stiff(self) -> bool:
+        """Whether it is stability that holds the last steps."""
+        return self.record.held_by_stability >= pair.OFTEN
+
+    @property
+    def finished(self) -> bool:
+        """Whether the end is reached."""
+        return self.record.time >= self.record.stop
+
+    @property
+    def time(self) -> float:
+        """Where it stands."""
+        return self.record.time
+
+    @property
+    def state(self) -> Any:
+        """The scaled states there."""
+        return self.record.state
+
+    @property
+    def error(self) -> Any:
+        """Of the last step, in units of its tolerance."""
+        return self.record.error
+
+    @property
+    def last_step(self) -> tuple[float, float]:
+        """Its start and its end."""
+        times, count = self.record.end_time, self.record.ends
+        return float(times[count - 2]), float(times[count - 1])
+
+    parts = 4  # of a step, each of which is searched for events by itself: a step is that much longer than one of Radau
+
+    @property
+    def inner(self) -> tuple[float, ...]:
+        """The places of a step where the limits of a model are looked at."""
+        return pair.INNER
+
+    @property
+    def evaluations(self) -> dict[str, int]:
+        """How often what was evaluated."""
+        return {"derivative": self.record.derivatives, "jacobian": self.record.jacobians}
+
+    def sample(self, times: Any) -> Any:
+        """States at instants within the last step; shape (times, n)."""
+        record = self.record
+        if record.method == ENERGY:
+            found = np.empty((len(times), record.n))
+            for time, row in zip(np.asarray(times).tolist(), found, strict=True):
+                sample_step(record, time, row)
+            return found
+        if not record.dense_known:
+            densify(record)
+        rows, states = (np.asarray(a).reshape(-1, record.n) for a in (record.dense, record.end_state))
+        return pair.polynomial(rows, states[record.ends - 2], *self.last_step, times)
+
+    collocation = sample  # what is summed up along the step agrees with its states to the order of its polynomial
+
+
+def sampled(solver: Any, times: Any) -> Any:
+    """States within the last step of the method that keeps the energy, from what its machine code knows."""
+    names = (
+        "n",
+        "ends",
+        "end_time",
+        "end_state",
+        "magnitude",
+        "slope",
+        "inputs",
+        "constants",
+        "mode",
+        "energy",
+        "peak",
+    )
+    known = SimpleNamespace(**{name: getattr(solver, name) for name in names})
+    known.dense_known, known.dense = 0, np.zeros(7 * known.n)
+    known.si, known.energies = np.zeros(known.n), np.zeros(1 + known.n)
+    known.stored_energy = _into(solver.program.stored_energy)
+    found = np.empty((len(times), known.n))
+    for time, row in zip(np.asarray(times).tolist(), found, strict=True):
+        sample_step(known, time, row)  # type: ignore[arg-type]
+    return found
+
+
+def _into(function: Callable[..., Any]) -> Callable[..., None]:
+    """A function of a program in the shape in which the steps call it."""
+
+    def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
+        found = function(time, state, inputs, constants, mode)
+        out[: len(found)] = found
+
+    return call
+
+
+def _of_time(function: Callable[..., Any]) -> Callable[..., None]:
+    def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
+        found = function(time, inputs, constants, mode)
+        out[: len(found)] = found
+
+    return call
+
+
+def _open() -> Held:
+    """No constraints."""
+    held = object.__new__(Held)
+    held.gaps = held.multipliers = 0
+    return held

@@ -1,0 +1,104 @@
+"""All energy that a model stores, and its slopes by the states: what a method that keeps it asks at each step.
+
+A storage says its energy, or its law, which is integrated from the start of its state: exactly where it is a polynomial, else by Gauss's
+quadrature with so many places that a smooth law loses no digit that counts. Slopes are the laws themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ..algebra.derivative import derivative
+from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, add, multiply, negate, substitute
+
+if TYPE_CHECKING:
+    from ..equations.system import Storage
+    from .lower import Lowered
+
+PLACES = 16  # of the quadrature of a law that is no polynomial
+HIGHEST = 2 * PLACES - 1  # degree that it takes exactly
+
+
+def stored_energy(lowered: Lowered, slopes: Mapping[int, Mapping[int, Expression]]) -> tuple[Expression, ...]:
+    """The energy, then its slope by each state. `slopes`: of variables, by the places of the states."""
+    space, values = lowered.space, lowered.values
+    energies: list[Expression] = [values[v] for v in space.stored.values()]
+    terms: list[list[Expression]] = [[] for _ in space.states]
+
+    def along(variable: int, effort: Expression | None) -> None:
+        for column, slope in slopes.get(variable, {}).items():
+            if column < len(terms):
+                terms[column].append(slope if effort is None else multiply(effort, slope))
+
+    for variable in space.stored.values():
+        along(variable, None)
+    starts = {state.variable: start for state, start in zip(space.states, lowered.starts, strict=False)}
+    for storage in space.storages:
+        energy, efforts = _of_storage(lowered, storage, starts)
+        energies.append(energy)
+        for variable, effort in zip(storage.stored, efforts, strict=True):
+            along(variable, effort)
+    return (add(*energies), *(add(*t) if t else ZERO for t in terms))
+
+
+def _of_storage(
+    lowered: Lowered, storage: Storage, starts: Mapping[int, Expression]
+) -> tuple[Expression, list[Expression]]:
+    """The energy of a storage, and its efforts."""
+    count = len(storage.stored)
+    arguments = [Number(a) if isinstance(a, float) else lowered.values[a] for a in storage.arguments]
+    stored = [lowered.values[v] for v in storage.stored]
+
+    def at(expression: Expression, places: Sequence[Expression]) -> Expression:
+        given = [*places, *arguments]
+
+        def put(symbol: Symbol) -> Expression:
+            slot: int = symbol.key
+            return given[slot]
+
+        return substitute(expression, put)
+
+    if storage.energy is not None:
+        return at(storage.energy, stored), [at(derivative(storage.energy, Symbol(i)), stored) for i in range(count)]
+    first = [starts.get(v, ZERO) for v in storage.stored]
+    ways = [add(x, negate(start)) for x, start in zip(stored, first, strict=True)]
+    degrees = [_degree(law, count) for law in storage.laws]
+    most = max((HIGHEST if d is None else min(d, HIGHEST) for d in degrees), default=0)
+    parts = []
+    for place, weight in _gauss(most // 2 + 1):
+        between = [add(a, multiply(Number(place), way)) for a, way in zip(first, ways, strict=True)]
+        parts += [multiply(Number(weight), at(law, between), way) for law, way in zip(storage.laws, ways, strict=True)]
+    return add(*parts), [at(law, stored) for law in storage.laws]
+
+
+def _gauss(count: int) -> list[tuple[float, float]]:
+    """Places and weights on [0, 1]."""
+    from numpy.polynomial.legendre import leggauss
+
+    places, weights = leggauss(count)
+    return [(0.5 + 0.5 * float(p), 0.5 * float(w)) for p, w in zip(places, weights, strict=True)]
+
+
+def _degree(x: Expression, count: int) -> int | None:
+    """The degree of a polynomial in the first so many slots; None if it is none."""
+    if isinstance(x, Symbol):
+        return int(x.key < count)
+    if not isinstance(x, Apply):
+        return 0
+    inner = [_degree(o, count) for o in x.operands]
+    if not any(inner) and None not in inner:
+        return 0
+    known = [d for d in inner if d is not None]
+    if len(known) < len(inner):
+        return None
+    match x.operator, x.operands:
+        case "add", _:
+            return max(known)
+        case "multiply", _:
+            return sum(known)
+        case "divide", _ if known[1] == 0:
+            return known[0]
+        case "power", (_, Number(value=exponent)) if exponent == int(exponent) and exponent > 0:
+            return known[0] * int(exponent)
+    return None
