@@ -54,3 +54,8 @@ def in_unit(value: float, unit: str, kind: str, what: str) -> float:
     if scale.dimension != own.dimension:
         raise UsageError(f"{what}: it is in {kind}, not in {unit}")
     return float(scale.from_si(value))
+
+
+def behind(unit: str) -> str:
+    """A unit as it stands behind a number; a bare number has none."""
+    return "" if unit in ("", "1") else f" {unit}"

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import UsageError
+from .quantities import behind
 
 if TYPE_CHECKING:
     from .analysis.outcome import Outcome
@@ -108,10 +109,10 @@ class Reproduction:
         """A page in Markdown."""
         rows = ["| where | what | published | computed | relative error | |", "|---|---|---:|---:|---:|---|"]
         for v in self.values:
-            error = f"{v.error:+.2g}" if v.published else f"{v.error:+.2g} {v.unit} off"
+            error = f"{v.error:+.2g}" if v.published else f"{v.error:+.2g}{behind(v.unit)} off"
             verdict = "agrees" if v.agrees else f"**off by more than {v.digits:g}**"
             rows.append(
-                f"| {_cell(v.where)} | {_cell(v.what)} | {v.published:g} {_cell(v.unit)} | {v.computed:.7g} | {error} "
+                f"| {_cell(v.where)} | {_cell(v.what)} | {v.published:g}{_cell(behind(v.unit))} | {v.computed:.7g} | {error} "
                 f"| {verdict}{f'; {_cell(v.note)}' if v.note else ''} |"
             )
         parts = [f"# {self.title}", self.source, "\n".join(rows)]
@@ -128,7 +129,7 @@ class Reproduction:
 
         rows: list[tuple[str, ...]] = [("where", "what", "published", "computed", "error", "")]
         for v in self.values:
-            numbers = (f"{v.published:g} {v.unit}", f"{v.computed:.7g}", f"{v.error:+.2g}")
+            numbers = (f"{v.published:g}{behind(v.unit)}", f"{v.computed:.7g}", f"{v.error:+.2g}")
             rows.append((visible(v.where), visible(v.what), *map(visible, numbers), "agrees" if v.agrees else "off"))
         count = sum(v.agrees for v in self.values)
         return f"{visible(self.title)}\n\n{aligned(rows, '<<>>><')}\n\n{count} of {len(self.values)} agree"

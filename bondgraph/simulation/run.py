@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
+from ..quantities import behind
 from ..results import Column, EnergyBalance, LimitLeft, Result
 from .leg import Leg
 from .settings import Settings, refused_with_values, settle, with_zeros
@@ -259,7 +260,7 @@ def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
             told[jump.name] = first, time, count + 1
     for jump, time, count in told.values():
         often = f" ({count} times in all)" if count > 1 else ""
-        unit = f" {jump.unit}" if jump.unit not in ("", "1") else ""
+        unit = behind(jump.unit)
         yield (
             f"at t = {time:.9g} s an impulse takes `{jump.name}` from {jump.before:.6g}{unit} to {jump.after:.6g}{unit}"
             f"{often}: a junction that goes on or off ties it to other storages, or holds it"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
+from ...quantities import behind
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments import Segment
@@ -104,7 +105,7 @@ def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None
     differ = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
     unknowns = loops.program.unknowns
     lines = [
-        ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g} {unknowns.units[i]}" for i in differ[:SHOWN])
+        ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g}{behind(unknowns.units[i])}" for i in differ[:SHOWN])
         for z in solutions[:SHOWN]
     ]
     if len(solutions) > SHOWN:

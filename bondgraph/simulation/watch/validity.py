@@ -15,6 +15,7 @@ import numpy as np
 
 from ...door import LimitNote, Program
 from ...errors import RunFailed
+from ...quantities import behind
 from ...results import LimitLeft
 
 BISECTIONS = 60
@@ -93,7 +94,7 @@ class Watch:
 
 def _outside(note: LimitNote, time: float, values: tuple[tuple[str, float, str], ...]) -> str:
     (name, value, unit), (_, low, _), (_, high, _) = values
-    suffix = f" {unit}" if unit not in ("", "1") else ""
+    suffix = behind(unit)
     asked = f"at {name} = {value:.9g}{suffix}" if unit else f"at {value:.9g} (SI)"
     kind = "a table" if note.words == "inverse" else f"the table `{note.words}(…)`"
     return (
