@@ -16,6 +16,7 @@ from .codegen.lower import Lowered, lower, moving
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
+from .graph.later import over_arguments
 from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
@@ -34,7 +35,6 @@ from .reduction.errors import DerivativeWithoutEnd
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
-from .semantics.later import over_arguments
 from .source import Source, Span
 from .syntax import SyntaxTree, parse, parse_what_can_be_read
 

@@ -20,7 +20,17 @@ from ..graph.network import STORAGES, BondGraph, Element, Kind, Law, Own
 from .errors import NotConservative
 from .laws import GIVEN
 from .naming import port_name
-from .tangent import Point, Relation, Vector, known_values, parameter_values, points, relation, tangents
+from .tangent import (
+    Point,
+    Relation,
+    Vector,
+    decisive_values,
+    known_values,
+    parameter_values,
+    points,
+    relation,
+    tangents,
+)
 
 UNEQUAL = 1e-6  # slopes that differ by less, in relation to each other, were meant to be equal
 COUPLED = 1e-9  # a difference below this share of the field's own stiffness is round-off
@@ -30,7 +40,7 @@ WITNESSES = 2  # points that must agree on what is wrong
 
 def without_energy(element: Element, graph: BondGraph) -> Diagnostic | None:
     """What is wrong with a storage field given by equations: that no energy has these slopes."""
-    values = parameter_values(element, graph) if _by_equations(element) else None
+    values = decisive_values(element, graph) if _by_equations(element) else None
     if values is None:
         return None
     found = _asymmetry(element.law, values, element.stored, _magnitudes(element, graph))
@@ -135,7 +145,7 @@ def notes(graph: BondGraph) -> tuple[str, ...]:
 
 def _checked(element: Element, graph: BondGraph) -> bool:
     """Whether a storage has an energy for certain, or points at which its slopes were compared."""
-    values = parameter_values(element, graph) if _by_equations(element) else None
+    values = decisive_values(element, graph) if _by_equations(element) else None
     if values is None:
         return True
     known = relation(element.law, values, *_sides(element.stored))

@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, evaluate, substitute, symbols
-from ..graph.network import BondGraph, Element, Law, Own, Quantity, Reference
+from ..errors import ValuesNeeded
+from ..graph.later import behind
+from ..graph.network import BondGraph, Element, Law, Named, Own, Quantity, Reference
 from .laws import solved
 
 DECADES = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 10.0, 1e3)
@@ -61,6 +63,22 @@ def relation(law: Law, values: tuple[float, ...], x: tuple[Own, ...], y: tuple[O
 def parameter_values(element: Element, graph: BondGraph) -> tuple[float, ...] | None:
     """The values in a law's slots; None if something in it moves with the rest of the model."""
     return known_values(element.arguments, graph)
+
+
+def decisive_values(element: Element, graph: BondGraph) -> tuple[float, ...] | None:
+    """The same where something is refused by them. Raises `ValuesNeeded` for those that only a run would know."""
+    found = parameter_values(element, graph)
+    if found is None:
+        waiting = [a.name for a in element.arguments if isinstance(a, Quantity)]
+        later = [n for n in behind(waiting, graph.quantities) if _is_later(graph.quantities[n])]
+        if later:
+            raise ValuesNeeded(later)
+    return found
+
+
+def _is_later(named: Named) -> bool:
+    """Whether a parameter has a value only when a run begins."""
+    return named.role == "parameter" and named.value is None and named.definition is None
 
 
 def known_values(arguments: Sequence[Reference], graph: BondGraph) -> tuple[float, ...] | None:

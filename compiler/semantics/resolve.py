@@ -16,6 +16,7 @@ from ..algebra.formula import Bound, Formula, bind
 from ..algebra.interpolate import OutsideTable
 from ..errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ..graph.domains import DOMAINS, Domain
+from ..graph.later import behind
 from ..graph.mechanism import domain_of
 from ..graph.network import TIME, Named, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension, Scale
@@ -32,7 +33,6 @@ from .errors import (
     WrongType,
 )
 from .known import Known
-from .later import behind
 from .members import (
     element_member,
     group_member,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Bound
-from ..graph.network import Named, Quantity
+from .network import Named, Quantity
 
 
 def behind(names: Iterable[str], quantities: Mapping[str, Named]) -> frozenset[str]:
