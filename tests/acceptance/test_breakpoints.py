@@ -113,7 +113,7 @@ def test_conditions_within_conditions() -> None:
 
 
 @pytest.mark.parametrize("law", ["u = 1 kohm*i", "u = 1 kohm*i + 1e-9 [ohm/A^2]*i^3"], ids=["exactly", "by steps"])
-@pytest.mark.parametrize("periods", [20, 256, 2500])
+@pytest.mark.parametrize("periods", [20, 256, pytest.param(1500, marks=pytest.mark.machine_code)])
 def test_a_square_wave_from_a_sine_misses_no_edge(law: str, periods: int) -> None:
     """A half period charges by E = exp(-1): the last peak is tanh(1/2) of the steady wave, whatever the number of periods.
 
