@@ -223,12 +223,14 @@ class Run:
         for leg in legs:
             evaluations.update(leg.trajectory.evaluations)
         values = np.concatenate([leg.values for leg in legs])
+        with np.errstate(all="ignore"):  # a run may end where something has no value
+            end = legs[-1].end(self.stop)
         found = Result(
             program.name, plan.experiment, self.instants[: len(values)], columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
             _balance(legs) if self.energy else None, _warnings(legs), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *_impulses(legs)])),
-            tuple(o for leg in legs for o in leg.occurrences), stopped, legs[-1].end(self.stop),
+            tuple(o for leg in legs for o in leg.occurrences), stopped, end,
         )  # fmt: skip
         if self.before is None:
             return found
