@@ -393,7 +393,7 @@ class Model:
         """
         from .analysis.experiment import Options, run
 
-        options = Options(to, points, rtol, atol, energy, target, outputs, solver)
+        options = Options(to, points, rtol, atol, energy, target, solver, outputs)
         return run(self, experiment, settings or {}, options, executor)
 
     def sweep(

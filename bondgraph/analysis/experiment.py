@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..door import Source, Study
 from ..errors import UsageError
+from ..simulation.run import Wanted, simulate
 from .outcome import Outcome, Point
 
 if TYPE_CHECKING:
@@ -25,17 +26,10 @@ Settings = Mapping[str, str | float]
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(Wanted):
     """What a call says of the runs of an experiment; as `Model.simulate` takes it."""
 
-    to: str | float | None = None
-    points: int | None = None
-    rtol: float | None = None
-    atol: float | None = None
-    energy: bool = False
-    target: str | None = None
     outputs: tuple[str, ...] | None = None
-    solver: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +150,5 @@ def _point(model: Model, job: Job) -> Point:
                 )  # fmt: skip
                 found = replace(found, responses=(*found.responses, made))
     if job.simulates:
-        from ..simulation.run import Wanted, simulate
-
-        o = job.options
-        wanted = Wanted(o.to, o.points, o.rtol, o.atol, o.energy, o.target, o.solver)
-        found = replace(found, run=simulate(model, job.experiment, settings, outputs, wanted))
+        found = replace(found, run=simulate(model, job.experiment, settings, outputs, job.options))
     return found
