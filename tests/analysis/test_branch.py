@@ -107,7 +107,7 @@ def test_command_and_refusals(tmp_path: object) -> None:
     file = Path(str(tmp_path)) / "plate.bg"
     file.write_text(PLATE, encoding="utf-8")
     done = CliRunner().invoke(commands, ["continue", str(file), "--along", "volt = 0 V .. 5 V", "--json"])
-    told = json.loads(done.output)
+    told = json.loads(done.stdout)
     assert told["schema"] == "bondgraph-branch/1" and [s["kind"] for s in told["special"]] == ["fold"]
     assert np.isfinite(told["outputs"]["x"]["values"]).all()
     assert "fold" in CliRunner().invoke(commands, ["continue", str(file), "--along", "volt = 0 V .. 5 V"]).output

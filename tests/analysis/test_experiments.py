@@ -117,7 +117,7 @@ def test_commands(tmp_path: Path) -> None:
     done = CliRunner().invoke(
         commands, ["run", str(file), "-e", "stiffness", "--json", "--out", str(tmp_path / "s.csv")]
     )
-    told = json.loads(done.output)
+    told = json.loads(done.stdout)
     assert told["schema"] == "bondgraph-outcome/1" and len(told["points"]) == 6
     assert told["points"][0]["equilibrium"]["outputs"]["x"] == {"value": pytest.approx(-1e-5), "unit": "m"}
     head, first = (tmp_path / "s.csv").read_text().split("\n")[:2]
@@ -128,7 +128,7 @@ def test_commands(tmp_path: Path) -> None:
         (["sweep", "--over", "k=1 N/m, 2 N/m", "--of", "modes"], "bondgraph-outcome/1"),
     ):  # fmt: skip
         done = CliRunner().invoke(commands, [arguments[0], str(file), *arguments[1:], "--json"])
-        assert done.exit_code == 0 and json.loads(done.output)["schema"] == schema, done.output
+        assert done.exit_code == 0 and json.loads(done.stdout)["schema"] == schema, done.output
         assert CliRunner().invoke(commands, [arguments[0], str(file), *arguments[1:]]).exit_code == 0
 
 

@@ -77,7 +77,7 @@ def test_command(tmp_path: Path) -> None:
     file = tmp_path / "spring.bg"
     file.write_text(SPRING, encoding="utf-8")
     arguments = ["invert", str(file), "--want", "x=3 um", "--by", "push/pull"]
-    told = json.loads(CliRunner().invoke(commands, [*arguments, "--json"]).output)
+    told = json.loads(CliRunner().invoke(commands, [*arguments, "--json"]).stdout)
     assert told["schema"] == "bondgraph-inversion/1"
     assert told["inputs"]["push"] == {"value": pytest.approx(math.sqrt(12), rel=1e-12), "unit": "V"}
     assert "stable" in CliRunner().invoke(commands, arguments).output
