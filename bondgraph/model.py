@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from . import door
 from .errors import UsageError
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from .analysis.branch import Branch
     from .analysis.equilibrium import Equilibrium
-    from .analysis.inversion import Inversion
+    from .analysis.inversion.feed_forward import FeedForward
+    from .analysis.inversion.static import Inversion
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
@@ -344,21 +345,35 @@ class Model:
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most)
 
+    @overload
     def invert(
         self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None,
-    ) -> Inversion:  # fmt: skip
-        """Inputs that hold outputs at their `targets` (texts with units, or SI), statically. Of `inputs`, `push1/pull1` is a pair of
-        which one is zero; there are as many inputs or pairs as targets. Raises as `operating_point`, and `RunFailed` if there are none."""
-        from .analysis.inversion import asked_for, drives_of, invert
-        from .analysis.operating_point import Asked
-        from .analysis.sensitivity import independent
+    ) -> Inversion: ...  # fmt: skip
 
-        drives = drives_of(inputs)
-        names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
-        _, fixed = independent(self, names, experiment, settings or {})
-        wanted = asked_for(self, targets, experiment)
-        return invert(self.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+    @overload
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float, start: str | float = 0.0, points: int = 501,
+        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+    ) -> FeedForward: ...  # fmt: skip
+
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
+        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+    ) -> Inversion | FeedForward:  # fmt: skip
+        """Inputs that give outputs. Of `inputs`, `push1/pull1` is a pair of which one is zero; there are as many inputs or pairs as targets.
+
+        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at rest. With it: inputs over time, from `start`
+        to `to`, with which outputs go along `targets`, expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)"; from
+        rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`, `RunFailed` if there are none, and
+        `UsageError` where a path is not smooth enough.
+        """
+        from .analysis.inversion.asking import inverted
+
+        along = None if to is None else (start, to, points, moving, limits or {})
+        return inverted(self, targets, inputs, experiment, dict(settings or {}), along)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,
