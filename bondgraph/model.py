@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .results import Result
 
 LIBRARY = Path(__file__).with_name("library")
+MOST_KEPT = 64  # scenes of which stages and programs are kept
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
 
@@ -94,7 +95,7 @@ class Model:
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
             if like is not None and "_built" in like.__dict__:  # and opened once
                 compilation.__dict__["_built"] = like.__dict__["_built"]
-            self._compilations[key] = compilation
+            _kept(self._compilations, key, compilation)
         return self._compilations[key]
 
     def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
@@ -103,9 +104,8 @@ class Model:
 
         key = (scene, everything, target)
         if key not in self._prepared:
-            self._prepared[key] = Prepared(
-                self.source, scene, everything, target, lambda: self.compilation(scene, everything)
-            )
+            made = Prepared(self.source, scene, everything, target, lambda: self.compilation(scene, everything))
+            _kept(self._prepared, key, made)
         return self._prepared[key]
 
     @cached_property
@@ -461,6 +461,13 @@ class Model:
 
         wanted = Wanted(to, points, rtol, atol, energy, target, solver)
         return simulate_many(self, experiment, settings, outputs, wanted, workers, executor, progress)
+
+
+def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
+    """Keep something by its key, and of all only the latest."""
+    while len(things) >= MOST_KEPT:
+        things.pop(next(iter(things)))
+    things[key] = thing
 
 
 def _names(names: tuple[str, ...] | str | None) -> tuple[str, ...] | None:

@@ -83,7 +83,7 @@ def linearization(point: OperatingPoint) -> Linearization:
     """The linear model at a point; its inputs are what slopes were asked by."""
     space, reduced, program = point.compilation.state_space, point.reduced, point.program
     chosen = reduced.chosen
-    state_slopes, by_slopes = point.of_states([space.states[i].rate for i in chosen])
+    state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))
     output_slopes, through = point.of_states(list(space.outputs.values()))
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= dict(zip(program.states.names, program.states.units, strict=True))

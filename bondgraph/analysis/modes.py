@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf, Tape
+from ..door import Leaf
 from .linear import linearization
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
@@ -211,7 +211,7 @@ def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:
 def _mechanism_energy(point: OperatingPoint, variable: int, full: Any) -> Any:
     """Half the second variation of a stored energy, for each column of amplitudes."""
     slopes = point.lowered.slopes.get(variable, {})
-    tape, rows = Tape(list(slopes.values())), list(slopes)
+    tape, rows = point.tape(f"energy of {variable}", lambda: list(slopes.values())), list(slopes)
     result = np.zeros(full.shape[1])
     for first in range(0, full.shape[1], WIDTH):
         part = full[:, first : first + WIDTH]
