@@ -94,3 +94,9 @@ def linearization(point: OperatingPoint) -> Linearization:
         program.outputs.names, units, state_slopes, by_slopes, output_slopes, through, point.state[chosen],
         point.values_of(point.by), point.outputs, point.rates[chosen],
     )  # fmt: skip
+
+
+def state_matrix(point: OperatingPoint) -> Array:
+    """A alone."""
+    found: Array = point.reduced.through(point.rate_slopes(point.reduced.chosen))[0]
+    return found

@@ -132,7 +132,7 @@ class _Moved:
     def _factor(self, number: int, i: int, known: list[Any]) -> float:
         """The derivative of the operator by its operand i."""
         if self.operator == "multiply":
-            return math.prod(known[o] for j, o in enumerate(self.operands) if j != i)
+            return float(math.prod(known[o] for j, o in enumerate(self.operands) if j != i))
         steps, place = self.factors[number]
         _taken(steps, known)
         return float(known[place])
