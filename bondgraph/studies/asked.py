@@ -11,7 +11,7 @@ import numpy as np
 from ..analysis.modes import moving_frequencies
 from ..analysis.operating_point import Asked, operating_point
 from ..analysis.outcome import MODES, Point
-from ..door import CompilationFailed, Study, render
+from ..door import CompilationFailed, Study
 from ..errors import RunFailed, UsageError
 from ..simulation.run import Wanted, simulate
 

@@ -14,7 +14,15 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -103,7 +111,8 @@ def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sh
 
 def work(task: Task) -> list[Any]:
     """The answers of a task, one after the other."""
-    model, found = _MODELS.get(task.key), []
+    model = _MODELS.get(task.key)
+    found: list[Any] = []
     if model is None:
         with _FIRST:  # of many threads one compiles, and the others wait
             model = _MODELS.get(task.key)
