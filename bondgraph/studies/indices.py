@@ -1,12 +1,12 @@
 """Sobol indices: which share of a quantity's variance is a parameter's alone, and which has anything to do with it.
 
-By the estimators of Saltelli et al., Comput. Phys. Commun. 181, 2010, in `scipy.stats.sobol_indices`, with bootstrapped intervals. They stand
+By the estimators of Saltelli et al., Comput. Phys. Commun. 181, 2010, in `scipy.stats.sobol_indices`, with intervals by
+rows that are drawn again (bootstrap). They stand
 on values at points A, B, and A with one column from B; the columns of A and B are those of one quasi-random sequence.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -64,22 +64,19 @@ def indices(at_a: Array, at_b: Array, at_mixed: Array, seed: int) -> tuple[Indic
 
 
 def _estimate(a: Array, b: Array, ab: Array, seed: int, found: dict[str, Array], varies: Array) -> None:
-    from scipy.stats import DegenerateDataWarning, sobol_indices
+    from scipy.stats import sobol_indices
 
     size = a.std(axis=0)  # quantities of 1e-6 and of 1e6 beside each other
     kept = len(size)
     if kept == 1:  # of a single quantity scipy's arrays lose an axis
         a, b, ab, size = (np.repeat(x, 2, axis=-1) for x in (a, b, ab, size))
     func = {"f_A": (a / size).T, "f_B": (b / size).T, "f_AB": np.moveaxis(ab / size, 1, 2)}
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", DegenerateDataWarning)  # of an index that is the same in all resamples
-        made = sobol_indices(func=func, n=len(a), rng=np.random.default_rng(seed))
-        spread = made.bootstrap(confidence_level=CONFIDENCE, n_resamples=RESAMPLES)
-    for word, estimate, around in (
-        ("first", made.first_order, spread.first_order), ("total", made.total_order, spread.total_order)
-    ):  # fmt: skip
-        shape = len(size), ab.shape[0]
-        interval = around.confidence_interval
-        found[word][varies] = np.reshape(estimate, shape)[:kept]
-        ends = [np.reshape(np.where(np.isnan(x), estimate, x), shape)[:kept] for x in (interval.low, interval.high)]
-        found[f"{word}_interval"][varies] = np.stack(ends, axis=-1)
+    rows, generator = len(a), np.random.default_rng(seed)
+    made = sobol_indices(func=func, n=rows)
+    again = [generator.integers(0, rows, rows) for _ in range(RESAMPLES)]
+    drawn = [sobol_indices(func={w: f[..., chosen] for w, f in func.items()}, n=rows) for chosen in again]
+    shape, shares = (len(size), ab.shape[0]), ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+    for word in ("first", "total"):
+        values = np.array([np.reshape(getattr(x, f"{word}_order"), shape) for x in (made, *drawn)])[:, :kept]
+        found[word][varies] = values[0]
+        found[f"{word}_interval"][varies] = np.moveaxis(np.quantile(values[1:], shares, axis=0), 0, -1)

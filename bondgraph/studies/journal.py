@@ -65,7 +65,10 @@ class Journal:
                 f"`{self.path}` is the journal of another study: the model, what is asked, the points or this program have changed "
                 "since; name another file, or remove it"
             )
-        found, whole = _records(content, len(head))
+        try:
+            found, whole = _records(content, len(head))
+        except pickle.UnpicklingError as problem:
+            raise self._closed(f"`{self.path}` holds what no study writes ({problem}): it is not read") from None
         self._stream.seek(whole)
         self._stream.truncate()
         return {i: x for i, x in found.items() if i < len(points)}
