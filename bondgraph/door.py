@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from compiler.source import Source, Span, read_text
     from compiler.syntax import parse_expression, parse_law
     from compiler.syntax.format import format_text
-    from compiler.syntax.tree import Literal, Negative, Path
+    from compiler.syntax.tree import Experiment, Literal, Negative, Path
     from compiler.writing import write_text
     from compiler.writing.literals import bond_lines, braces, number_text
 
@@ -71,6 +71,7 @@ _HOMES = {
     "ValuesNeeded": "errors",
     "render": "errors",
     "SECOND": "graph.units",
+    "Experiment": "syntax.tree",
     "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space",
     "Override": "scene",
@@ -96,7 +97,7 @@ _HOMES = {
 __all__ = [
     "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "SOLVERS", "Apply", "Assignment", "Because", "Body",
     "BondGraph", "Bound", "CausalGraph", "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described",
-    "Diagnostic", "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed",
+    "Diagnostic", "Element", "EquationSystem", "EventNote", "Experiment", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed",
     "Hybrid", "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered",
     "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Numbers", "Override", "Path", "Plan",
     "PowerPort", "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
