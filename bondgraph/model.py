@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .analysis.response import Measured, Response
     from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
-    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source, StateSpace
     from .ensembles import Ensemble
     from .prepared import Prepared
     from .results import Result
@@ -230,6 +230,10 @@ class Model:
         from .analysis.port_hamiltonian import symbolic_port_hamiltonian
 
         return symbolic_port_hamiltonian(self._with_inputs())
+
+    def ordered_equations(self) -> StateSpace:
+        """The equations step by step, in the order in which they are computed, with every input as a symbol."""
+        return self._with_inputs().state_space
 
     def equations(self, latex: bool = False) -> str:
         """The causally ordered equations as text, or as LaTeX."""
