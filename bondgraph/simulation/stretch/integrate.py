@@ -202,6 +202,9 @@ class Stepper:
             if end is not None:
                 return end
         if self.solver == "exponential":
+            from .exact import check_driven
+
+            check_driven(self, stretch, x)
             raise UsageError(
                 "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
                 "inputs a few thousand polynomials can follow; leave the solver to choose"
