@@ -62,6 +62,11 @@ PATIENT = 3  # rejected tries after which steps get shorter at once
 class Factorised(Protocol):
     """A factorised matrix."""
 
+    @property
+    def negative(self) -> bool:
+        """Whether the determinant of a real one is, where that is known."""
+        ...
+
     def solve(self, right: Any) -> Any: ...
 
 
@@ -114,6 +119,7 @@ class Radau:
             10 * np.finfo(float).eps / problem.relative, min(0.03, problem.relative**0.5)
         )  # fmt: skip
         self._jacobian: Any = None
+        self._explicit = bool(np.all(problem.differential))  # no unknowns of loops
         self._current = False  # whether the Jacobian is that of this state
         self._side: Any = None  # of the bends on which it was taken
         self._real: Factorised | None = None
@@ -320,6 +326,8 @@ class Radau:
                 self._real = None
                 return None
         assert self._complex is not None
+        if self._explicit and self._real.negative:
+            return None  # a mode grows by exp(MU_REAL) and more within the step, and the method would damp it
         w = TI @ stages
         f = np.empty_like(stages)
         m_real, m_complex = MU_REAL / size * m, MU_COMPLEX / size * m

@@ -68,7 +68,7 @@ def fields_at(
         "signal_count": len(allowed), "allowed": allowed, "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(allowed)), "earliest": earliest, "latest": latest,
         "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
         "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
-        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0,
+        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
         "real": room(room_of_matrix), "real_scale": room(order), "real_pivots": whole(order),
         "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,

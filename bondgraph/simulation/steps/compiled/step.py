@@ -283,6 +283,8 @@ def newton(s: Stepper, size: float) -> int:
             return -1
         if s.factorised == SINGULAR:
             return 0
+    if s.negative != 0 and s.differential == n:
+        return 0
     for i in range(3):
         for k in range(n):
             s.w[i * n + k] = TI[3 * i] * s.z[k] + TI[3 * i + 1] * s.z[n + k] + TI[3 * i + 2] * s.z[2 * n + k]

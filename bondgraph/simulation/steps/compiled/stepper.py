@@ -76,6 +76,7 @@ class Stepper(Record):
     known: int  # whether there is a Jacobian
     factorised: int
     factorised_size: float
+    negative: int  # whether the determinant of the real matrix is; 0 where it is sparse
     jacobian: Floats  # entry_count
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
