@@ -108,7 +108,6 @@ class Stepper:
         self.choice: Choice | None = None
         self.linear = False
         self.solver = AUTOMATIC  # what the author asks for
-        self.settled: int | None = None  # the method that goes on whatever the next stretch looks like
         self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
@@ -277,7 +276,7 @@ class Stepper:
                         break
                 if not isinstance(solver, Radau):
                     if self.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
-                        self.settled = RADAU
+                        self.result.settled = RADAU
                         self.name(RADAU, f"numpy{obstacle}")
                         self.count(solver.evaluations)
                         solver = reference(self, stretch, solver.time, state, absolute=absolute)
