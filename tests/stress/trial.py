@@ -47,6 +47,7 @@ class Case:
     check: Callable[[bondgraph.Result], str] = lambda result: ""  # what else is wrong with a result
     allowed: float = ALLOWED
     only: Callable[[Way], bool] = lambda way: True
+    longest: float = LONGEST  # s of computing
 
     @property
     def name(self) -> str:
@@ -80,7 +81,7 @@ def attempt(case: Case, way: Way, rtol: float = RTOL) -> Outcome:
     """Run a case, whatever happens."""
     began = clock.perf_counter()
     try:
-        with within(LONGEST if way.chooses else NAMED), np.errstate(all="ignore"):
+        with within(case.longest if way.chooses else NAMED), np.errstate(all="ignore"):
             result = loaded(case.text).simulate(
                 case.experiment, dict(case.settings), to=case.stop, points=case.points, rtol=rtol, **way.arguments
             )
@@ -96,7 +97,7 @@ def attempt(case: Case, way: Way, rtol: float = RTOL) -> Outcome:
     except TooLong:
         if not way.chooses:
             return Outcome(unsuited=f"no end within {NAMED:g} s", seconds=clock.perf_counter() - began)
-        return Outcome(broken=f"no end within {LONGEST:g} s", seconds=clock.perf_counter() - began)
+        return Outcome(broken=f"no end within {case.longest:g} s", seconds=clock.perf_counter() - began)
     except Exception as error:  # what it must not do
         return Outcome(broken=f"{type(error).__name__}: {error}", seconds=clock.perf_counter() - began)
     seconds = clock.perf_counter() - began
