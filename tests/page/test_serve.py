@@ -14,6 +14,7 @@ import pytest
 
 from bondgraph.page.serve import Server, Session
 from bondgraph.page.serve.guard import Guard
+from bondgraph.page.serve.patience import Patience, Stopped
 from bondgraph.page.serve.settings import base_settings
 from tests.compiling import MODELS
 
@@ -153,6 +154,31 @@ def test_sweeps_and_failures_are_told(tmp_path: Path) -> None:
     assert session.problems == "" and json.loads(session.run("go", {}))["kind"] == "run"
     failed = json.loads(session.run("go", {"k": -1.0}))
     assert failed["kind"] == "failed" and "spring" in failed["told"]
+
+
+def test_sliders_of_what_is_zero_go_as_far_as_the_text() -> None:
+    from bondgraph import load
+    from bondgraph.page.serve.settings import parameters_of
+
+    sizes = {p["name"]: p["size"] for p in parameters_of(load(MODELS / "manipulator.bg"))}
+    assert sizes["fx"] == pytest.approx(30e-6) and sizes["push1"] == 14.0
+    assert sizes["m"] == 0.0  # no torque stands in the text: one is typed first
+
+
+def test_a_run_without_end_is_stopped() -> None:
+    patience = Patience()
+
+    def long() -> None:
+        while True:
+            time.sleep(0.01)
+
+    with pytest.raises(Stopped):
+        patience.within(0.05, long)
+    assert patience.within(5.0, lambda: 7) == 7 and not patience.stop()
+    threading.Timer(0.3, lambda: patience.stop(0.1)).start()
+    with pytest.raises(Stopped):
+        patience.within(20.0, long)
+    assert not patience.stop(0.0)
 
 
 # ---------------------------------------------------------------- in a browser

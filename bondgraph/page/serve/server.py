@@ -87,6 +87,9 @@ class Handler(BaseHTTPRequestHandler):
         body = self.rfile.read(int(length))
         if not self._may(self.headers.get("X-Bondgraph-Token", "")):
             return
+        if self.path == "/stop":
+            self._answer(200, self.server.session.stop())
+            return
         if self.path != "/run":
             self._tell(404, "there is nothing here")
             return

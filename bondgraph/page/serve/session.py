@@ -23,6 +23,7 @@ from ..runs import Watched, run_data
 from ..shapes import modes_data
 from ..shell import data_text
 from ..told import problems_markup
+from .patience import Patience, Stopped
 from .settings import base_settings, parameters_of
 
 EMPTY: dict[str, Any] = {
@@ -30,6 +31,8 @@ EMPTY: dict[str, Any] = {
     "live": True, "parameters": [],
 }  # fmt: skip
 LOOK_EVERY = 0.15  # s between two looks at the files
+LONGEST_FIRST, LONGEST = 120.0, 15.0  # s of a run that compiles, and of any other
+WAITING = 0.6  # s after which a run gives way to the next one
 MOST_COMPILED = 40  # compilations that are held at once
 
 
@@ -53,6 +56,7 @@ class Session:
         self.loaded: Loaded | None = None
         self.news = threading.Condition()
         self.work = threading.Lock()
+        self.patience = Patience()
         self.ended = threading.Event()
         self._seen: dict[Path, tuple[int, int]] = {}
 
@@ -125,7 +129,17 @@ class Session:
         """A run of an experiment with some values, as JSON. Raises `UsageError` for what the model does not have."""
         with self.work:
             loaded = self._checked(experiment, settings)
-            return data_text(_run(loaded, experiment, settings))
+            longest = LONGEST if experiment in loaded.base else LONGEST_FIRST
+            try:
+                found = self.patience.within(longest, lambda: _run(loaded, experiment, settings))
+            except Stopped as stopped:
+                words = f"{stopped}: no curve within {longest:g} s, or another was asked for"
+                found = {"name": experiment, "kind": "failed", "told": tag("pre", words.lstrip(": "))}
+            return data_text(found)
+
+    def stop(self) -> str:
+        """Stop a run that has been going on for longer than somebody waits who has moved the slider again."""
+        return data_text({"stopped": self.patience.stop(WAITING)})
 
     def modes(self) -> str:
         """The modes, as JSON."""

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from ...door import evaluate
+from ...door import CompilationFailed, Source, evaluate, read_unit
 from ...views.tables import visible
 
 if TYPE_CHECKING:
     from ...model import Model
 
 MOST = 200
+_NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}))")
 
 
 def parameters_of(model: Model) -> list[dict[str, Any]]:
     """Parameters and inputs that are numbers, as data; an input that moves with time begins at zero."""
     found = []
+    sizes = _sizes(model.source.text)
     for name, quantity in model.compilation().whole_graph.quantities.items():
         value = _value(quantity)
         if value is None and quantity.role == "input":
@@ -23,8 +27,31 @@ def parameters_of(model: Model) -> list[dict[str, Any]]:
         if quantity.role in ("parameter", "input") and "." not in name and value is not None:
             unit = "" if quantity.unit == "1" else visible(quantity.unit)
             words = visible(quantity.description)
-            found.append({"name": name, "role": quantity.role, "unit": unit, "value": value, "description": words})
+            size = 0.0 if quantity.unit == "1" else sizes.get(read_unit(Source("unit", quantity.unit)).dimension, 0.0)
+            told = {
+                "name": name,
+                "role": quantity.role,
+                "unit": unit,
+                "value": value,
+                "size": size,
+                "description": words,
+            }
+            found.append(told)
     return found[:MOST]
+
+
+def _sizes(text: str) -> dict[Any, float]:
+    """The largest number of each dimension in a text: how far the slider of what is zero there goes."""
+    found: dict[Any, float] = {}
+    for number, bracketed, plain in _NUMBERS.findall(text):
+        try:
+            scale = read_unit(Source("unit", bracketed or plain))
+        except CompilationFailed:
+            continue  # a word that is no unit
+        size = abs(float(scale.to_si(Fraction(number))))
+        if 0 < size < float("inf"):
+            found[scale.dimension] = max(size, found.get(scale.dimension, 0.0))
+    return found
 
 
 def base_settings(model: Model, experiment: str) -> dict[str, float]:
