@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .studies.journal import Journal
     from .studies.sharing import Sharing
     from .studies.tolerances import MonteCarlo
+    from .views.equations import Equations
 
 LIBRARY = Path(__file__).with_name("library")
 MOST_KEPT = 64  # scenes of which stages and programs are kept
@@ -199,12 +200,20 @@ class Model:
             write_figure(figure, path)
         return figure
 
-    def _repr_svg_(self) -> str:
-        """The diagram, for notebooks."""
-        return self.draw()._repr_svg_()
+    def _repr_html_(self) -> str:
+        """Certificate, bond graph and names, for notebooks; or what is wrong."""
+        from .page.notebook import model_html
+
+        return model_html(self)
+
+    def _repr_svg_(self) -> str | None:
+        """The bond graph, for notebooks; None of one that is too large to be drawn unasked."""
+        from .page.notebook import picture
+
+        return picture(self) or None
 
     # ------------------------------------------------------------ equations and stages
-    def state_equations(self) -> Any:
+    def state_equations(self) -> Equations:
         """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs.
 
         Linear loops are solved symbolically. Unknowns of nonlinear loops stay, and `algebraic_equations` binds them.
@@ -214,7 +223,7 @@ class Model:
         with door.uncollected():
             return state_equations(self._with_inputs().state_space)
 
-    def algebraic_equations(self) -> Any:
+    def algebraic_equations(self) -> Equations:
         """The equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
         from .views.equations import algebraic_equations
 

@@ -157,6 +157,12 @@ class Result:
     def __repr__(self) -> str:
         return f"<Result of {self.title}: {len(self.time)} instants of {', '.join(self.names) or 'nothing'}>"
 
+    def _repr_html_(self) -> str:
+        """A table with little curves, for notebooks."""
+        from .page.notebook import result_html
+
+        return result_html(self)
+
     @property
     def title(self) -> str:
         """Model and experiment, as headings name them."""
