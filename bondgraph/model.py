@@ -450,7 +450,7 @@ class Model:
         data leave open.
 
         `data`: CSV files with units in their headings: what was set, and outputs at rest, `frequency 1 [Hz]` of modes, or outputs over `time [s]`;
-        `sigma NAME` is the standard deviation. `parameters`: by name bounds as text (`1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`, "" for none).
+        `sigma NAME` is the standard deviation. `parameters`: by name bounds as text (`1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`; "": it keeps its sign).
         The search begins where the model has them, or where `settings` do. `explain`: tell which few parameters would do alone (None: if
         the data leave some open). Raises `UsageError`, `CompilationFailed`, `RunFailed`, OSError.
         """

@@ -43,11 +43,11 @@ SAME = 1e-7  # of the residuals and their slopes: two programs that agree
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """A parameter that is sought between bounds in SI; `start` None: where the model has it."""
+    """A parameter that is sought between bounds in SI (None: it keeps its sign); `start` None: where the model has it."""
 
     name: str
-    low: float = -np.inf
-    high: float = np.inf
+    low: float | None = None
+    high: float | None = None
     logarithmic: bool = False
     start: float | None = None
 
@@ -96,6 +96,7 @@ class Problem:
 
     def _start(self) -> Array:
         graph = self.model.compilation(self.model.scene(self.experiment, self.settings)).whole_graph
+        self.following = [n for n in self.names if (d := graph.quantities[n].definition) is not None and d.arguments]
         self.inputs = {n for n in self.names if graph.quantities[n].role == "input"}
         found = []
         for s in self.sought:
@@ -103,7 +104,7 @@ class Problem:
             value = s.start if s.start is not None else quantity.value
             if quantity.role not in ("parameter", "input") or value is None:
                 raise UsageError(f"`{s.name}` is no parameter or input with a value: it cannot be fitted")
-            if not s.low <= value <= s.high:
+            if not (s.low is None or s.low <= value) or not (s.high is None or value <= s.high):
                 raise UsageError(
                     f"{s.name}: the search begins where the model (or --set) has it, at {value:g}, which is outside of its bounds"
                 )
@@ -131,8 +132,16 @@ class Problem:
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Of the coordinates."""
-        low, high = (np.array([getattr(s, w) for s in self.sought]) for w in ("low", "high"))
-        return self.coordinates(np.where(self.logarithmic & ~np.isfinite(low), 0.0, low)), self.coordinates(high)
+        low = [
+            s.low if s.low is not None else 0.0 if v > 0 else -np.inf
+            for s, v in zip(self.sought, self.start, strict=True)
+        ]
+        high = [
+            s.high if s.high is not None else 0.0 if v < 0 else np.inf
+            for s, v in zip(self.sought, self.start, strict=True)
+        ]
+        with np.errstate(divide="ignore"):
+            return self.coordinates(np.array(low)), self.coordinates(np.array(high))
 
     # ------------------------------------------------------------ residuals
     @cached_property
@@ -299,10 +308,11 @@ def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_
     sizes = np.linalg.svd(problem.slopes(start)[:, places], compute_uv=False)
     is_open = len(sizes) < len(places) or not sizes[-1] > OPEN * sizes[0]
     pull = NEAREST * float(sizes.max(initial=0.0)) * np.eye(len(places)) if is_open else np.zeros((0, len(places)))
+    settled = max(TOLERANCE * float(np.abs(problem.slopes(start)[:, places].T @ first).max()), 1e-15)
     done: Any = least_squares(
         lambda x: np.concatenate([problem.residuals(whole(x)), pull @ (x - inside)]), inside,
         jac=lambda x: np.concatenate([problem.slopes(whole(x))[:, places], pull]), bounds=(low[places], high[places]),
-        xtol=TOLERANCE, ftol=TOLERANCE, gtol=TOLERANCE * float(np.abs(problem.slopes(start)[:, places].T @ first).max()), max_nfev=most,
+        xtol=TOLERANCE, ftol=TOLERANCE, gtol=settled, max_nfev=most,
     )  # fmt: skip
     at = whole(done.x)
     return Found(
@@ -347,6 +357,9 @@ def _units(model: Model, experiment: str | None, settings: Settings, data: Seque
 
 def _notes(found: Found, problem: Problem) -> list[str]:
     notes = []
+    if problem.following:
+        names = ", ".join(f"`{n}`" for n in problem.following)
+        notes.append(f"{names} follows from others in the model; here it is taken by itself, and stays when these move")
     if not found.ended:
         notes.append(f"the search did not settle within {MOST_STEPS} steps: the values are not the best ones yet")
     if found.open:
