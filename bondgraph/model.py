@@ -31,7 +31,10 @@ if TYPE_CHECKING:
     from .prepared import Prepared
     from .results import Result
     from .studies.distributions import Distribution
+    from .studies.fit import Sought
+    from .studies.fitted import Fit
     from .studies.journal import Journal
+    from .studies.measured import Measurements
     from .studies.sharing import Sharing
     from .studies.tolerances import MonteCarlo
     from .views.equations import Equations
@@ -476,6 +479,26 @@ class Model:
         steps = (of,) if isinstance(of, str) else tuple(of)
         wanted = Wanted(to, 2 if "simulate" in steps else None, rtol)
         return montecarlo(self, chance, steps, experiment, settings or {}, outputs, wanted, sharing or Sharing())
+
+    def fit(
+        self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | Sought], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, explain: bool | None = None,
+    ) -> Fit:  # fmt: skip
+        """The `parameters` that explain measured data best, by weighted least squares with exact derivatives; 95 % intervals, and what the
+        data leave open.
+
+        `data`: CSV files with units in their headings: what was set, and outputs at rest, `frequency 1 [Hz]` of modes, or outputs over `time [s]`;
+        `sigma NAME` is the standard deviation. `parameters`: by name bounds as text (`1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`; "": it keeps its sign).
+        The search begins where the model has them, or where `settings` do. `explain`: tell which few parameters would do alone (None: if
+        the data leave some open). Raises `UsageError`, `CompilationFailed`, `RunFailed`, OSError.
+        """
+        from .studies.fit import fit
+        from .studies.measured import Measurements
+
+        files: Sequence[str | Path | Measurements] = (
+            [data] if isinstance(data, str | Path | Measurements) else list(data)
+        )
+        return fit(self, files, parameters, experiment, settings or {}, explain)
 
     # ------------------------------------------------------------ runs
     def scene(
