@@ -174,15 +174,16 @@ class Model:
         name: str | None = None,
         experiment: str | None = "",
         at: str | float | None = None,
+        modes: int = 0,
     ) -> Figure:
         """A mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
 
-        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s).
-        Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
+        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s), or as
+        its first `modes` move it from rest. Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
         """
-        from .diagram import mechanism_of, write_figure
+        from .diagram import mechanism_of, shapes_of, write_figure
 
-        figure = mechanism_of(self, name, experiment, at)
+        figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
             write_figure(figure, path)
         return figure

@@ -9,6 +9,7 @@ What every motion keeps (a charge that has no way out) is kept along the branch.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -63,6 +64,7 @@ class Branch:
     special: tuple[Special, ...]
     units: Mapping[str, str]
     ended: str  # why the branch ends
+    others: tuple[Branch, ...] = ()  # those that pass through its branch points, if they were asked for
 
     def __len__(self) -> int:
         return len(self.values)
@@ -105,6 +107,12 @@ class Branch:
             for s in self.special
         ]
         return {**told, "stable": self.stable.tolist(), "special": special}
+
+    def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
+        """Outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
+        from ..views.phase import plot_branch
+
+        plot_branch(self, path, names)
 
     def summary(self) -> str:
         """A table for terminals."""

@@ -37,6 +37,7 @@ LOOKS: Mapping[str, Look] = {
     "box": Look(INK, 1.3),
     "frame": Look("#9a9a9a", 1.0, dashes=(4, 3), marked=False),
     "body": Look("#5b6b7a", 1.3, filled=True, inside="#dfe6ec"),
+    "rest": Look("#9aa3ab", 1.0, filled=True, inside="#f3f5f7", dashes=(3, 3), marked=False),
     "pin": Look(INK, 1.3, filled=True, inside=GROUND),
     "solid": Look(INK, 1.0, filled=True),
     "stand": Look(INK, 1.3, filled=True, inside="#f1f1f1"),
