@@ -11,6 +11,12 @@ from .glyphs import LETTER, NAME, PORT
 INK, PALE, GROUND = "#1c1c1c", "#6a6a6a", "#ffffff"
 MARKS: Mapping[str, str] = {"derivative": "#c44a00", "loop": "#0068b0"}
 
+# What each colour is on a dark page.
+DARK: Mapping[str, str] = {
+    INK: "#e8e8e8", PALE: "#a2a8ad", GROUND: "#16191c", "#9a9a9a": "#6d7378", "#5b6b7a": "#9db0c2", "#dfe6ec": "#2c3944", "#f1f1f1": "#2a2e31",
+    "#8a4b00": "#e2a14e", "#c44a00": "#ff9a5c", "#0068b0": "#5eb6f5",
+}  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Look:
@@ -37,7 +43,6 @@ LOOKS: Mapping[str, Look] = {
     "box": Look(INK, 1.3),
     "frame": Look("#9a9a9a", 1.0, dashes=(4, 3), marked=False),
     "body": Look("#5b6b7a", 1.3, filled=True, inside="#dfe6ec"),
-    "rest": Look("#9aa3ab", 1.0, filled=True, inside="#f3f5f7", dashes=(3, 3), marked=False),
     "pin": Look(INK, 1.3, filled=True, inside=GROUND),
     "solid": Look(INK, 1.0, filled=True),
     "stand": Look(INK, 1.3, filled=True, inside="#f1f1f1"),

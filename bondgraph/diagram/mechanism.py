@@ -59,7 +59,7 @@ class _Page:
 
     def shadow(self, limb: Limb) -> Group:
         """The same body elsewhere, as an outline."""
-        return Group("shadow", (self.plate(limb, "rest"),), {"name": limb.name}, f"body {limb.name} at rest")
+        return Group("shadow", (self.plate(limb, "frame"),), {"name": limb.name}, f"body {limb.name} at rest")
 
     def plate(self, limb: Limb, look: str) -> Shape:
         """What a body looks like."""

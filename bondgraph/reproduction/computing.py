@@ -38,7 +38,8 @@ class Computing:
 
     def outcome(self, file: str, experiment: str) -> Outcome:
         """Of an experiment; "" the model at rest."""
-        from ..analysis.experiment import Options, run, sweep
+        from ..studies.experiment import Options, run
+        from ..studies.sweep import sweep
 
         key = file, experiment
         if key not in self._outcomes:

@@ -30,6 +30,7 @@ RTOL = 1e-13, 0.1
 DEFAULT_POINTS = 501
 ENERGY_METHOD = "energy"  # the solver that asks for the stored energy
 MOST_CHOICES = 1000  # of states in one run
+RECENT = 4  # legs among which one of the same program tells the method that goes on
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +183,8 @@ class Run:
                 self.scene = replace(self.scene, off=leg.begins_without)
                 continue
             leg.held = legs[-1].held if legs else None
+            alike = (other.trajectory.settled for other in reversed(legs[-RECENT:]) if other.program is leg.program)
+            leg.trajectory.settled = next(alike, None)
             self.leg = leg
             leg.go()
             legs.append(leg)
