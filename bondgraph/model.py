@@ -337,10 +337,10 @@ class Model:
 
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None, branches: bool = False,
     ) -> Branch:  # fmt: skip
         """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
-        or has `most` points; `points` is the range over the first step. Raises as `operating_point`."""
+        or has `most` points; `points` is the range over the first step. `branches`: those that cross it too. Raises as `operating_point`."""
         from .analysis.branch import follow
         from .analysis.operating_point import Asked
         from .analysis.sensitivity import independent
@@ -350,7 +350,7 @@ class Model:
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
-        return follow(self.operating_point(asked), parameter, first, last, points, most)
+        return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 
     @overload
     def invert(

@@ -89,15 +89,22 @@ def _branch(found: Branch, names: Sequence[str]) -> Any:
 
 
 def _line(panel: Any, found: Branch, name: str) -> None:
-    """Cut where stability changes."""
-    x, y, stable = found.values, found[name], found.stable
-    cuts = [0, *(np.flatnonzero(stable[1:] != stable[:-1]) + 1), len(x) - 1]
-    for begin, end in pairwise(cuts):
-        rows = slice(begin, end + 1)
-        good = bool(stable[min(begin, len(stable) - 1)])
+    """Cut where stability changes: at what is special between two points, if it was found."""
+    x, y, stable = list(found.values), list(found[name]), list(found.stable)
+    cuts = [i for i in range(1, len(x)) if stable[i] != stable[i - 1]]
+    for i in reversed(cuts):
+        middle = 0.5 * (x[i - 1] + x[i])
+        between = min(found.special, key=lambda s: abs(s.value - middle), default=None)
+        if between is not None:
+            x.insert(i, between.value)
+            y.insert(i, between.outputs.get(name, between.states.get(name, y[i])))
+            stable.insert(i, stable[i])
+    edges = [0, *(i for i in range(1, len(x)) if stable[i] != stable[i - 1]), len(x) - 1]
+    for begin, end in pairwise(edges):
+        good = bool(stable[begin])
         panel.plot(
-            x[rows], y[rows], linewidth=1.5, color=COLOURS[0] if good else "#8a8a8a", linestyle="-" if good else DASHES[1],
-            label="stable" if good else "unstable",
+            x[begin : end + 1], y[begin : end + 1], linewidth=1.5, color=COLOURS[0] if good else "#8a8a8a",
+            linestyle="-" if good else DASHES[1], label="stable" if good else "unstable",
         )  # fmt: skip
 
 
