@@ -190,15 +190,16 @@ class Model:
         name: str | None = None,
         experiment: str | None = "",
         at: str | float | None = None,
+        modes: int = 0,
     ) -> Figure:
         """A mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
 
-        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s).
-        Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
+        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s), or as
+        its first `modes` move it from rest. Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
         """
-        from .diagram import mechanism_of, write_figure
+        from .diagram import mechanism_of, shapes_of, write_figure
 
-        figure = mechanism_of(self, name, experiment, at)
+        figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
             write_figure(figure, path)
         return figure
@@ -358,10 +359,10 @@ class Model:
 
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None, branches: bool = False,
     ) -> Branch:  # fmt: skip
         """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
-        or has `most` points; `points` is the range over the first step. Raises as `operating_point`."""
+        or has `most` points; `points` is the range over the first step. `branches`: those that cross it too. Raises as `operating_point`."""
         from .analysis.branch import follow
         from .analysis.operating_point import Asked
         from .analysis.sensitivity import independent
@@ -371,7 +372,7 @@ class Model:
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
-        return follow(self.operating_point(asked), parameter, first, last, points, most)
+        return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 
     @overload
     def invert(
