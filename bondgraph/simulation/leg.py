@@ -13,12 +13,12 @@ from ..ended import End
 from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
-from .integrate import integrate
 from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
 from .start.nominal import Looks, Magnitudes, nominal_magnitudes
 from .start.start import consistent_start
 from .steps.methods import AUTOMATIC
+from .stretch.integrate import integrate
 from .trajectory import Tolerances, Trajectory, empty
 from .watch.choice import Choice, Handover
 from .watch.validity import Watch

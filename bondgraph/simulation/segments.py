@@ -11,7 +11,7 @@ import numpy as np
 
 from ..door import Program
 from ..errors import RunFailed
-from .zeros import crossing
+from .events.zeros import crossing
 
 GRID = 256  # places at which a stretch is searched for zeros that have no formula
 NODES = 4096  # places at which what time alone moves is known, of a whole run

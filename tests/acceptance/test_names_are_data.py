@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 from bondgraph.results import _csv_field
 
 # What would be run if a literal could be ended: each writes the file `canary`. A text holds no quotation mark, a comment does.

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import bondgraph
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from tests.compiling import MODELS
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph.analysis.experiment import make
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 
 TEXT = """

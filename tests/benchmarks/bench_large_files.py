@@ -40,7 +40,7 @@ def least(action: Callable[[], object]) -> float:
 def checked(path: Path) -> float:
     """CPU time of the whole process `bondgraph check`, imports and all."""
     code = (
-        "import sys, time; from bondgraph.cli import commands; "
+        "import sys, time; from bondgraph.commands import commands; "
         "commands.main(['check', sys.argv[1]], standalone_mode=False); print(time.process_time())"
     )
     command = [sys.executable, "-c", code, str(path)]

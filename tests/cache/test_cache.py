@@ -153,7 +153,7 @@ class TestChildren:
 
 def whole_run(folder: Path, *arguments: str) -> tuple[str, set[str]]:
     """The output of a command in a process of its own, and the heavy packages that it loaded."""
-    code = f"import sys, atexit\natexit.register(lambda: print('LOADED', *[m for m in {HEAVY!r} if m in sys.modules]))\nfrom bondgraph.cli import main\nmain()"
+    code = f"import sys, atexit\natexit.register(lambda: print('LOADED', *[m for m in {HEAVY!r} if m in sys.modules]))\nfrom bondgraph.commands import main\nmain()"
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         capture_output=True,
@@ -169,7 +169,7 @@ def whole_run(folder: Path, *arguments: str) -> tuple[str, set[str]]:
 def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
     """What costs a tenth of the whole process each: masked arrays and random numbers, which numpy loads when somebody asks."""
     whole_run(folder, "run", "models/manipulator.bg")
-    code = "import sys\nfrom bondgraph.cli import commands\ncommands.main(['run', 'models/manipulator.bg'], standalone_mode=False)\nprint('LOADED', *sys.modules)"
+    code = "import sys\nfrom bondgraph.commands import commands\ncommands.main(['run', 'models/manipulator.bg'], standalone_mode=False)\nprint('LOADED', *sys.modules)"
     environment = {**os.environ, cache.VARIABLE: str(folder)}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, env=environment

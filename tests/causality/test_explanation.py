@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 from bondgraph.views.causality import Explanation, explain
 from compiler.causality import Because, CausalGraph, dependences
 from compiler.graph.network import Element, Junction, Kind

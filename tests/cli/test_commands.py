@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 
 WRONG = "model A {\n  C c : F = k*x\n}\n"
 
@@ -38,7 +38,7 @@ def test_check_tells_the_place(wrong: str) -> None:
 
 def test_a_package_that_is_missing() -> None:
     """No defect, and nothing that is wrong with the file."""
-    code = "import sys; sys.modules['lark'] = None; from bondgraph.cli import commands; commands(['check', 'models/rlc.bg'])"
+    code = "import sys; sys.modules['lark'] = None; from bondgraph.commands import commands; commands(['check', 'models/rlc.bg'])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 2
     assert "the package `lark` is not installed; `pip install bondgraph-lang`" in found.stderr
@@ -150,9 +150,9 @@ def test_an_interrupted_run_is_written_up_to_there(tmp_path: Path) -> None:
     path.write_text("plain model Long {\n output x = integral(y, 1)\n output y = integral(3*(1 - x^2)*y - x, 0)\n}\n")
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "import bondgraph.simulation.integrate as i; was = i.Stepper.keep\n"
+        "import bondgraph.simulation.stretch.integrate as i; was = i.Stepper.keep\n"
         "def keep(self, *a, **k):\n was(self, *a, **k)\n if self.steps == 60: signal.raise_signal(signal.SIGINT)\n"
-        "i.Stepper.keep = keep\nfrom bondgraph.cli import main; main()"
+        "i.Stepper.keep = keep\nfrom bondgraph.commands import main; main()"
     )
     arguments = ["run", str(path), "--to", "1e5", "--points", "1000001", "--target", "numpy", "--out", str(out)]
     found = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 import bondgraph
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 from bondgraph.diagram import svg_text
 from bondgraph.diagram.scenery import RIGHT, UP
 from bondgraph.errors import UsageError

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from bondgraph.cli import commands
+from bondgraph.commands import commands
 from compiler.driver import check
 from compiler.semantics.load import MAXIMUM_FILES
 from compiler.semantics.resolve import MAXIMUM_MISTAKES

@@ -17,13 +17,14 @@ import bondgraph
 from bondgraph.errors import RunFailed, UsageError
 from bondgraph.prepared import HIDDEN
 from bondgraph.results import Result
-from bondgraph.simulation import integrate, leg
+from bondgraph.simulation import leg
 from bondgraph.simulation.steps import exponential
 from bondgraph.simulation.steps.compiled import fields
 from bondgraph.simulation.steps.compiled import run as compiled
 from bondgraph.simulation.steps.compiled.advance import advance, begin
 from bondgraph.simulation.steps.compiled.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.steps.compiled.stepper import Stepper
+from bondgraph.simulation.stretch import integrate
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 

@@ -11,8 +11,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.simulation import integrate
 from bondgraph.simulation.steps import pair
+from bondgraph.simulation.stretch import integrate
 from tests.compiling import MODELS
 
 PAIR, RADAU = "Dormand-Prince 8", "Radau IIA 5"

@@ -207,7 +207,7 @@ def test_an_output_that_fails_keeps_the_rows_before() -> None:
 
 def test_what_breaks_in_the_middle_keeps_what_came_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """An exception out of nowhere, in the ninth step."""
-    from bondgraph.simulation.integrate import Stepper
+    from bondgraph.simulation.stretch.integrate import Stepper
 
     steps = iter(range(100))
     step = Stepper._step
@@ -230,8 +230,8 @@ def test_what_breaks_in_the_middle_keeps_what_came_before(monkeypatch: pytest.Mo
 @pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
 def test_an_interrupted_run_goes_on(target: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C as it comes in a run of hours: after so many steps of Python, or so many calls of machine code."""
-    from bondgraph.simulation.integrate import Stepper
     from bondgraph.simulation.steps.compiled.run import CompiledRadau
+    from bondgraph.simulation.stretch.integrate import Stepper
 
     home, name = (Stepper, "_step") if target == "numpy" else (CompiledRadau, "advance")
     step, left = getattr(home, name), iter(range(10**9))

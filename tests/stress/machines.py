@@ -20,7 +20,7 @@ from tests.stress.ways import targets
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "models" / "duffing.bg"
 SHORT_SIZE = 101  # bytes
-CODE = "import sys; from bondgraph.cli import main; main()"
+CODE = "import sys; from bondgraph.commands import main; main()"
 
 
 def command(*arguments: str, cache: Path, most_bytes: int | None = None) -> subprocess.Popen[str]:

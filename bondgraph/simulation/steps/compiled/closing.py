@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from ... import quadrature
+from ...stretch import quadrature
 from .holding import put_multipliers
 from .stepper import Stepper
 from .within import collocation

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import UsageError
-from .segments import Segment
-from .steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
-from .steps.radau import StepFailed
+from ...errors import UsageError
+from ..segments import Segment
+from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
+from ..steps.radau import StepFailed
 
 if TYPE_CHECKING:
     from .integrate import Stepper

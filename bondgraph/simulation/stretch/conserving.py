@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import NotLossless, RunFailed, UsageError
-from .segments import Segment
-from .steps.radau import StepFailed
-from .trajectory import Tolerances
+from ...errors import NotLossless, RunFailed, UsageError
+from ..segments import Segment
+from ..steps.radau import StepFailed
+from ..trajectory import Tolerances
 
 if TYPE_CHECKING:
+    from ..steps.compiled.interpreted import Interpreted
+    from ..steps.compiled.run import CompiledRadau
     from .integrate import Stepper
-    from .steps.compiled.interpreted import Interpreted
-    from .steps.compiled.run import CompiledRadau
 
 SCOUT = 1000  # steps of an adaptive method that look ahead
 FIRST = 3  # of them, which begin small

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .loops.loops import Eliminated
-from .segments import Segment, follower
-from .steps.radau import Problem, Radau
+from ..loops.loops import Eliminated
+from ..segments import Segment, follower
+from ..steps.radau import Problem, Radau
 
 if TYPE_CHECKING:
     from .integrate import Stepper
@@ -36,7 +36,7 @@ def reference(
         return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
     relative = stepper.tolerances.relative
-    from .steps.factorise import dense, is_large, sparse
+    from ..steps.factorise import dense, is_large, sparse
 
     shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
     follows = follower(program, stepper.inputs, stepper.constants, stretch, stepper.whole)

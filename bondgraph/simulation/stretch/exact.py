@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..segments import Segment
+from ..steps import exponential
 from .quadrature import GAUSS, KRONROD, PLACES, too_coarse
-from .segments import Segment
-from .steps import exponential
 
 if TYPE_CHECKING:
     from .integrate import Stepper

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Program
-from ..errors import RateNotFinite, RunFailed, StepsCollapsed
+from ...door import Program
+from ...errors import RateNotFinite, RunFailed, StepsCollapsed
+from ..trajectory import Tolerances
 from .crawling import advice, limiting_mode
-from .trajectory import Tolerances
 
 if TYPE_CHECKING:
-    from .integrate import Solver, Stepper
-    from .steps.compiled.interpreted import Interpreted
-    from .steps.compiled.run import CompiledRadau
-    from .steps.radau import Radau
+    from ..steps.compiled.interpreted import Interpreted
+    from ..steps.compiled.run import CompiledRadau
+    from ..steps.radau import Radau
+    from ..stretch.integrate import Solver, Stepper
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 HUGE = 1e280  # near the largest number there is
@@ -80,7 +80,7 @@ def stuck(
     slope: Any,
     tolerances: Tolerances,
 ) -> str:
-    from .steps.compiled.run import CompiledRadau
+    from ..steps.compiled.run import CompiledRadau
 
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)

@@ -12,30 +12,30 @@ from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
-from ..door import Program
-from ..errors import RunFailed, StepsCollapsed, UsageError
-from .closed.constraints import Constraints
-from .crawling import notes_of
-from .loops.loops import LoopSolver
+from ...door import Program
+from ...errors import RunFailed, StepsCollapsed, UsageError
+from ..closed.constraints import Constraints
+from ..loops.loops import LoopSolver
+from ..segments import Segment, with_time_of
+from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, NAMES, RADAU
+from ..steps.radau import INNER, Radau, StepFailed
+from ..trajectory import Kept, Tolerances, Trajectory, empty
+from ..watch.choice import Choice, Handover
+from ..watch.crawling import notes_of
+from ..watch.stuck import MOST_STEPS, failure, not_finite
+from ..watch.validity import Watch
 from .quadrature import work_of
 from .reference import reference
-from .segments import Segment, with_time_of
 from .stateless import without_states
-from .steps.methods import AUTOMATIC, ENERGY, EXPLICIT, NAMES, RADAU
-from .steps.radau import INNER, Radau, StepFailed
-from .stuck import MOST_STEPS, failure, not_finite
-from .trajectory import Kept, Tolerances, Trajectory, empty
-from .watch.choice import Choice, Handover
-from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from .closed.crossing import Crossed
-    from .closed.singular import Watcher
-    from .events.events import Events
-    from .events.history import History
-    from .events.locate import Flip, StateAt
-    from .steps.compiled.interpreted import Interpreted
-    from .steps.compiled.run import CompiledRadau
+    from ..closed.crossing import Crossed
+    from ..closed.singular import Watcher
+    from ..events.events import Events
+    from ..events.history import History
+    from ..events.locate import Flip, StateAt
+    from ..steps.compiled.interpreted import Interpreted
+    from ..steps.compiled.run import CompiledRadau
 
 Solver = Union["Radau", "Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -72,7 +72,7 @@ def integrate(
     exact = solver in (AUTOMATIC, "exponential")
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)
     if events is not None:
-        from .events.instants import EventStepper
+        from ..events.instants import EventStepper
 
         return EventStepper.through(events, off, fixed, state, stretches, choice, linear and exact, history, solver)
     stepper = Stepper(*fixed)
@@ -136,7 +136,7 @@ class Stepper:
 
     @cached_property
     def singular(self) -> Watcher:
-        from .closed.singular import Watcher
+        from ..closed.singular import Watcher
 
         return Watcher(self.constraints, self.loops, self.result.poses)
 
@@ -307,7 +307,7 @@ class Stepper:
 
     def interpreted(self, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf) -> Interpreted:
         """A method as Python, from the start of a stretch; `size` of all steps, if it wants that."""
-        from .steps.compiled.interpreted import Interpreted
+        from ..steps.compiled.interpreted import Interpreted
 
         fixed = (self.program, self.inputs, self.constants, self.tolerances, stretch)
         return Interpreted(*fixed, x, self.longest, method, size, self.whole)
@@ -322,7 +322,7 @@ class Stepper:
 
     def _past_singular_pose(self, solver: Radau, stretch: Segment) -> Radau:
         """The solver, or a new one beyond a singular pose that is near; steps beside one are short."""
-        from .closed.singular import NEAR
+        from ..closed.singular import NEAR
 
         tolerances, watcher, mode = self.tolerances, self.singular, stretch.mode
         state = solver.state * tolerances.magnitude

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Program
-from .closed.singular import NEAR
-from .segments import Segment
-from .steps.compiled.advance import FINISHED, HANDOVER, STIFF
-from .steps.compiled.run import CompiledRadau, obstacle, steps
-from .steps.methods import AUTOMATIC, EXPLICIT, RADAU
-from .steps.radau import StepFailed
-from .stuck import MOST_COMPILED
+from ...door import Program
+from ..closed.singular import NEAR
+from ..segments import Segment
+from ..steps.compiled.advance import FINISHED, HANDOVER, STIFF
+from ..steps.compiled.run import CompiledRadau, obstacle, steps
+from ..steps.methods import AUTOMATIC, EXPLICIT, RADAU
+from ..steps.radau import StepFailed
+from ..watch.stuck import MOST_COMPILED
 
 if TYPE_CHECKING:
     from .integrate import Stepper

@@ -1,0 +1,35 @@
+"""`bondgraph draw`."""
+
+from __future__ import annotations
+
+import click
+
+from .options import check_target, file_argument, load, model_option
+from .telling import problems_told
+
+
+@click.command("draw")
+@file_argument
+@click.option("-o", "--out", required=True, metavar="X.svg|X.png|X.pdf", help="The file to write.")
+@click.option(
+    "-e", "--experiment", metavar="NAME", help="As this experiment runs it; else everything that the text says."
+)
+@click.option("--closed", is_flag=True, help="Instances of the model as boxes.")
+@click.option("--numbers", is_flag=True, help="With the numbers of the bonds.")
+@click.option("--mechanism", metavar="NAME", help="This mechanism instead, with bodies, joints, springs.")
+@click.option("--at", metavar="TIME", help="The mechanism at this time of a run; else as it is described.")
+@model_option
+def command(
+    file: str, out: str, experiment: str | None, closed: bool, numbers: bool, mechanism: str | None, at: str | None, model: str | None
+) -> None:  # fmt: skip
+    """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
+    with problems_told():
+        from ..diagram.picture import ENDINGS
+
+        check_target(out, ENDINGS, "--out")
+        if at is not None and mechanism is None:
+            raise click.UsageError("--at is for a mechanism: name it with --mechanism")
+        if mechanism is not None:
+            load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
+        else:
+            load(file, model).draw(out, experiment, closed, numbers)

@@ -1,0 +1,33 @@
+"""`bondgraph fmt`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from .telling import WRONG, harmless, problems_told
+
+
+@click.command("fmt")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file would change.")
+def command(files: Sequence[str], only_check: bool) -> None:
+    """Format files; comments, blank lines and columns stay."""
+    with problems_told():
+        from ..door import Source, format_text, read_text
+        from ..files import write_text
+
+        changed = []
+        for file in files:
+            source = Source(file, read_text(file, newline=""), Path(file))
+            text = format_text(source)
+            if text != source.text:
+                changed.append(file)
+                if not only_check:
+                    write_text(file, text)
+        for file in changed:
+            click.echo(f"{'would change' if only_check else 'formatted'} {harmless(file)}")
+    if only_check and changed:
+        raise click.exceptions.Exit(WRONG)

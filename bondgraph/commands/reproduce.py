@@ -1,0 +1,28 @@
+"""`bondgraph reproduce`."""
+
+from __future__ import annotations
+
+import click
+
+from .options import check_target, echo, json_option
+from .telling import FAILED, problems_told
+
+
+@click.command("reproduce")
+@click.argument("folder", metavar="FOLDER")
+@click.option("--page", metavar="PAGE.md", help="Write the comparison as a page.")
+@json_option
+def command(folder: str, page: str | None, as_json: bool) -> None:
+    """Compute again what a folder's `published.toml` lists, and say how well it agrees with print; exit 3 if something does not."""
+    with problems_told():
+        from ..files import write_text
+        from ..reproduction import reproduce as reproduced
+
+        if page is not None:
+            check_target(page, (".md",), "--page")
+        found = reproduced(folder)
+        if page is not None:
+            write_text(page, found.page())
+        echo(found, as_json)
+        if not found.agrees:
+            raise click.exceptions.Exit(FAILED)

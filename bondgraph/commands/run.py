@@ -1,0 +1,170 @@
+"""`bondgraph run`."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import (
+    check_target,
+    experiment_option,
+    file_argument,
+    load,
+    model_option,
+    outputs_option,
+    setting,
+    workers,
+)
+from .telling import harmless, problems_told
+
+if TYPE_CHECKING:
+    from ..door import Scene
+    from ..model import Model
+    from ..results import Result
+
+
+@click.command("run")
+@file_argument
+@experiment_option
+@outputs_option
+@model_option
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Set a parameter (`a=171 um`) or an input (any expression of time).",
+)
+@click.option("--to", metavar="TIME", help="Where the run ends: `20 ms`, or a number of seconds.")
+@click.option(
+    "--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501)."
+)
+@click.option("--rtol", type=float, metavar="X", help="Relative tolerance (1e-6).")
+@click.option(
+    "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
+)
+@click.option(
+    "--solver",
+    metavar="SOLVER",
+    help="automatic, exponential, explicit, radau or energy (keeps that of lossless models).",
+)
+@click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
+@click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
+@click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
+@click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
+@click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
+@click.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points of a sweep (1)."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
+def command(
+    file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
+    atol: float | None, solver: str | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None,
+    jobs: int | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Simulate a model: the first experiment of the file, or the one named with -e."""
+    from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
+
+    with problems_told():
+        if out is not None:
+            check_target(out, (".csv", ".npz"), "--out")
+        if plot is not None:
+            check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        from .. import native
+
+        native.announce = lambda text: click.echo(f"note: {text}", err=True)
+        chosen, asked = load(file, model), None if experiment == "none" else experiment
+        given = dict(map(setting, settings))
+        if not given:  # what is set is an argument, or compiled in: the run finds that out
+            _make_ready(chosen, chosen.scene(asked, {}, (), tuple(outputs) or None), energy, target)
+        arguments: dict[str, Any] = {
+            "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
+            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver,
+        }  # fmt: skip
+        try:
+            result = chosen.simulate(asked, start=start, **arguments)
+        except ManyRuns:
+            if start is not None:
+                raise
+            _run_all(chosen, experiment, arguments, jobs, (out, plot, as_json))
+            return
+        except (RunFailed, RunInterrupted, RunBroken) as stopped:
+            if stopped.result is not None:
+                _show(stopped.result, out, plot, as_json, isinstance(stopped, RunInterrupted))
+                click.echo(harmless(_how_to_go_on(stopped.result, file, out)), err=True)
+            raise
+        _show(result, out, plot, as_json, True)
+
+
+def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) -> None:
+    """Compile before anything runs; a run may be long, and what it leaves behind is collected again, but for what is there now."""
+    from ..prepared import chosen_target
+
+    _ = model.prepared(scene, energy, chosen_target(target)).plan
+    if gc.isenabled():
+        return  # somebody else looks after it
+    gc.freeze()
+    gc.enable()
+
+
+def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summary: bool) -> None:
+    """Write and tell what a run found."""
+    for left in result.warnings:
+        click.echo(f"warning: {left}", err=True)
+    for note in result.notes:
+        click.echo(f"note: {note}", err=True)
+    if out is not None:
+        if out.endswith(".csv"):
+            result.to_csv(out)
+        else:
+            result.to_npz(out)
+    if plot is not None and len(result.time) > 1:
+        result.plot(plot)
+    if as_json:
+        click.echo(json.dumps(result.to_json(), indent=2))
+    elif summary and len(result.time):
+        click.echo(result.summary(_has_bars()))
+
+
+def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
+    """What is left of a run that stopped early, and what can be done with it."""
+    count = f"{len(result.time)} instant{'s' * (len(result.time) != 1)}"
+    if out is None:
+        return f"{count} {'were' if len(result.time) != 1 else 'was'} computed; `--out R.npz` keeps what there is"
+    written = f"{count} {'are' if len(result.time) != 1 else 'is'} in {out}"
+    if not out.endswith(".npz") or result.end is None:
+        return written
+    return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
+
+
+def _has_bars() -> bool:
+    """Whether what is printed goes to a terminal that has bars among its letters; a file or a pipe gets plain tables."""
+    if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
+        return False
+    try:
+        "▁█".encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
+
+
+def _run_all(
+    model: Model, experiment: str, arguments: dict[str, Any], jobs: int | None, shown: tuple[Any, Any, bool]
+) -> None:
+    """An experiment that sweeps, or analyses instead of a simulation."""
+    out, plot, as_json = shown
+    if out is not None:
+        check_target(out, (".csv",), "--out (of an experiment with a sweep or an analysis)")
+    with workers(jobs) as executor:
+        found = model.run(experiment, executor=executor, **arguments)
+    if out is not None:
+        found.to_csv(out)
+    if plot is not None:
+        found.plot(plot)
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

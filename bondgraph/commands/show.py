@@ -1,0 +1,24 @@
+"""`bondgraph show`."""
+
+from __future__ import annotations
+
+import click
+
+from .options import experiment_option, file_argument, load, model_option
+from .telling import problems_told
+
+
+@click.command("show")
+@file_argument
+@click.option(
+    "--stage",
+    required=True,
+    metavar="STAGE",
+    help="syntax, graph, causality, equations, reduction, code; or text: back in the language, flat.",
+)
+@experiment_option
+@model_option
+def command(file: str, stage: str, experiment: str, model: str | None) -> None:
+    """Print one stage of the compiler."""
+    with problems_told():
+        click.echo(load(file, model).show(stage, None if experiment == "none" else experiment))

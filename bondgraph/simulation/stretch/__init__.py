@@ -1,0 +1,1 @@
+"""A smooth stretch of a run, stepped through."""
