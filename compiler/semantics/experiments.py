@@ -191,10 +191,18 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
 
 def _bandwidth(elaborator: Elaborator, step: tree.Bandwidth, root: Scope, plan: Plan) -> Plan:
     if plan.bandwidth is not None:
-        raise Wrong(WrongExperiment(step.span, "A second `bandwidth` in one experiment", "Write one, or a second experiment."))
+        raise Wrong(
+            WrongExperiment(step.span, "A second `bandwidth` in one experiment", "Write one, or a second experiment.")
+        )
     value = elaborator.static(step.value, root, "A bandwidth", ONE if root.plain else ONE / SECOND)
     if value <= 0:
-        raise Wrong(WrongExperiment(step.span, f"A bandwidth of {value:g} Hz makes no sense", "Write `bandwidth 50 kHz`: what is faster need not be followed."))
+        raise Wrong(
+            WrongExperiment(
+                step.span,
+                f"A bandwidth of {value:g} Hz makes no sense",
+                "Write `bandwidth 50 kHz`: what is faster need not be followed.",
+            )
+        )
     return replace(plan, bandwidth=value)
 
 

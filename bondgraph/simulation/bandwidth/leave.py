@@ -1,0 +1,127 @@
+"""What rings faster than the bandwidth is taken out of the state: where a stretch begins, and where steps get short because of it.
+
+The steps themselves know nothing of that: after the removal they hold the tolerance of the whole system, which does not ring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..segments import Segment
+from .settle import Settled, settled
+from .split import Flow, Split
+
+if TYPE_CHECKING:
+    from ..stretch.integrate import Solver, Stepper
+
+SEEN = 1.0  # of the tolerance: a ringing above that shortens steps
+LEFT = 0.3  # of what would be removed may be left, or it is no ringing but driven
+AFTER = 50  # steps, after which it is looked whether they are short
+SHORT = 0.02  # of a period of the bandwidth
+
+
+@dataclass(frozen=True, eq=False)
+class Removal:
+    """What was removed at an instant. States in SI, with their unknowns."""
+
+    time: float
+    mode: Any
+    before: Any
+    after: Any
+    found: Settled
+
+
+class Leaving:
+    """What is left out of one leg. `restart` is told the state that a run begins with, before any tolerance is asked for."""
+
+    def __init__(self, bandwidth: float, span: float, restart: Callable[[Any], None]) -> None:
+        self.bandwidth, self.span, self.restart = bandwidth, span, restart
+        self.flow: Flow | None = None
+        self.removals: list[Removal] = []
+        self.faster, self.fastest = 0, 0.0  # modes, and the rate of the fastest of all, 1/s
+        self.reasons: dict[str, None] = {}  # why what is faster was not left out
+        self.pause = AFTER  # steps of a piece, after which it is looked at
+        self._began, self._counted = 0.0, 0
+
+    def begin(self, stepper: Stepper, stretch: Segment, x: Any) -> Any:
+        """The state without what rings in it. x: in SI, with its unknowns."""
+        self.pause, self._began, self._counted = AFTER, stretch.start, 0
+        first = self.flow is None
+        if self.flow is None:
+            self.flow = Flow(stepper)
+        found = self._found(self.flow, stretch.start, x, stretch.mode)
+        if found is None:
+            return x
+        after = self._whole(stepper, stretch, x, found)
+        if first:
+            self.restart(after)
+        if not self._rings(stepper, found):
+            return x
+        self.removals.append(Removal(stretch.start, stretch.mode, x, after, found))
+        return after
+
+    def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
+        """Whether a stretch is to be cut after so many steps, since something rings there that shortens them."""
+        if steps < self.pause or solver.finished:
+            return False
+        time = float(solver.time)
+        usual = (time - self._began) / (steps - self._counted)
+        self._began, self._counted = time, steps
+        if usual * self.bandwidth >= SHORT:
+            self.pause = steps + AFTER
+            return False
+        self.pause = 2 * steps
+        assert self.flow is not None
+        x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
+        found = self._found(self.flow, time, x, stretch.mode)
+        return found is not None and self._rings(stepper, found)
+
+    def _found(self, flow: Flow, time: float, x: Any, mode: Any) -> Settled | None:
+        at = flow.split(time, x, mode, self.bandwidth)
+        found = self._wrong(at)
+        if found is None and isinstance(at, Split) and len(at.values):
+            answer = settled(flow, at, time, x, mode, self.bandwidth)
+            if isinstance(answer, Settled):
+                return answer
+            found = answer
+        if found is not None:
+            self.reasons[f"at t = {time:.6g} s {found}"] = None
+        return None
+
+    def _wrong(self, at: Split | str) -> str | None:
+        """Why nothing may be left out there; counts what is faster."""
+        if isinstance(at, str):
+            return at
+        self.faster = max(self.faster, int((at.values.imag >= 0).sum()))
+        self.fastest = max(self.fastest, float(np.abs(at.values).max(initial=at.slowest)))
+        if at.grows(self.span):
+            rate = at.values[np.argmax(at.values.real)]
+            return f"a motion of {abs(rate) / (2 * np.pi):.4g} Hz grows: it is followed"
+        return None
+
+    def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:
+        """The slow state in SI, on all constraints, with its unknowns."""
+        assert self.flow is not None
+        states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
+        return stepper.held(stretch.start, states, stretch.mode)
+
+    def _rings(self, stepper: Stepper, found: Settled) -> bool:
+        """Whether what would be removed is a ringing, and large enough to be seen by steps."""
+        assert self.flow is not None
+        allowed = stepper.tolerances.absolute[: self.flow.count] / self.flow.magnitude
+        ringing, rest = (size(found.split.envelope(change), allowed) for change in (found.removed, found.rest))
+        if ringing <= SEEN:
+            return False
+        if not rest <= max(LEFT * ringing, SEEN):
+            self.reasons["what drives it changes as fast as what would be left out, so that is followed"] = None
+            return False
+        return True
+
+
+def size(change: Any, allowed: Any) -> float:
+    """The norm of a change in units of the tolerance, as steps measure their errors."""
+    return float(np.linalg.norm(change / allowed) / max(1, len(change)) ** 0.5)
