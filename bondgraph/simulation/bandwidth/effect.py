@@ -1,8 +1,8 @@
 """What a ringing that was left out would have done in the rest of the run: its amplitude in the outputs, and what it does to what is kept.
 
-The modes are followed along the slow motion, whose states are known at the reported instants: a mode that changes slowly keeps the product of its
-amplitude and its left vector's (to the first order of the WKB method: c v with w.v' = 0), and decays by its own rate. In the mean over its phase
-a ringing pushes the slow motion by what is of second order in the rates (for a lossless one the slope of its action's frequency); the slow motion
+The modes are followed along the slow motion, which is known at the reported instants: a mode that changes slowly keeps c v with w.v' = 0 (v, w its
+right and left vector, w.v = 1; the first order of the WKB method), and decays at its own rate. In the mean over its phase a ringing
+pushes the slow motion by what is of second order in the rates (for a lossless one by the slope of its frequency, times its action), and the slow motion
 answers by its own linear equations.
 """
 
@@ -19,60 +19,49 @@ from .leave import Removal
 from .split import Flow, Split
 
 PLACES = 12  # of a run at which modes are computed
-INSTANTS = 200  # at which the push on the slow motion is computed
+PARTS = 16  # of the way from one to the next, in which the slow motion answers
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
-TERMS = 12  # of the series of an exponential
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
+TERMS = 12  # of the series of an exponential
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """Where the slow motion is at an instant, in SI, with its unknowns; what is fast there."""
-
-    time: float
-    state: Any
-    mode: Any
-    split: Split
-    shapes: Any  # (n, m): the complex amplitudes of the ringing there, m modes, over the magnitudes of the flow
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """The slow motion at the reported instants from a removal on."""
+class Way:
+    """Places of the slow motion from a removal on. `states` (k, size) in SI; `splits` what is fast there, `shapes` (k, n, p) the complex
+    amplitudes a of the ringing there, the sum of Re(a exp(i w t)), over the magnitudes of the flow."""
 
     times: Any
     states: Any
     modes: Sequence[Any]
+    splits: Sequence[Split]
+    shapes: Any
 
 
-def traced(removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment]) -> Trace:
-    """From where something was removed to the end, at `INSTANTS` instants or fewer."""
+def followed(
+    flow: Flow, removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment], bandwidth: float
+) -> Way:
+    """The modes of a ringing along the states at the reported instants, up to where there are others."""
     chosen = np.flatnonzero(instants > removal.time)
-    chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(INSTANTS, len(chosen))).round().astype(int))]
+    chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(PLACES, len(chosen))).round().astype(int))]
     starts = np.array([p.start for p in pieces])
     numbers = np.searchsorted(starts, instants[chosen], "left") - 1  # an instant at which a piece ends belongs to it
     modes = [removal.mode, *(pieces[max(0, k)].mode for k in numbers)]
-    return Trace(np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]]), modes)
-
-
-def followed(flow: Flow, removal: Removal, trace: Trace, bandwidth: float) -> list[Place]:
-    """The modes of a ringing at some places of the trace, up to where there are others."""
+    times = np.append(removal.time, instants[chosen])
+    whole = np.vstack([removal.after, states[chosen]])
     now = removal.found.split
-    shapes = now.right * (now.dual @ removal.found.removed)
-    vectors, duals, values, decay = now.right, now.dual, now.values, np.zeros(len(now.values))
     amplitudes = now.dual @ removal.found.removed
-    found = [Place(float(trace.times[0]), trace.states[0], trace.modes[0], now, shapes)]
-    last = len(trace.times) - 1
-    for k in np.unique(np.linspace(0, last, min(PLACES, last + 1)).round().astype(int))[1:]:
-        new = flow.split(float(trace.times[k]), trace.states[k], trace.modes[k], bandwidth)
+    vectors, duals, values, decay = now.right, now.dual, now.values, np.zeros(len(now.values))
+    splits, shapes = [now], [_once(values, vectors * amplitudes)]
+    for k, new in enumerate(flow.splits(times[1:], whole[1:], modes[1:], bandwidth), 1):
         if isinstance(new, str) or len(new.values) != len(values):
             break
         vectors, duals, rates = carried(vectors, duals, new)
-        decay = decay + 0.5 * (values.real + rates.real) * (trace.times[k] - found[-1].time)
+        decay = decay + 0.5 * (values.real + rates.real) * (times[k] - times[k - 1])
         values = rates
-        shapes = vectors * (amplitudes * np.exp(np.minimum(decay, 0.0)))
-        found.append(Place(float(trace.times[k]), trace.states[k], trace.modes[k], new, shapes))
-    return found
+        splits.append(new)
+        shapes.append(_once(now.values, vectors * (amplitudes * np.exp(np.minimum(decay, 0.0)))))
+    count = len(splits)
+    return Way(times[:count], whole[:count], modes[:count], splits, np.array(shapes))
 
 
 def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
@@ -91,90 +80,79 @@ def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
     return right, dual, rates
 
 
-def amplitudes(flow: Flow, places: Sequence[Place]) -> Any:
-    """Of the ringing in each output (outputs,): the largest at the places, all modes at their largest at once."""
-    found = [_amplitudes_at(flow, place) for place in places]
-    return np.max(found, axis=0)
+def _once(values: Any, shapes: Any) -> Any:
+    """Of a conjugate pair one, twice as large."""
+    chosen = values.imag >= 0
+    return shapes[:, chosen] * np.where(values[chosen].imag > 0, 2.0, 1.0)
 
 
-def _amplitudes_at(flow: Flow, place: Place) -> Any:
-    shapes = _once(place.split, place.shapes)
-    ways = np.concatenate([shapes.real, shapes.imag], axis=1).T
-    middle = place.state[: flow.count] / flow.magnitude
-    scaled = np.concatenate([middle + ways, middle - ways])
-    values = _outputs(flow, np.full(len(scaled), place.time), scaled, place.mode, place.state)
-    up, down = values[: len(ways)], values[len(ways) :]
-    moved = (0.5 * (up - down)).reshape(2, len(ways) // 2, -1)
-    return np.hypot(*moved).sum(axis=0)
+def amplitudes(flow: Flow, way: Way) -> Any:
+    """Of the ringing in each output (outputs,): the largest on the way, all modes at their largest at once."""
+    count, n, modes = way.shapes.shape
+    ways = np.stack([way.shapes.real, way.shapes.imag, -way.shapes.real, -way.shapes.imag], axis=1)  # (k, 4, n, p)
+    values = _outputs(flow, way, ways.transpose(0, 1, 3, 2).reshape(count, 4 * modes, n)).reshape(count, 4, modes, -1)
+    moved = 0.5 * (values[:, :2] - values[:, 2:])
+    return np.hypot(moved[:, 0], moved[:, 1]).sum(axis=1).max(axis=0)
 
 
-def _once(split: Split, shapes: Any) -> Any:
-    """Amplitudes of motions Re(a exp(i w t)): of a conjugate pair one, twice as large."""
-    chosen = split.values.imag >= 0
-    return shapes[:, chosen] * np.where(split.values[chosen].imag > 0, 2.0, 1.0)
+def _outputs(flow: Flow, way: Way, moved: Any) -> Any:
+    """At states that are moved (k, m, n) from the places of the way: (k, m, outputs)."""
+    k, m, n = moved.shape
+    scaled = way.states[:k, None, :n] / flow.magnitude + moved
+    return flow.outputs(*_spread(way, k, m), scaled.reshape(k * m, n)).reshape(k, m, -1)
 
 
-def _outputs(flow: Flow, times: Any, scaled: Any, mode: Any, near: Any) -> Any:
-    whole = flow.whole(times, scaled, mode, np.broadcast_to(near, (len(scaled), len(near))))
-    return np.asarray(flow.program.output(times, whole, *flow.fixed, mode))
+def _spread(way: Way, count: int, m: int) -> tuple[Any, Any, Any]:
+    """Times, modes and states of the first places, each m times."""
+    return (
+        np.repeat(way.times[:count], m),
+        [mode for mode in way.modes[:count] for _ in range(m)],
+        np.repeat(way.states[:count], m, axis=0),
+    )
 
 
-def kept(flow: Flow, places: Sequence[Place], trace: Trace) -> Any:
+def kept(flow: Flow, way: Way) -> Any:
     """What the ringing does to the motion that is kept, the largest in each output (outputs,)."""
-    answer, largest = np.zeros(flow.count), 0.0
-    pushes = [_push(flow, place) for place in places]
-    for first, second, g, h in zip(places, places[1:], pushes, pushes[1:], strict=False):
-        inside = (trace.times > first.time) & (trace.times <= second.time)
-        times = np.append(first.time, trace.times[inside])
-        count = len(times) - 1
-        moved = _answers(first.split, answer, (g, h), times)
-        answer = moved[-1]
-        share = ((times[1:] - first.time) / (second.time - first.time))[:, None]
-        static = first.split.inverse @ g * (1 - share) + second.split.inverse @ h * share
-        middle = trace.states[inside][:, : flow.count] / flow.magnitude
-        both = np.concatenate([middle + moved - static, middle])
-        values = _outputs(flow, np.tile(times[1:], 2), both, first.mode, first.state)
-        largest = np.maximum(largest, np.abs(values[:count] - values[count:]).max(axis=0))
-    return largest
+    pushes = _pushes(flow, way)
+    count, n = len(way.times) - 1, flow.count
+    if count < 1:
+        return np.zeros(len(flow.program.outputs.names))
+    spans = np.diff(way.times)
+    whole, norm = np.zeros((count, n + 2, n + 2)), 0.0
+    for k, (split, span) in enumerate(zip(way.splits[:-1], spans, strict=True)):
+        slow, step = split.slow, span / PARTS
+        whole[k, :n, :n] = step * (split.matrix @ slow)
+        norm = max(norm, float(np.abs(whole[k, :n, :n]).sum(axis=0).max()))
+        whole[k, :n, n], whole[k, :n, n + 1] = step * (slow @ pushes[k]), step * (slow @ (pushes[k + 1] - pushes[k]))
+    whole[:, n + 1, n] = 1 / PARTS  # the share of the way to the next place
+    through = [_exponential(whole, norm)]
+    for _ in range(PARTS - 1):
+        through.append(through[-1] @ through[0])
+    moved, x = np.zeros((count, PARTS + 1, n)), np.zeros(n + 2)
+    for k, parts in enumerate(np.array(through).swapaxes(0, 1)):
+        x[n:] = 1.0, 0.0
+        answers = parts @ x
+        moved[k, :PARTS] = answers[:, :n] - way.splits[k].inverse @ pushes[k]
+        x = answers[-1]
+    values = _outputs(flow, way, moved)  # the last of each place is not moved
+    return np.abs(values[:, :-1] - values[:, -1:]).max(axis=(0, 1))
 
 
-def _push(flow: Flow, place: Place) -> Any:
-    """The mean of the rates over the phases of the ringing, less those without it (n,)."""
-    shapes = _once(place.split, place.shapes)
-    middle = place.state[: flow.count] / flow.magnitude
-    ways = (shapes.T[:, None, :] * PHASES[:, None]).real.reshape(-1, flow.count)
-    scaled = np.concatenate([middle[None], middle + ways])
-    near = np.broadcast_to(place.state, (len(scaled), len(place.state)))
-    rates = flow.rates(np.full(len(scaled), place.time), scaled, place.mode, near)
-    return (rates[1:] - rates[0]).mean(axis=0) * shapes.shape[1]
+def _pushes(flow: Flow, way: Way) -> Any:
+    """The mean of the rates over the phases of the ringing, less those without it (k, n)."""
+    count, n, modes = way.shapes.shape
+    ways = (way.shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
+    moved = np.concatenate([np.zeros((count, 1, n)), ways], axis=1)
+    scaled = way.states[:, None, :n] / flow.magnitude + moved
+    rates = flow.rates(*_spread(way, count, 4 * modes + 1), scaled.reshape(-1, n)).reshape(count, -1, n)
+    return (rates[:, 1:] - rates[:, :1]).mean(axis=1) * modes
 
 
-def _answers(at: Split, start: Any, pushes: tuple[Any, Any], times: Any) -> Any:
-    """The slow answer to a push that changes evenly from one to the other, at times[1:]; x' = A x + g, both on what is slow."""
-    n, (g, h) = len(start), pushes
-    span = times[-1] - times[0]
-    slow = at.slow
-    known: dict[float, Any] = {}
-    x = np.concatenate([slow @ start, [1.0, 0.0]])
-    found = np.empty((len(times) - 1, n))
-    for k, length in enumerate(np.diff(times)):
-        key = float(np.round(length / span, 9))
-        if key not in known:
-            whole = np.zeros((n + 2, n + 2))
-            whole[:n, :n] = length * (at.matrix @ slow)
-            whole[:n, n], whole[:n, n + 1] = length * (slow @ g), length * (slow @ (h - g))
-            whole[n + 1, n] = length / span  # the share of the way
-            known[key] = _exponential(whole, float(np.abs(whole[:n, :n]).sum(axis=0).max(initial=0.0)))
-        x = known[key] @ x
-        found[k] = x[:n]
-    return found
-
-
-def _exponential(matrix: Any, norm: float) -> Any:
-    """By Taylor's series and squaring; to some ten digits, which is plenty for an estimate. `norm`: of the part that is no forcing."""
+def _exponential(matrices: Any, norm: float) -> Any:
+    """Of several matrices by Taylor's series and squaring, to some ten digits. `norm`: of their parts that are no forcing."""
     halvings = max(0, int(np.ceil(np.log2(norm))) + 1) if 0 < norm < np.inf else 0
-    part = matrix / 2.0**halvings
-    result = term = np.eye(len(matrix))
+    part = matrices / 2.0**halvings
+    result = term = np.eye(matrices.shape[-1])
     for order in range(1, TERMS):
         term = term @ part / order
         result = result + term

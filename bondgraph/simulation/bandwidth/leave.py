@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..segments import Segment
-from .settle import Settled, settled
+from .settle import Settled, second, settled
 from .split import Flow, Split
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Leaving:
         first = self.flow is None
         if self.flow is None:
             self.flow = Flow(stepper)
-        found = self._found(self.flow, stretch.start, x, stretch.mode)
+        found = self._found(stepper, stretch.start, x, stretch.mode, first)
         if found is None:
             return x
         after = self._whole(stepper, stretch, x, found)
@@ -75,15 +75,21 @@ class Leaving:
             self.pause = steps + AFTER
             return False
         self.pause = 2 * steps
-        assert self.flow is not None
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
-        found = self._found(self.flow, time, x, stretch.mode)
+        found = self._found(stepper, time, x, stretch.mode, False)
         return found is not None and self._rings(stepper, found)
 
-    def _found(self, flow: Flow, time: float, x: Any, mode: Any) -> Settled | None:
-        at = flow.split(time, x, mode, self.bandwidth)
+    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any, first: bool) -> Settled | None:
+        """The slow motion there; None if nothing may or need be left out. `first`: before any tolerance is asked for."""
+        flow = self.flow
+        assert flow is not None
+        (at,) = flow.splits(np.array([time]), x[None], [mode], self.bandwidth)
         found = self._wrong(at)
         if found is None and isinstance(at, Split) and len(at.values):
+            if not first:
+                change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)
+                if self._size(stepper, at.envelope(change)) <= SEEN:
+                    return None
             answer = settled(flow, at, time, x, mode, self.bandwidth)
             if isinstance(answer, Settled):
                 return answer
@@ -111,9 +117,7 @@ class Leaving:
 
     def _rings(self, stepper: Stepper, found: Settled) -> bool:
         """Whether what would be removed is a ringing, and large enough to be seen by steps."""
-        assert self.flow is not None
-        allowed = stepper.tolerances.absolute[: self.flow.count] / self.flow.magnitude
-        ringing, rest = (size(found.split.envelope(change), allowed) for change in (found.removed, found.rest))
+        ringing, rest = (self._size(stepper, found.split.envelope(change)) for change in (found.removed, found.rest))
         if ringing <= SEEN:
             return False
         if not rest <= max(LEFT * ringing, SEEN):
@@ -121,7 +125,8 @@ class Leaving:
             return False
         return True
 
-
-def size(change: Any, allowed: Any) -> float:
-    """The norm of a change in units of the tolerance, as steps measure their errors."""
-    return float(np.linalg.norm(change / allowed) / max(1, len(change)) ** 0.5)
+    def _size(self, stepper: Stepper, change: Any) -> float:
+        """The norm of a change in units of the tolerance, as steps measure their errors."""
+        assert self.flow is not None
+        allowed = stepper.tolerances.absolute[: self.flow.count] / self.flow.magnitude
+        return float(np.linalg.norm(change / allowed) / max(1, len(change)) ** 0.5)

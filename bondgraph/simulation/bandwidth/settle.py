@@ -16,7 +16,8 @@ from .split import Flow, Split
 
 ROUNDS = 3  # of splits, each at the state that the one before led to
 ITERATIONS = 12
-CLOSE = 1e-10  # of what is removed: where iterations end
+CLOSE = 1e-8  # of what is removed: where iterations end
+STRAIGHT = 1e-4  # of the first change: a second one below that says that the fast motions are the same at both ends
 LOOK = 0.01  # of a radian of the fastest motion: differences in time
 
 
@@ -33,54 +34,52 @@ class Settled:
 def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwidth: float) -> Settled | str:
     """The slow motion near a state in SI, with its unknowns; or why there is none."""
     before = state[: flow.count] / flow.magnitude
-    here, now = before, first
+    here, now, times, near = before, first, np.array([time]), state[None]
     rest = np.zeros(flow.count)
     for number in range(ROUNDS):
-        moved, last = _iterated(flow, now, time, here, mode, state)
+        moved, last, contraction = _iterated(flow, now, time, here, mode, state)
         if not np.isfinite(moved).all():
             return "no slow motion is found near it"
-        change, here = float(np.linalg.norm(moved - here)), moved
-        rest = np.abs(last)
-        if change <= CLOSE**0.5 * float(np.linalg.norm(before - here)) or number == ROUNDS - 1:
+        here, rest = moved, last
+        if contraction < STRAIGHT or number == ROUNDS - 1:
             break
-        again = flow.split(time, flow.whole(np.array([time]), here[None], mode, state[None])[0], mode, bandwidth)
+        (again,) = flow.splits(times, flow.whole(times, [mode], near, here[None]), [mode], bandwidth)
         if isinstance(again, str):
             return again
         if len(again.values) != len(first.values):
             return "how much is faster than the bandwidth depends on what would be left out"
         now = again
     third = now.inverse @ now.inverse @ now.inverse @ _third(flow, now, time, here, mode, state)
-    return Settled(here, before - here, now, rest + np.abs(third))
+    return Settled(here, before - here, now, np.abs(rest) + np.abs(third))
 
 
-def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any]:
-    """The state whose fast part of x'' vanishes, and the last change on the way there."""
+def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
+    """The state whose fast part of x'' vanishes, the last change on the way there, and the second in parts of the first."""
     twice = at.inverse @ at.inverse
-    last = np.inf
-    first = change = None
-    for _ in range(ITERATIONS):
-        step = twice @ _second(flow, at, time, here, mode, near)
-        size = float(np.linalg.norm(step))
-        if size > 0.5 * last or not np.isfinite(size):
+    sizes: list[float] = []
+    change = np.full(len(here), np.inf)
+    while len(sizes) < ITERATIONS:
+        step = twice @ second(flow, at, time, here, mode, near)
+        sizes.append(float(np.linalg.norm(step)))
+        if not np.isfinite(sizes[-1]) or (len(sizes) > 1 and sizes[-1] > 0.5 * sizes[-2]):
             break  # rounding, or there is none
-        here, last, change = here - step, size, step
-        first = size if first is None else first
-        if size <= CLOSE * first:
+        here, change = here - step, step
+        if sizes[-1] <= CLOSE * sizes[0]:
             break
-    return here, (np.full(len(here), np.inf) if change is None else change)
+    return here, change, sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] else 0.0
 
 
-def _second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
-    """x'' there."""
+def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+    """x'' at a state over the magnitudes; `near`: one in SI with its unknowns."""
     ahead = LOOK / float(np.abs(at.values).max())
-    rates = flow.rates(np.array([time, time + ahead]), np.stack([here, here]), mode, np.stack([near, near]))
+    rates = flow.rates(np.array([time, time + ahead]), [mode, mode], np.stack([near, near]), np.stack([here, here]))
     return at.matrix @ rates[0] + (rates[1] - rates[0]) / ahead
 
 
 def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
     """x''' there."""
     ahead = LOOK / float(np.abs(at.values).max())
-    (rate,) = flow.rates(np.array([time]), here[None], mode, near[None])
-    now = _second(flow, at, time, here, mode, near)
-    then = _second(flow, at, time + ahead, here + ahead * rate + 0.5 * ahead**2 * now, mode, near)
+    (rate,) = flow.rates(np.array([time]), [mode], near[None], here[None])
+    now = second(flow, at, time, here, mode, near)
+    then = second(flow, at, time + ahead, here + ahead * rate + 0.5 * ahead**2 * now, mode, near)
     return (then - now) / ahead

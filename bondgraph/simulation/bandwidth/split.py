@@ -6,18 +6,19 @@ loops eliminated. Its projector needs the fast eigenvectors alone, right and lef
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..loops.loops import Eliminated
-from ..steps.exponential import balance
 
 if TYPE_CHECKING:
     from ..stretch.integrate import Stepper
 
 LARGEST = 200  # states up to which all eigenvectors are computed
+BALANCINGS = 20
 TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length
 STEADY = 1e-8  # of its rate: what rounding may make a motion grow by
 GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be left out
@@ -63,59 +64,95 @@ class Flow:
         self.fixed = (stepper.inputs, stepper.constants)
         self.eliminated = Eliminated(self.program)
 
-    def whole(self, times: Any, scaled: Any, mode: Any, near: Any) -> Any:
-        """States and unknowns in SI; `scaled` (k, n) at `times` (k,), `near` (k, …): states whose unknowns are a guess."""
+    def whole(self, times: Any, modes: Any, near: Any, scaled: Any) -> Any:
+        """States and unknowns in SI; `scaled` (k, n) at `times` (k,), with as many modes; `near` (k, …): states whose unknowns are a guess."""
         states = np.concatenate([scaled * self.magnitude, near[:, self.count :]], axis=1)
-        return self.stepper.loops.solve_all(times, states, mode)
+        return (
+            states if states.shape[1] == self.count else self._each(self.stepper.loops.solve_all, times, modes, states)
+        )
 
-    def rates(self, times: Any, scaled: Any, mode: Any, near: Any) -> Any:
+    def rates(self, times: Any, modes: Any, near: Any, scaled: Any) -> Any:
         """Shape (k, n), for states over their magnitudes."""
-        found = self.program.derivative(times, self.whole(times, scaled, mode, near), *self.fixed, mode)
-        return np.asarray(found)[:, : self.count] / self.magnitude
 
-    def matrix(self, time: float, state: Any, mode: Any) -> Any:
-        """The Jacobian (n, n) of the rates, unknowns following; None where it is not finite. `state`: in SI, with its unknowns."""
-        size, n = len(state), self.count
-        whole = np.zeros((size, size))
-        whole[self.program.pattern] = self.eliminated.entries(time, state, *self.fixed, mode)
-        if not np.isfinite(whole).all():
-            return None
-        found = whole[:n, :n]
+        def at(times: Any, states: Any, mode: Any) -> Any:
+            return self.program.derivative(times, states, *self.fixed, mode)
+
+        found = self._each(at, times, modes, self.whole(times, modes, near, scaled))
+        return found[:, : self.count] / self.magnitude
+
+    def outputs(self, times: Any, modes: Any, near: Any, scaled: Any) -> Any:
+        """Shape (k, outputs)."""
+
+        def at(times: Any, states: Any, mode: Any) -> Any:
+            return self.program.output(times, states, *self.fixed, mode)
+
+        return self._each(at, times, modes, self.whole(times, modes, near, scaled))
+
+    def _each(self, function: Callable[[Any, Any, Any], Any], times: Any, modes: Any, states: Any) -> Any:
+        """A function of times, states and one mode, for those of each mode at once."""
+        keys = [mode.tobytes() for mode in modes]
+        if len(set(keys)) == 1:
+            return np.asarray(function(times, states, modes[0]))
+        found = {key: np.flatnonzero([k == key for k in keys]) for key in dict.fromkeys(keys)}
+        values = [np.asarray(function(times[at], states[at], modes[at[0]])) for at in found.values()]
+        return np.concatenate(values)[np.argsort(np.concatenate([*found.values()]), kind="stable")]
+
+    def matrices(self, times: Any, modes: Any, states: Any) -> Any:
+        """The Jacobians (k, n, n) of the rates, unknowns following. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
+
+        def entries(times: Any, states: Any, mode: Any) -> Any:
+            return self.eliminated.entries(times, states, *self.fixed, mode)
+
+        size, n = states.shape[1], self.count
+        whole = np.zeros((len(times), size, size))
+        whole[:, *self.program.pattern] = self._each(entries, times, modes, states)
+        found = whole[:, :n, :n]
         if size > n:
-            rows = np.abs(whole[n:]).max(axis=1, keepdims=True)
-            below = whole[n:] / np.where(rows > 0, rows, 1.0)
-            try:
-                found = found - whole[:n, n:] @ np.linalg.solve(below[:, n:], below[:, :n])
-            except np.linalg.LinAlgError:
-                return None
+            rows = np.abs(whole[:, n:]).max(axis=2, keepdims=True)
+            below = whole[:, n:] / np.where(rows > 0, rows, 1.0)
+            found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
         if self.magnitude is None:
-            self.magnitude = balance(found)
+            self.magnitude = _balanced(found[0])
         return found * self.magnitude / self.magnitude[:, None]
 
-    def split(self, time: float, state: Any, mode: Any, bandwidth: float) -> Split | str:
-        """The motions faster than a bandwidth in Hz, at a state in SI; or why they are not told from the others."""
+    def splits(self, times: Any, states: Any, modes: Any, bandwidth: float) -> list[Split | str]:
+        """The motions faster than a bandwidth in Hz, at states in SI; or why they are not told from the others."""
+        if not len(times):
+            return []
         if self.count > LARGEST:
-            return f"it has {self.count} states, of which up to {LARGEST} are split into fast and slow ones"
-        matrix = self.matrix(time, state, mode)
-        return "its slopes are not finite" if matrix is None else split(matrix, 2 * np.pi * bandwidth)
+            why = f"it has {self.count} states, of which up to {LARGEST} are split into fast and slow ones"
+            return [why] * len(times)
+        try:
+            return split(self.matrices(times, modes, states), 2 * np.pi * bandwidth)
+        except np.linalg.LinAlgError:
+            return ["its modes are not found"] * len(times)
 
 
-def split(matrix: Any, rate: float) -> Split | str:
-    """Split at a rate in 1/s; or why that is not possible."""
-    try:
-        values, right = np.linalg.eig(matrix)
-        size = np.abs(values)
+def _balanced(matrix: Any) -> Any:
+    """Scales that bring rows and columns of a matrix near to each other in size (Osborne, J. ACM 7, 1960, all at once); shape (n,)."""
+    away = np.abs(matrix) * (1 - np.eye(len(matrix)))
+    scale = np.ones(len(matrix))
+    for _ in range(BALANCINGS):
+        rows, columns = away @ scale / scale, (1 / scale) @ away * scale
+        fine = (rows > 0) & (columns > 0)
+        scale[fine] *= (rows[fine] / columns[fine]) ** 0.25
+    return scale
+
+
+def split(matrices: Any, rate: float) -> list[Split | str]:
+    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. Raises `LinAlgError`."""
+    values, right = np.linalg.eig(matrices)
+    others, left = np.linalg.eig(matrices.transpose(0, 2, 1))
+    found: list[Split | str] = []
+    for matrix, value, shapes, other, lefts in zip(matrices, values, right, others, left, strict=True):
+        size = np.abs(value)
         chosen = np.flatnonzero(size > rate)
         slowest = float(size[size <= rate].max(initial=0.0))
-        if not len(chosen):
-            return Split(matrix, values[chosen], right[:, chosen], right[:, chosen].T, slowest)
-        others, left = np.linalg.eig(matrix.T)
-        left = left[:, np.argsort(-np.abs(others), kind="stable")[: len(chosen)]]
-        right = right[:, chosen].astype(complex)
-        products = left.T @ right
-        if np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
-            return "its fast motions hang together in one that has no modes"
-        dual = np.linalg.solve(products, left.T)
-    except np.linalg.LinAlgError:
-        return "its modes are not found"
-    return Split(matrix, values[chosen].astype(complex), right, dual, slowest)
+        vectors = shapes[:, chosen].astype(complex)
+        back = lefts[:, np.argsort(-np.abs(other), kind="stable")[: len(chosen)]].T
+        products = back @ vectors
+        if len(chosen) and np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
+            found.append("its fast motions hang together in one that has no modes")
+            continue
+        found.append(Split(matrix, value[chosen].astype(complex), vectors, np.linalg.solve(products, back), slowest))
+    return found

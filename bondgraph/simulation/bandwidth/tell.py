@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import RunFailed
 from ...left_out import FastMode, LeftOut, told_hertz
 from ..watch.crawling import elements_of
-from .effect import amplitudes, followed, kept, traced
+from .effect import amplitudes, followed, kept
 from .leave import Leaving, Removal
 from .split import Flow
 
@@ -52,10 +52,9 @@ def _estimated(leaving: Leaving, flow: Flow, leg: Leg) -> tuple[Any, Any]:
     lacking, changed = np.zeros((2, len(flow.program.outputs.names)))
     pieces = leg.trajectory.pieces or leg.stretches
     for removal in sorted(leaving.removals, key=_extent)[-MOST:]:
-        trace = traced(removal, leg.instants, leg.trajectory.states, pieces)
-        places = followed(flow, removal, trace, leaving.bandwidth)
-        lacking = np.hypot(lacking, amplitudes(flow, places))  # their phases know nothing of each other
-        changed = changed + kept(flow, places, trace)
+        way = followed(flow, removal, leg.instants, leg.trajectory.states, pieces, leaving.bandwidth)
+        lacking = np.hypot(lacking, amplitudes(flow, way))  # their phases know nothing of each other
+        changed = changed + kept(flow, way)
     return lacking, changed
 
 

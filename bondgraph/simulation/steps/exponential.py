@@ -104,7 +104,7 @@ def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment,
     matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), *fixed, stretch.mode), dtype=float)
     if not np.isfinite(matrix).all():
         return None
-    scale = balance(matrix)
+    scale = _balance(matrix)
     times: Any = np.linspace(low, high, 33)
     random = np.random.default_rng(1)
     states = scale * random.standard_normal((len(times), count))
@@ -166,7 +166,7 @@ def exponential(matrix: Any) -> Any:
     return (np.eye(len(matrix)) + result).astype(float)
 
 
-def balance(matrix: Any) -> Any:
+def _balance(matrix: Any) -> Any:
     """Powers of two that make rows and columns of a matrix of one size (Parlett and Reinsch, 1969); shape (n,)."""
     away = np.abs(matrix) * (1 - np.eye(len(matrix)))
     scale = np.ones(len(matrix))
