@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SEEN = 1.0  # of the tolerance: a ringing above that shortens steps
 LEFT = 0.3  # of what would be removed may be left, or it is no ringing but driven
 AFTER = 50  # steps, after which it is looked whether they are short
+LOUD = 0.3  # of a state's magnitude: a ringing that a look ahead should not have seen
 SHORT = 0.02  # of a period of the bandwidth
 
 
@@ -36,7 +37,7 @@ class Removal:
 
 
 class Leaving:
-    """What is left out of one leg. `restart` is told the state that a run begins with, before any tolerance is asked for."""
+    """What is left out of one leg. `restart` is told the state from which magnitudes are looked for, where what was left out would count."""
 
     def __init__(self, bandwidth: float, span: float, restart: Callable[[Any], None]) -> None:
         self.bandwidth, self.span, self.restart = bandwidth, span, restart
@@ -53,14 +54,13 @@ class Leaving:
         first = self.flow is None
         if self.flow is None:
             self.flow = Flow(stepper)
-        found = self._found(stepper, stretch.start, x, stretch.mode, first)
+        found = self._found(stepper, stretch.start, x, stretch.mode)
         if found is None:
             return x
         after = self._whole(stepper, stretch, x, found)
-        if first:
+        if first and (found.split.envelope(found.removed) > LOUD).any():
             self.restart(after)
-        if not self._rings(stepper, found):
-            return x
+            stepper.look_anew()
         self.removals.append(Removal(stretch.start, stretch.mode, x, after, found))
         return after
 
@@ -76,26 +76,24 @@ class Leaving:
             return False
         self.pause = 2 * steps
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
-        found = self._found(stepper, time, x, stretch.mode, False)
-        return found is not None and self._rings(stepper, found)
+        return self._found(stepper, time, x, stretch.mode) is not None
 
-    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any, first: bool) -> Settled | None:
-        """The slow motion there; None if nothing may or need be left out. `first`: before any tolerance is asked for."""
+    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any) -> Settled | None:
+        """The slow motion there; None if nothing may or need be left out."""
         flow = self.flow
         assert flow is not None
         (at,) = flow.splits(np.array([time]), x[None], [mode], self.bandwidth)
-        found = self._wrong(at)
-        if found is None and isinstance(at, Split) and len(at.values):
-            if not first:
-                change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)
-                if self._size(stepper, at.envelope(change)) <= SEEN:
-                    return None
-            answer = settled(flow, at, time, x, mode, self.bandwidth)
-            if isinstance(answer, Settled):
-                return answer
-            found = answer
-        if found is not None:
-            self.reasons[f"at t = {time:.6g} s {found}"] = None
+        wrong = self._wrong(at)
+        if wrong is None and isinstance(at, Split) and len(at.values):
+            change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)
+            if self._size(stepper, at.envelope(change)) <= SEEN:
+                return None
+            found = settled(flow, at, time, x, mode, self.bandwidth)
+            if isinstance(found, Settled):
+                return found if self._rings(stepper, found) else None
+            wrong = found
+        if wrong is not None:
+            self.reasons[f"at t = {time:.6g} s {wrong}"] = None
         return None
 
     def _wrong(self, at: Split | str) -> str | None:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ..stretch.integrate import Stepper
 
 LARGEST = 200  # states up to which all eigenvectors are computed
-BALANCINGS = 20
 TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length
 STEADY = 1e-8  # of its rate: what rounding may make a motion grow by
 GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be left out
@@ -55,12 +54,12 @@ class Split:
 
 
 class Flow:
-    """A program as rates of states over `magnitude` (n,), whatever unknowns its loops have. Magnitudes are found where it is looked at first."""
+    """A program as rates of states over `magnitude` (n,), whatever unknowns its loops have."""
 
     def __init__(self, stepper: Stepper) -> None:
         self.stepper, self.program = stepper, stepper.program
         self.count = len(self.program.states.names)
-        self.magnitude: Any = None
+        self.magnitude = stepper.tolerances.magnitude[: self.count]
         self.fixed = (stepper.inputs, stepper.constants)
         self.eliminated = Eliminated(self.program)
 
@@ -111,8 +110,6 @@ class Flow:
             rows = np.abs(whole[:, n:]).max(axis=2, keepdims=True)
             below = whole[:, n:] / np.where(rows > 0, rows, 1.0)
             found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
-        if self.magnitude is None:
-            self.magnitude = _balanced(found[0])
         return found * self.magnitude / self.magnitude[:, None]
 
     def splits(self, times: Any, states: Any, modes: Any, bandwidth: float) -> list[Split | str]:
@@ -126,17 +123,6 @@ class Flow:
             return split(self.matrices(times, modes, states), 2 * np.pi * bandwidth)
         except np.linalg.LinAlgError:
             return ["its modes are not found"] * len(times)
-
-
-def _balanced(matrix: Any) -> Any:
-    """Scales that bring rows and columns of a matrix near to each other in size (Osborne, J. ACM 7, 1960, all at once); shape (n,)."""
-    away = np.abs(matrix) * (1 - np.eye(len(matrix)))
-    scale = np.ones(len(matrix))
-    for _ in range(BALANCINGS):
-        rows, columns = away @ scale / scale, (1 / scale) @ away * scale
-        fine = (rows > 0) & (columns > 0)
-        scale[fine] *= (rows[fine] / columns[fine]) ** 0.25
-    return scale
 
 
 def split(matrices: Any, rate: float) -> list[Split | str]:

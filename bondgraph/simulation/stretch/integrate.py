@@ -131,6 +131,11 @@ class Stepper:
         self.constraints.scale(found.magnitude)
         return found
 
+    def look_anew(self) -> None:
+        """Forget magnitudes, and what has them."""
+        for name in ("tolerances", "loops"):
+            self.__dict__.pop(name, None)
+
     @cached_property
     def loops(self) -> LoopSolver:
         unknowns = len(self.program.unknowns.names)
