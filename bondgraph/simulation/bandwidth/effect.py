@@ -19,7 +19,11 @@ from .leave import Removal
 from .split import Flow, Split
 
 PLACES = 12  # of a run at which modes are computed
-PARTS = 16  # of the way from one to the next, in which the slow motion answers
+IN_A_TURN, LEAST, MOST = (
+    8,
+    48,
+    1000,
+)  # instants at which the push on the slow motion is computed: in a turn of it, and in all
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
 TERMS = 12  # of the series of an exponential
@@ -27,12 +31,13 @@ TERMS = 12  # of the series of an exponential
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """Places of the slow motion from a removal on. `states` (k, size) in SI; `splits` what is fast there, `shapes` (k, n, p) the complex
-    amplitudes a of the ringing there, the sum of Re(a exp(i w t)), over the magnitudes of the flow."""
+    """The slow motion from a removal on, at k instants with their modes; `states` (k, size) in SI. `places` of these have `splits`; `shapes` (k, n, p) are
+    the complex amplitudes a of the ringing, the sum of Re(a exp(i w t)), over the magnitudes of the flow."""
 
     times: Any
     states: Any
     modes: Sequence[Any]
+    places: Any
     splits: Sequence[Split]
     shapes: Any
 
@@ -41,27 +46,41 @@ def followed(
     flow: Flow, removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment], bandwidth: float
 ) -> Way:
     """The modes of a ringing along the states at the reported instants, up to where there are others."""
+    now = removal.found.split
+    turns = now.slowest * float(instants[-1] - removal.time) / (2 * np.pi) if len(instants) else 0.0
     chosen = np.flatnonzero(instants > removal.time)
-    chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(PLACES, len(chosen))).round().astype(int))]
+    most = min(len(chosen), MOST, max(LEAST, round(IN_A_TURN * turns)))
+    chosen = chosen[np.linspace(len(chosen) - 1, 0, most, endpoint=False).round().astype(int)[::-1]]
     starts = np.array([p.start for p in pieces])
     numbers = np.searchsorted(starts, instants[chosen], "left") - 1  # an instant at which a piece ends belongs to it
     modes = [removal.mode, *(pieces[max(0, k)].mode for k in numbers)]
-    times = np.append(removal.time, instants[chosen])
-    whole = np.vstack([removal.after, states[chosen]])
-    now = removal.found.split
+    times, whole = np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]])
+    places = np.unique(np.linspace(0, most, min(PLACES, most) + 1).round().astype(int))
     amplitudes = now.dual @ removal.found.removed
     vectors, duals, values, decay = now.right, now.dual, now.values, np.zeros(len(now.values))
     splits, shapes = [now], [_once(values, vectors * amplitudes)]
-    for k, new in enumerate(flow.splits(times[1:], whole[1:], modes[1:], bandwidth), 1):
+    found = flow.splits(times[places[1:]], whole[places[1:]], [modes[k] for k in places[1:]], bandwidth)
+    for before, after, new in zip(places, places[1:], found, strict=False):
         if isinstance(new, str) or len(new.values) != len(values):
             break
         vectors, duals, rates = carried(vectors, duals, new)
-        decay = decay + 0.5 * (values.real + rates.real) * (times[k] - times[k - 1])
+        decay = decay + 0.5 * (values.real + rates.real) * (times[after] - times[before])
         values = rates
         splits.append(new)
         shapes.append(_once(now.values, vectors * (amplitudes * np.exp(np.minimum(decay, 0.0)))))
-    count = len(splits)
-    return Way(times[:count], whole[:count], modes[:count], splits, np.array(shapes))
+    places = places[: len(splits)]
+    count = places[-1] + 1
+    return Way(times[:count], whole[:count], modes[:count], places, splits, _between(times, places, np.array(shapes)))
+
+
+def _between(times: Any, places: Any, shapes: Any) -> Any:
+    """Shapes at all instants up to the last of the places, evenly from one to the next."""
+    if len(places) < 2:
+        return shapes
+    here = times[: places[-1] + 1]
+    k = np.clip(np.searchsorted(times[places], here, "right") - 1, 0, len(places) - 2)
+    share = ((here - times[places[k]]) / (times[places[k + 1]] - times[places[k]]))[:, None, None]
+    return shapes[k] * (1 - share) + shapes[k + 1] * share
 
 
 def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
@@ -87,55 +106,49 @@ def _once(values: Any, shapes: Any) -> Any:
 
 
 def amplitudes(flow: Flow, way: Way) -> Any:
-    """Of the ringing in each output (outputs,): the largest on the way, all modes at their largest at once."""
-    count, n, modes = way.shapes.shape
-    ways = np.stack([way.shapes.real, way.shapes.imag, -way.shapes.real, -way.shapes.imag], axis=1)  # (k, 4, n, p)
-    values = _outputs(flow, way, ways.transpose(0, 1, 3, 2).reshape(count, 4 * modes, n)).reshape(count, 4, modes, -1)
+    """Of the ringing in each output (outputs,): the largest at the places, all modes at their largest at once."""
+    shapes = way.shapes[way.places].transpose(0, 2, 1)  # (k, p, n)
+    ways = np.concatenate([shapes.real, shapes.imag, -shapes.real, -shapes.imag], axis=1)
+    values = _outputs(flow, way, way.places, ways).reshape(len(shapes), 4, shapes.shape[1], -1)
     moved = 0.5 * (values[:, :2] - values[:, 2:])
     return np.hypot(moved[:, 0], moved[:, 1]).sum(axis=1).max(axis=0)
 
 
-def _outputs(flow: Flow, way: Way, moved: Any) -> Any:
-    """At states that are moved (k, m, n) from the places of the way: (k, m, outputs)."""
+def _moved(flow: Flow, way: Way, places: Any, moved: Any) -> tuple[Any, Any, Any, Any]:
+    """Times, modes, states and scaled states for states that are moved (k, m, n) from some places."""
     k, m, n = moved.shape
-    scaled = way.states[:k, None, :n] / flow.magnitude + moved
-    return flow.outputs(*_spread(way, k, m), scaled.reshape(k * m, n)).reshape(k, m, -1)
+    scaled = way.states[places, None, :n] / flow.magnitude + moved
+    modes = [way.modes[place] for place in places for _ in range(m)]
+    return np.repeat(way.times[places], m), modes, np.repeat(way.states[places], m, axis=0), scaled.reshape(k * m, n)
 
 
-def _spread(way: Way, count: int, m: int) -> tuple[Any, Any, Any]:
-    """Times, modes and states of the first places, each m times."""
-    return (
-        np.repeat(way.times[:count], m),
-        [mode for mode in way.modes[:count] for _ in range(m)],
-        np.repeat(way.states[:count], m, axis=0),
-    )
+def _outputs(flow: Flow, way: Way, places: Any, moved: Any) -> Any:
+    """At states that are moved (k, m, n) from some places: (k, m, outputs)."""
+    return flow.outputs(*_moved(flow, way, places, moved)).reshape(*moved.shape[:2], -1)
 
 
 def kept(flow: Flow, way: Way) -> Any:
     """What the ringing does to the motion that is kept, the largest in each output (outputs,)."""
-    pushes = _pushes(flow, way)
-    count, n = len(way.times) - 1, flow.count
-    if count < 1:
+    count, n = len(way.times), flow.count
+    if len(way.places) < 2:
         return np.zeros(len(flow.program.outputs.names))
-    spans = np.diff(way.times)
-    whole, norm = np.zeros((count, n + 2, n + 2)), 0.0
-    for k, (split, span) in enumerate(zip(way.splits[:-1], spans, strict=True)):
-        slow, step = split.slow, span / PARTS
-        whole[k, :n, :n] = step * (split.matrix @ slow)
+    pushes = _pushes(flow, way)
+    parts, spans = np.diff(way.places), np.diff(way.times[way.places])
+    whole, norm = np.zeros((len(parts), 2 * n, 2 * n)), 0.0
+    for k, (split, length) in enumerate(zip(way.splits, spans / parts, strict=False)):
+        whole[k, :n, :n], whole[k, :n, n:] = length * (split.matrix @ split.slow), length * split.slow
         norm = max(norm, float(np.abs(whole[k, :n, :n]).sum(axis=0).max()))
-        whole[k, :n, n], whole[k, :n, n + 1] = step * (slow @ pushes[k]), step * (slow @ (pushes[k + 1] - pushes[k]))
-    whole[:, n + 1, n] = 1 / PARTS  # the share of the way to the next place
-    through = [_exponential(whole, norm)]
-    for _ in range(PARTS - 1):
-        through.append(through[-1] @ through[0])
-    moved, x = np.zeros((count, PARTS + 1, n)), np.zeros(n + 2)
-    for k, parts in enumerate(np.array(through).swapaxes(0, 1)):
-        x[n:] = 1.0, 0.0
-        answers = parts @ x
-        moved[k, :PARTS] = answers[:, :n] - way.splits[k].inverse @ pushes[k]
-        x = answers[-1]
-    values = _outputs(flow, way, moved)  # the last of each place is not moved
-    return np.abs(values[:, :-1] - values[:, -1:]).max(axis=(0, 1))
+    through = _exponential(whole, norm)[:, :n]
+    moved, x, place = np.zeros((count, 2, n)), np.zeros(2 * n), 0
+    for k, number in enumerate(parts):
+        static = way.splits[k].inverse
+        for _ in range(number):
+            x[n:] = 0.5 * (pushes[place] + pushes[place + 1])
+            x[:n] = through[k] @ x
+            place += 1
+            moved[place, 0] = x[:n] - static @ pushes[place]
+    values = _outputs(flow, way, np.arange(count), moved)
+    return np.abs(values[:, 0] - values[:, 1]).max(axis=0)
 
 
 def _pushes(flow: Flow, way: Way) -> Any:
@@ -143,8 +156,7 @@ def _pushes(flow: Flow, way: Way) -> Any:
     count, n, modes = way.shapes.shape
     ways = (way.shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
     moved = np.concatenate([np.zeros((count, 1, n)), ways], axis=1)
-    scaled = way.states[:, None, :n] / flow.magnitude + moved
-    rates = flow.rates(*_spread(way, count, 4 * modes + 1), scaled.reshape(-1, n)).reshape(count, -1, n)
+    rates = flow.rates(*_moved(flow, way, np.arange(count), moved)).reshape(count, -1, n)
     return (rates[:, 1:] - rates[:, :1]).mean(axis=1) * modes
 
 
