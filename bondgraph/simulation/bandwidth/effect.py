@@ -9,30 +9,30 @@ answers by its own linear equations.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..segments import Segment
 from .leave import Removal
-from .split import Flow, Split
+from .split import Flow, Split, split
 
 PLACES = 12  # of a run at which modes are computed
-IN_A_TURN, LEAST, MOST = (
-    8,
-    48,
-    1000,
-)  # instants at which the push on the slow motion is computed: in a turn of it, and in all
+IN_A_TURN, LEAST = 8, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
+ROOM = 2_000_000  # numbers in their matrices
+APART = 0.01  # of its rate: modes nearer to one are taken together with it
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
-TERMS = 12  # of the series of an exponential
+TERMS = 8  # of the series of an exponential, where what it is of is below 1
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
     """The slow motion from a removal on, at k instants with their modes; `states` (k, size) in SI. `places` of these have `splits`; `shapes` (k, n, p) are
-    the complex amplitudes a of the ringing, the sum of Re(a exp(i w t)), over the magnitudes of the flow."""
+    the complex amplitudes a of the ringing, the sum of Re(a exp(i w t)), over the magnitudes of the flow; `later`, alike, is what they
+    get by changing on the way; `matrices` (k, n, n)."""
 
     times: Any
     states: Any
@@ -40,6 +40,8 @@ class Way:
     places: Any
     splits: Sequence[Split]
     shapes: Any
+    later: Any
+    matrices: Any
 
 
 def followed(
@@ -49,17 +51,21 @@ def followed(
     now = removal.found.split
     turns = now.slowest * float(instants[-1] - removal.time) / (2 * np.pi) if len(instants) else 0.0
     chosen = np.flatnonzero(instants > removal.time)
-    most = min(len(chosen), MOST, max(LEAST, round(IN_A_TURN * turns)))
+    most = min(len(chosen), ROOM // flow.count**2, max(LEAST, round(IN_A_TURN * turns)))
     chosen = chosen[np.linspace(len(chosen) - 1, 0, most, endpoint=False).round().astype(int)[::-1]]
     starts = np.array([p.start for p in pieces])
     numbers = np.searchsorted(starts, instants[chosen], "left") - 1  # an instant at which a piece ends belongs to it
     modes = [removal.mode, *(pieces[max(0, k)].mode for k in numbers)]
     times, whole = np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]])
     places = np.unique(np.linspace(0, most, min(PLACES, most) + 1).round().astype(int))
+    matrices = flow.matrices(times, modes, whole)
+    found = split(matrices[places[1:]], 2 * np.pi * bandwidth) if most else []
     amplitudes = now.dual @ removal.found.removed
     vectors, duals, values, decay = now.right, now.dual, now.values, np.zeros(len(now.values))
-    splits, shapes = [now], [_once(values, vectors * amplitudes)]
-    found = flow.splits(times[places[1:]], whole[places[1:]], [modes[k] for k in places[1:]], bandwidth)
+    once = values.imag >= 0  # of a conjugate pair one, twice as large
+    twice = np.where(values[once].imag > 0, 2.0, 1.0)
+    splits, shapes = [now], [(vectors * amplitudes)[:, once] * twice]
+    resolvents = [_resolvents(now, vectors, duals, values, once)]
     for before, after, new in zip(places, places[1:], found, strict=False):
         if isinstance(new, str) or len(new.values) != len(values):
             break
@@ -67,20 +73,46 @@ def followed(
         decay = decay + 0.5 * (values.real + rates.real) * (times[after] - times[before])
         values = rates
         splits.append(new)
-        shapes.append(_once(now.values, vectors * (amplitudes * np.exp(np.minimum(decay, 0.0)))))
+        shapes.append((vectors * (amplitudes * np.exp(np.minimum(decay, 0.0))))[:, once] * twice)
+        resolvents.append(_resolvents(new, vectors, duals, values, once))
     places = places[: len(splits)]
     count = places[-1] + 1
-    return Way(times[:count], whole[:count], modes[:count], places, splits, _between(times, places, np.array(shapes)))
+    way = Way(times[:count], whole[:count], modes[:count], places, splits, np.array(shapes), 0.0, matrices[:count])
+    if count == 1:
+        return way
+    way = replace(way, shapes=_between(way, resolvents))
+    return replace(way, later=_later(way, resolvents))
 
 
-def _between(times: Any, places: Any, shapes: Any) -> Any:
-    """Shapes at all instants up to the last of the places, evenly from one to the next."""
-    if len(places) < 2:
-        return shapes
-    here = times[: places[-1] + 1]
-    k = np.clip(np.searchsorted(times[places], here, "right") - 1, 0, len(places) - 2)
-    share = ((here - times[places[k]]) / (times[places[k + 1]] - times[places[k]]))[:, None, None]
-    return shapes[k] * (1 - share) + shapes[k + 1] * share
+def _resolvents(at: Split, vectors: Any, duals: Any, values: Any, once: Any) -> Any:
+    """For some of the modes (p, n, n): by what the other motions take part in one where the matrix changes a little."""
+    unit, rates = np.eye(len(at.matrix)), values[once][:, None, None]
+    near = np.abs(values - values[once][:, None]) <= APART * np.abs(values[once])[:, None]
+    own = (vectors * near[:, None, :]) @ duals
+    return np.linalg.solve(rates * (unit + own) - at.matrix, unit - own)
+
+
+def _between(way: Way, resolvents: Sequence[Any]) -> Any:
+    """Shapes at all instants up to the last of the places: from those on both sides, and to first order by what the matrix is there."""
+    found = np.empty((len(way.times), *way.shapes.shape[1:]), dtype=complex)
+    for k, (start, stop) in enumerate(pairwise(way.places)):
+        here = slice(start, stop + 1)
+        share = ((way.times[here] - way.times[start]) / (way.times[stop] - way.times[start]))[:, None, None]
+        both = []
+        for shapes, at, through in zip(
+            way.shapes[k : k + 2], way.splits[k : k + 2], resolvents[k : k + 2], strict=True
+        ):
+            turned = (way.matrices[here] - at.matrix) @ shapes
+            both.append(shapes + np.einsum("imn,cni->cmi", through, turned))
+        found[here] = both[0] * (1 - share) + both[1] * share
+    return found
+
+
+def _later(way: Way, resolvents: Sequence[Any]) -> Any:
+    """What shapes get by changing on the way: the next order of the WKB method, out of phase. Small, but a fast rate makes it large again."""
+    k = np.clip(np.searchsorted(way.places, np.arange(len(way.times)), "right") - 1, 0, len(way.places) - 1)
+    changes = np.gradient(way.shapes, way.times, axis=0)
+    return -np.einsum("cimn,cni->cmi", np.array(resolvents)[k], changes)
 
 
 def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
@@ -97,12 +129,6 @@ def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
         factor = -factor if (factor * back[old, j]).real < 0 else factor
         right[:, old], dual[old] = factor * new.right[:, j], new.dual[j] / factor
     return right, dual, rates
-
-
-def _once(values: Any, shapes: Any) -> Any:
-    """Of a conjugate pair one, twice as large."""
-    chosen = values.imag >= 0
-    return shapes[:, chosen] * np.where(values[chosen].imag > 0, 2.0, 1.0)
 
 
 def amplitudes(flow: Flow, way: Way) -> Any:
@@ -133,20 +159,18 @@ def kept(flow: Flow, way: Way) -> Any:
     if len(way.places) < 2:
         return np.zeros(len(flow.program.outputs.names))
     pushes = _pushes(flow, way)
-    parts, spans = np.diff(way.places), np.diff(way.times[way.places])
-    whole, norm = np.zeros((len(parts), 2 * n, 2 * n)), 0.0
-    for k, (split, length) in enumerate(zip(way.splits, spans / parts, strict=False)):
-        whole[k, :n, :n], whole[k, :n, n:] = length * (split.matrix @ split.slow), length * split.slow
-        norm = max(norm, float(np.abs(whole[k, :n, :n]).sum(axis=0).max()))
-    through = _exponential(whole, norm)[:, :n]
-    moved, x, place = np.zeros((count, 2, n)), np.zeros(2 * n), 0
-    for k, number in enumerate(parts):
-        static = way.splits[k].inverse
-        for _ in range(number):
-            x[n:] = 0.5 * (pushes[place] + pushes[place + 1])
-            x[:n] = through[k] @ x
-            place += 1
-            moved[place, 0] = x[:n] - static @ pushes[place]
+    places = np.clip(np.searchsorted(way.places, np.arange(count - 1), "right") - 1, 0, len(way.splits) - 1)
+    slow = np.array([at.slow for at in way.splits])[places]
+    static = np.array([at.inverse for at in way.splits])[places]
+    lengths = np.diff(way.times)[:, None, None]
+    through, mean = _propagators(0.5 * lengths * (way.matrices[:-1] + way.matrices[1:]) @ slow)
+    forced = (lengths * mean @ slow @ (0.5 * (pushes[:-1] + pushes[1:]))[:, :, None])[:, :, 0]
+    moved = np.zeros((count, 2, n))
+    x = -slow[0] @ way.later[0].real.sum(axis=1)  # what is removed has none of it
+    for k in range(count - 1):
+        x = through[k] @ x + forced[k]
+        moved[k + 1, 0] = x
+    moved[1:, 0] -= (static @ pushes[1:, :, None])[:, :, 0]
     values = _outputs(flow, way, np.arange(count), moved)
     return np.abs(values[:, 0] - values[:, 1]).max(axis=0)
 
@@ -154,20 +178,25 @@ def kept(flow: Flow, way: Way) -> Any:
 def _pushes(flow: Flow, way: Way) -> Any:
     """The mean of the rates over the phases of the ringing, less those without it (k, n)."""
     count, n, modes = way.shapes.shape
-    ways = (way.shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
+    ways = ((way.shapes + way.later).transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(
+        count, 4 * modes, n
+    )
     moved = np.concatenate([np.zeros((count, 1, n)), ways], axis=1)
     rates = flow.rates(*_moved(flow, way, np.arange(count), moved)).reshape(count, -1, n)
     return (rates[:, 1:] - rates[:, :1]).mean(axis=1) * modes
 
 
-def _exponential(matrices: Any, norm: float) -> Any:
-    """Of several matrices by Taylor's series and squaring, to some ten digits. `norm`: of their parts that are no forcing."""
-    halvings = max(0, int(np.ceil(np.log2(norm))) + 1) if 0 < norm < np.inf else 0
-    part = matrices / 2.0**halvings
-    result = term = np.eye(matrices.shape[-1])
-    for order in range(1, TERMS):
+def _propagators(matrices: Any) -> tuple[Any, Any]:
+    """exp(A), and its mean over the way there, of several matrices (k, n, n): by Taylor's series and doubling, to some four digits."""
+    norm = float(np.abs(matrices).sum(axis=1).max(initial=0.0))
+    halvings = max(0, int(np.ceil(np.log2(norm)))) if 0 < norm < np.inf else 0
+    part, unit = matrices / 2.0**halvings, np.eye(matrices.shape[-1])
+    mean = term = unit
+    for order in range(2, TERMS):
         term = term @ part / order
-        result = result + term
+        mean = mean + term
+    through = unit + part @ mean
     for _ in range(halvings):
-        result = result @ result
-    return result
+        mean = 0.5 * (mean + mean @ through)
+        through = through @ through
+    return through, mean

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...left_out import told_hertz
 from ..segments import Segment
 from .settle import Settled, second, settled
 from .split import Flow, Split
@@ -44,7 +45,7 @@ class Leaving:
         self.flow: Flow | None = None
         self.removals: list[Removal] = []
         self.faster, self.fastest = 0, 0.0  # modes, and the rate of the fastest of all, 1/s
-        self.reasons: dict[str, None] = {}  # why what is faster was not left out
+        self.reasons: dict[str, float] = {}  # why what is faster was not left out, and when first
         self.pause = AFTER  # steps of a piece, after which it is looked at
         self._began, self._counted = 0.0, 0
 
@@ -55,7 +56,9 @@ class Leaving:
         if self.flow is None:
             self.flow = Flow(stepper)
         found = self._found(stepper, stretch.start, x, stretch.mode)
-        if found is None:
+        if isinstance(found, str):
+            self.reasons.setdefault(found, stretch.start)
+        if not isinstance(found, Settled):
             return x
         after = self._whole(stepper, stretch, x, found)
         if first and (found.split.envelope(found.removed) > LOUD).any():
@@ -76,52 +79,42 @@ class Leaving:
             return False
         self.pause = 2 * steps
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
-        return self._found(stepper, time, x, stretch.mode) is not None
+        return isinstance(self._found(stepper, time, x, stretch.mode), Settled)
 
-    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any) -> Settled | None:
-        """The slow motion there; None if nothing may or need be left out."""
+    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any) -> Settled | str | None:
+        """The slow motion there; None if nothing need be left out, a reason if it cannot."""
         flow = self.flow
         assert flow is not None
         (at,) = flow.splits(np.array([time]), x[None], [mode], self.bandwidth)
-        wrong = self._wrong(at)
-        if wrong is None and isinstance(at, Split) and len(at.values):
-            change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)
-            if self._size(stepper, at.envelope(change)) <= SEEN:
-                return None
-            found = settled(flow, at, time, x, mode, self.bandwidth)
-            if isinstance(found, Settled):
-                return found if self._rings(stepper, found) else None
-            wrong = found
-        if wrong is not None:
-            self.reasons[f"at t = {time:.6g} s {wrong}"] = None
-        return None
+        if isinstance(at, str) or not len(at.values):
+            return self._told(at)
+        change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)
+        if self._told(at) is not None or self._size(stepper, at.envelope(change)) <= SEEN:
+            return self._told(at)
+        found = settled(flow, at, time, x, mode, self.bandwidth)
+        if isinstance(found, str):
+            return found
+        ringing, rest = (self._size(stepper, at.envelope(change)) for change in (found.removed, found.rest))
+        if ringing <= SEEN:
+            return None
+        return found if rest <= LEFT * ringing else "what is fast follows its drive as much as it rings, and is kept"
 
-    def _wrong(self, at: Split | str) -> str | None:
+    def _told(self, at: Split | str) -> str | None:
         """Why nothing may be left out there; counts what is faster."""
         if isinstance(at, str):
             return at
         self.faster = max(self.faster, int((at.values.imag >= 0).sum()))
         self.fastest = max(self.fastest, float(np.abs(at.values).max(initial=at.slowest)))
-        if at.grows(self.span):
-            rate = at.values[np.argmax(at.values.real)]
-            return f"a motion of {abs(rate) / (2 * np.pi):.4g} Hz grows: it is followed"
-        return None
+        if not at.grows(self.span):
+            return None
+        rate = at.values[np.argmax(at.values.real)]
+        return f"a motion of {told_hertz(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
     def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:
         """The slow state in SI, on all constraints, with its unknowns."""
         assert self.flow is not None
         states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
         return stepper.held(stretch.start, states, stretch.mode)
-
-    def _rings(self, stepper: Stepper, found: Settled) -> bool:
-        """Whether what would be removed is a ringing, and large enough to be seen by steps."""
-        ringing, rest = (self._size(stepper, found.split.envelope(change)) for change in (found.removed, found.rest))
-        if ringing <= SEEN:
-            return False
-        if not rest <= max(LEFT * ringing, SEEN):
-            self.reasons["what drives it changes as fast as what would be left out, so that is followed"] = None
-            return False
-        return True
 
     def _size(self, stepper: Stepper, change: Any) -> float:
         """The norm of a change in units of the tolerance, as steps measure their errors."""

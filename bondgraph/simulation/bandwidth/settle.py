@@ -2,7 +2,8 @@
 
 On a slow motion the fast coordinates only follow, so that all their derivatives are small. The state whose fast part of x'' vanishes misses the slow
 motion by a part (slow rate / fast rate)^2 of what the fast coordinates follow (Gear, Kaper, Kevrekidis and Zagaris, Projecting to a slow manifold,
-SIAM J. Appl. Dyn. Syst. 4, 2005). Newton steps take the fast part of the Jacobian from the split where the run stands.
+SIAM J. Appl. Dyn. Syst. 4, 2005); a step towards a vanishing third derivative brings one order more, and says whether the orders get smaller. Newton
+steps take the fast part of the Jacobian from the split where the run stands.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LOOK = 0.01  # of a radian of the fastest motion: differences in time
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """`state` (n,) over the magnitudes of the flow, what was `removed` from the one before, the `split` there; `rest`: what the next order would remove."""
+    """`state` (n,) over the magnitudes of the flow, what was `removed` from the one before, the `split` there; `rest`: what the orders used still miss."""
 
     state: Any
     removed: Any
@@ -49,8 +50,10 @@ def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwi
         if len(again.values) != len(first.values):
             return "how much is faster than the bandwidth depends on what would be left out"
         now = again
-    third = now.inverse @ now.inverse @ now.inverse @ _third(flow, now, time, here, mode, state)
-    return Settled(here, before - here, now, np.abs(rest) + np.abs(third))
+    thrice = now.inverse @ now.inverse @ now.inverse
+    here = here - thrice @ _third(flow, now, time, here, mode, state)
+    last = thrice @ _third(flow, now, time, here, mode, state)
+    return Settled(here, before - here, now, np.abs(rest) + np.abs(last))
 
 
 def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
@@ -69,17 +72,19 @@ def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: An
     return here, change, sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] else 0.0
 
 
-def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
-    """x'' at a state over the magnitudes; `near`: one in SI with its unknowns."""
+def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> Any:
+    """The second derivative at a state over the magnitudes; `near`: one in SI with its unknowns. `matrix`: the Jacobian there, if it is not that of `at`."""
     ahead = LOOK / float(np.abs(at.values).max())
     rates = flow.rates(np.array([time, time + ahead]), [mode, mode], np.stack([near, near]), np.stack([here, here]))
-    return at.matrix @ rates[0] + (rates[1] - rates[0]) / ahead
+    return (at.matrix if matrix is None else matrix) @ rates[0] + (rates[1] - rates[0]) / ahead
 
 
 def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
-    """x''' there."""
+    """The third one."""
     ahead = LOOK / float(np.abs(at.values).max())
     (rate,) = flow.rates(np.array([time]), [mode], near[None], here[None])
     now = second(flow, at, time, here, mode, near)
-    then = second(flow, at, time + ahead, here + ahead * rate + 0.5 * ahead**2 * now, mode, near)
-    return (then - now) / ahead
+    there = here + ahead * rate + 0.5 * ahead**2 * now
+    times = np.array([time + ahead])
+    (matrix,) = flow.matrices(times, [mode], flow.whole(times, [mode], near[None], there[None]))
+    return (second(flow, at, time + ahead, there, mode, near, matrix) - now) / ahead

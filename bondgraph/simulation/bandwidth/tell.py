@@ -37,12 +37,12 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
         return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, leg))
     modes = {m: None for removal in removals[:MOST] for m in _modes(flow, removal)}
     found = LeftOut(
-        bandwidth, leaving.faster, tuple(modes), tuple(r.time for r in removals), reason="; ".join(leaving.reasons)
+        bandwidth, leaving.faster, tuple(modes), tuple(r.time for r in removals), reason="; ".join(_reasons(leaving))
     )
     try:
         lacking, changed = _estimated(leaving, flow, leg)
-    except RunFailed as failed:
-        return replace(found, reason="; ".join([*leaving.reasons, f"what that does is not known: {failed}"]))
+    except (RunFailed, np.linalg.LinAlgError) as failed:
+        return replace(found, reason="; ".join([*_reasons(leaving), f"what that does is not known: {failed}"]))
     names = program.outputs.names
     return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed))
 
@@ -73,11 +73,15 @@ def _reason(leaving: Leaving, leg: Leg) -> str:
             return "this model is linear and solved exactly, however fast it is"
         return "nothing in this run moves by itself"
     if leaving.reasons:
-        return "; ".join(leaving.reasons)
+        return "; ".join(_reasons(leaving))
     if not leaving.faster:
         return f"nothing in it is faster, as its fastest motion is one of {told_hertz(leaving.fastest / (2 * np.pi))}"
     count = f"{leaving.faster} modes are" if leaving.faster > 1 else "one mode is"
     return f"{count} faster, and none rings by more than the tolerance"
+
+
+def _reasons(leaving: Leaving) -> list[str]:
+    return [f"at t = {time:.6g} s {why}" for why, time in leaving.reasons.items()]
 
 
 def _modes(flow: Flow, removal: Removal) -> list[FastMode]:
