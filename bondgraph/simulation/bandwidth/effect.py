@@ -19,11 +19,14 @@ from ..segments import Segment
 from .leave import Removal
 from .split import Flow, Split, split
 
-PLACES = 12  # of a run at which modes are computed
-IN_A_TURN, LEAST = 8, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
+PLACES = 8  # of a run at which modes are computed
+IN_A_TURN, LEAST = 4, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
 ROOM = 2_000_000  # numbers in their matrices
 APART = 0.01  # of its rate: modes nearer to one are taken together with it
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
+ALIKE_ENOUGH = (
+    0.01  # by which the answer within an interval may differ from that in the first of several that are taken for one
+)
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
 TERMS = 8  # of the series of an exponential, where what it is of is below 1
 
@@ -51,8 +54,9 @@ def followed(
     now = removal.found.split
     turns = now.slowest * float(instants[-1] - removal.time) / (2 * np.pi) if len(instants) else 0.0
     chosen = np.flatnonzero(instants > removal.time)
-    most = min(len(chosen), ROOM // flow.count**2, max(LEAST, round(IN_A_TURN * turns)))
-    chosen = chosen[np.linspace(len(chosen) - 1, 0, most, endpoint=False).round().astype(int)[::-1]]
+    every = max(-(-len(chosen) // max(LEAST, round(IN_A_TURN * turns))), -(-len(chosen) * flow.count**2 // ROOM), 1)
+    chosen = chosen[::-1][::every][::-1]  # intervals of one length, but for the first
+    most = len(chosen)
     starts = np.array([p.start for p in pieces])
     numbers = np.searchsorted(starts, instants[chosen], "left") - 1  # an instant at which a piece ends belongs to it
     modes = [removal.mode, *(pieces[max(0, k)].mode for k in numbers)]
@@ -99,20 +103,26 @@ def _between(way: Way, resolvents: Sequence[Any]) -> Any:
         here = slice(start, stop + 1)
         share = ((way.times[here] - way.times[start]) / (way.times[stop] - way.times[start]))[:, None, None]
         both = []
-        for shapes, at, through in zip(
-            way.shapes[k : k + 2], way.splits[k : k + 2], resolvents[k : k + 2], strict=True
-        ):
-            turned = (way.matrices[here] - at.matrix) @ shapes
-            both.append(shapes + np.einsum("imn,cni->cmi", through, turned))
+        for j in (k, k + 1):
+            turned = (way.matrices[here] - way.splits[j].matrix) @ way.shapes[j]
+            both.append(way.shapes[j] + _through(resolvents[j], turned))
         found[here] = both[0] * (1 - share) + both[1] * share
     return found
 
 
 def _later(way: Way, resolvents: Sequence[Any]) -> Any:
     """What shapes get by changing on the way: the next order of the WKB method, out of phase. Small, but a fast rate makes it large again."""
-    k = np.clip(np.searchsorted(way.places, np.arange(len(way.times)), "right") - 1, 0, len(way.places) - 1)
     changes = np.gradient(way.shapes, way.times, axis=0)
-    return -np.einsum("cimn,cni->cmi", np.array(resolvents)[k], changes)
+    found = np.empty_like(changes)
+    for k, (start, stop) in enumerate(pairwise(way.places)):
+        here = slice(start, stop + 1)
+        found[here] = -_through(resolvents[k], changes[here])
+    return found
+
+
+def _through(resolvents: Any, changes: Any) -> Any:
+    """Each mode's (p, n, n) on its changes (c, n, p), for all modes."""
+    return (resolvents @ changes.transpose(2, 1, 0)).transpose(2, 1, 0)
 
 
 def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
@@ -163,8 +173,12 @@ def kept(flow: Flow, way: Way) -> Any:
     slow = np.array([at.slow for at in way.splits])[places]
     static = np.array([at.inverse for at in way.splits])[places]
     lengths = np.diff(way.times)[:, None, None]
-    through, mean = _propagators(0.5 * lengths * (way.matrices[:-1] + way.matrices[1:]) @ slow)
-    forced = (lengths * mean @ slow @ (0.5 * (pushes[:-1] + pushes[1:]))[:, :, None])[:, :, 0]
+    answers = slow @ (0.5 * lengths * (way.matrices[:-1] + way.matrices[1:])) @ slow
+    changes = np.abs(np.diff(answers, axis=0)).sum(axis=2).max(axis=1)
+    groups = np.floor(np.cumsum(np.append(0.0, changes)) / ALIKE_ENOUGH).astype(int)
+    _, first, groups = np.unique(groups, return_index=True, return_inverse=True)
+    through, mean = (found[groups] for found in _propagators(answers[first]))
+    forced = lengths[:, 0] * (mean @ (slow @ (0.5 * (pushes[:-1] + pushes[1:]))[:, :, None]))[:, :, 0]
     moved = np.zeros((count, 2, n))
     x = -slow[0] @ way.later[0].real.sum(axis=1)  # what is removed has none of it
     for k in range(count - 1):

@@ -89,10 +89,10 @@ class Flow:
 
     def _each(self, function: Callable[[Any, Any, Any], Any], times: Any, modes: Any, states: Any) -> Any:
         """A function of times, states and one mode, for those of each mode at once."""
-        keys = [mode.tobytes() for mode in modes]
-        if len(set(keys)) == 1:
+        keys = np.array([*map(id, modes)])
+        if (keys == keys[0]).all():
             return np.asarray(function(times, states, modes[0]))
-        found = {key: np.flatnonzero([k == key for k in keys]) for key in dict.fromkeys(keys)}
+        found = {key: np.flatnonzero(keys == key) for key in np.unique(keys)}
         values = [np.asarray(function(times[at], states[at], modes[at[0]])) for at in found.values()]
         return np.concatenate(values)[np.argsort(np.concatenate([*found.values()]), kind="stable")]
 
@@ -128,17 +128,32 @@ class Flow:
 def split(matrices: Any, rate: float) -> list[Split | str]:
     """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. Raises `LinAlgError`."""
     values, right = np.linalg.eig(matrices)
-    others, left = np.linalg.eig(matrices.transpose(0, 2, 1))
+    left = _left(matrices, values, right)
     found: list[Split | str] = []
-    for matrix, value, shapes, other, lefts in zip(matrices, values, right, others, left, strict=True):
+    for matrix, value, shapes, back in zip(matrices, values, right, left, strict=True):
         size = np.abs(value)
         chosen = np.flatnonzero(size > rate)
         slowest = float(size[size <= rate].max(initial=0.0))
-        vectors = shapes[:, chosen].astype(complex)
-        back = lefts[:, np.argsort(-np.abs(other), kind="stable")[: len(chosen)]].T
+        vectors, back = shapes[:, chosen].astype(complex), back[np.argsort(-size, kind="stable")[: len(chosen)]]
         products = back @ vectors
         if len(chosen) and np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
             found.append("its fast motions hang together in one that has no modes")
             continue
         found.append(Split(matrix, value[chosen].astype(complex), vectors, np.linalg.solve(products, back), slowest))
     return found
+
+
+def _left(matrices: Any, values: Any, right: Any) -> Any:
+    """Left vectors (k, n, n), rows in the order of the values: the inverse of the right ones, unless something slow has no modes."""
+    try:
+        found = np.linalg.inv(right)
+        size = np.linalg.norm(found, axis=2, keepdims=True)
+        if (size * TOLD_APART < 1).all():
+            return found / size
+    except np.linalg.LinAlgError:
+        pass
+    others, left = np.linalg.eig(matrices.transpose(0, 2, 1))
+    order = np.argsort(-np.abs(others), axis=1, kind="stable")
+    place = np.argsort(np.argsort(-np.abs(values), axis=1, kind="stable"), axis=1, kind="stable")
+    order = np.take_along_axis(order, place, axis=1)
+    return np.take_along_axis(left.transpose(0, 2, 1), order[:, :, None], axis=1)
