@@ -17,7 +17,7 @@ import numpy as np
 
 from ..segments import Segment
 from .leave import Removal
-from .split import Flow, Split, split
+from .split import Flow, Modes, Split, split
 
 PLACES = 8  # of a run at which modes are computed
 IN_A_TURN, LEAST = 4, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
@@ -39,7 +39,7 @@ class Way:
 
     times: Any
     states: Any
-    modes: Sequence[Any]
+    modes: Modes
     places: Any
     splits: Sequence[Split]
     shapes: Any
@@ -51,33 +51,24 @@ def followed(
     flow: Flow, removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment], bandwidth: float
 ) -> Way:
     """The modes of a ringing along the states at the reported instants, up to where there are others."""
-    now = removal.found.split
-    turns = now.slowest * float(instants[-1] - removal.time) / (2 * np.pi) if len(instants) else 0.0
-    chosen = np.flatnonzero(instants > removal.time)
-    every = max(-(-len(chosen) // max(LEAST, round(IN_A_TURN * turns))), -(-len(chosen) * flow.count**2 // ROOM), 1)
-    chosen = chosen[::-1][::every][::-1]  # intervals of one length, but for the first
-    most = len(chosen)
-    starts = np.array([p.start for p in pieces])
-    numbers = np.searchsorted(starts, instants[chosen], "left") - 1  # an instant at which a piece ends belongs to it
-    modes = [removal.mode, *(pieces[max(0, k)].mode for k in numbers)]
-    times, whole = np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]])
-    places = np.unique(np.linspace(0, most, min(PLACES, most) + 1).round().astype(int))
+    times, whole, modes = _trace(flow, removal, instants, states, pieces)
+    last = len(times) - 1
+    places = np.unique(np.linspace(0, last, min(PLACES, last) + 1).round().astype(int))
     matrices = flow.matrices(times, modes, whole)
-    found = split(matrices[places[1:]], 2 * np.pi * bandwidth) if most else []
-    amplitudes = now.dual @ removal.found.removed
-    vectors, duals, values, decay = now.right, now.dual, now.values, np.zeros(len(now.values))
+    at = removal.found.split
+    vectors, duals, values, decay = at.right, at.dual, at.values, np.zeros(len(at.values))
     once = values.imag >= 0  # of a conjugate pair one, twice as large
-    twice = np.where(values[once].imag > 0, 2.0, 1.0)
-    splits, shapes = [now], [(vectors * amplitudes)[:, once] * twice]
-    resolvents = [_resolvents(now, vectors, duals, values, once)]
-    for before, after, new in zip(places, places[1:], found, strict=False):
+    amplitudes = (at.dual @ removal.found.removed)[once] * np.where(values[once].imag > 0, 2.0, 1.0)
+    splits, shapes = [at], [vectors[:, once] * amplitudes]
+    resolvents = [_resolvents(at, vectors, duals, values, once)]
+    found = split(matrices[places[1:]], 2 * np.pi * bandwidth) if last else []
+    for span, new in zip(np.diff(times[places]), found, strict=True):
         if isinstance(new, str) or len(new.values) != len(values):
             break
         vectors, duals, rates = carried(vectors, duals, new)
-        decay = decay + 0.5 * (values.real + rates.real) * (times[after] - times[before])
-        values = rates
+        decay, values = decay + 0.5 * span * (values.real + rates.real), rates
         splits.append(new)
-        shapes.append((vectors * (amplitudes * np.exp(np.minimum(decay, 0.0))))[:, once] * twice)
+        shapes.append(vectors[:, once] * (amplitudes * np.exp(np.minimum(decay[once], 0.0))))
         resolvents.append(_resolvents(new, vectors, duals, values, once))
     places = places[: len(splits)]
     count = places[-1] + 1
@@ -86,6 +77,21 @@ def followed(
         return way
     way = replace(way, shapes=_between(way, resolvents))
     return replace(way, later=_later(way, resolvents))
+
+
+def _trace(
+    flow: Flow, removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment]
+) -> tuple[Any, Any, Modes]:
+    """Times, states in SI and modes from where something was removed to the end, some of the reported instants."""
+    chosen = np.flatnonzero(instants > removal.time)
+    turns = removal.found.split.slowest * float(instants[-1] - removal.time) / (2 * np.pi) if len(chosen) else 0.0
+    wanted = min(max(LEAST, round(IN_A_TURN * turns)), max(1, ROOM // flow.count**2))
+    chosen = chosen[::-1][:: max(1, -(-len(chosen) // wanted))][::-1]  # intervals of one length, but for the first
+    numbers = (
+        np.searchsorted([p.start for p in pieces], instants[chosen], "left") - 1
+    )  # where a piece ends belongs to it
+    modes = Modes((removal.mode, *(p.mode for p in pieces)), np.append(0, 1 + np.maximum(numbers, 0)))
+    return np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]]), modes
 
 
 def _resolvents(at: Split, vectors: Any, duals: Any, values: Any, once: Any) -> Any:
@@ -153,9 +159,8 @@ def amplitudes(flow: Flow, way: Way) -> Any:
 def _moved(flow: Flow, way: Way, places: Any, moved: Any) -> tuple[Any, Any, Any, Any]:
     """Times, modes, states and scaled states for states that are moved (k, m, n) from some places."""
     k, m, n = moved.shape
-    scaled = way.states[places, None, :n] / flow.magnitude + moved
-    modes = [way.modes[place] for place in places for _ in range(m)]
-    return np.repeat(way.times[places], m), modes, np.repeat(way.states[places], m, axis=0), scaled.reshape(k * m, n)
+    scaled, places = way.states[places, None, :n] / flow.magnitude + moved, np.repeat(places, m)
+    return way.times[places], way.modes[places], way.states[places], scaled.reshape(k * m, n)
 
 
 def _outputs(flow: Flow, way: Way, places: Any, moved: Any) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from ...left_out import told_hertz
 from ..segments import Segment
 from .settle import Settled, second, settled
-from .split import Flow, Split
+from .split import Flow, Split, one
 
 if TYPE_CHECKING:
     from ..stretch.integrate import Solver, Stepper
@@ -85,7 +85,7 @@ class Leaving:
         """The slow motion there; None if nothing need be left out, a reason if it cannot."""
         flow = self.flow
         assert flow is not None
-        (at,) = flow.splits(np.array([time]), x[None], [mode], self.bandwidth)
+        (at,) = flow.splits(np.array([time]), x[None], one(mode), self.bandwidth)
         if isinstance(at, str) or not len(at.values):
             return self._told(at)
         change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .split import Flow, Split
+from .split import Flow, Split, one
 
 ROUNDS = 3  # of splits, each at the state that the one before led to
 ITERATIONS = 12
@@ -44,7 +44,7 @@ def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwi
         here, rest = moved, last
         if contraction < STRAIGHT or number == ROUNDS - 1:
             break
-        (again,) = flow.splits(times, flow.whole(times, [mode], near, here[None]), [mode], bandwidth)
+        (again,) = flow.splits(times, flow.whole(times, one(mode), near, here[None]), one(mode), bandwidth)
         if isinstance(again, str):
             return again
         if len(again.values) != len(first.values):
@@ -75,16 +75,16 @@ def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: An
 def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> Any:
     """The second derivative at a state over the magnitudes; `near`: one in SI with its unknowns. `matrix`: the Jacobian there, if it is not that of `at`."""
     ahead = LOOK / float(np.abs(at.values).max())
-    rates = flow.rates(np.array([time, time + ahead]), [mode, mode], np.stack([near, near]), np.stack([here, here]))
+    rates = flow.rates(np.array([time, time + ahead]), one(mode, 2), np.stack([near, near]), np.stack([here, here]))
     return (at.matrix if matrix is None else matrix) @ rates[0] + (rates[1] - rates[0]) / ahead
 
 
 def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
     """The third one."""
     ahead = LOOK / float(np.abs(at.values).max())
-    (rate,) = flow.rates(np.array([time]), [mode], near[None], here[None])
+    (rate,) = flow.rates(np.array([time]), one(mode), near[None], here[None])
     now = second(flow, at, time, here, mode, near)
     there = here + ahead * rate + 0.5 * ahead**2 * now
     times = np.array([time + ahead])
-    (matrix,) = flow.matrices(times, [mode], flow.whole(times, [mode], near[None], there[None]))
+    (matrix,) = flow.matrices(times, one(mode), flow.whole(times, one(mode), near[None], there[None]))
     return (second(flow, at, time + ahead, there, mode, near, matrix) - now) / ahead

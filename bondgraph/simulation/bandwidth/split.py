@@ -53,6 +53,31 @@ class Split:
         return bool((real > np.maximum(GROWN / span, STEADY * np.abs(self.values))).any())
 
 
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The modes of k places: some of `kinds`, by their numbers (k,)."""
+
+    kinds: tuple[Any, ...]
+    numbers: Any
+
+    def __getitem__(self, places: Any) -> Modes:
+        return Modes(self.kinds, self.numbers[places])
+
+    def each(self, function: Callable[[Any, Any, Any], Any], times: Any, states: Any) -> Any:
+        """A function of times, states and one mode, for those of each mode at once."""
+        first = self.numbers[0]
+        if (self.numbers == first).all():
+            return np.asarray(function(times, states, self.kinds[first]))
+        places = [np.flatnonzero(self.numbers == kind) for kind in np.unique(self.numbers)]
+        values = [np.asarray(function(times[at], states[at], self.kinds[self.numbers[at[0]]])) for at in places]
+        return np.concatenate(values)[np.argsort(np.concatenate(places), kind="stable")]
+
+
+def one(mode: Any, count: int = 1) -> Modes:
+    """One mode at all of so many places."""
+    return Modes((mode,), np.zeros(count, dtype=int))
+
+
 class Flow:
     """A program as rates of states over `magnitude` (n,), whatever unknowns its loops have."""
 
@@ -63,40 +88,28 @@ class Flow:
         self.fixed = (stepper.inputs, stepper.constants)
         self.eliminated = Eliminated(self.program)
 
-    def whole(self, times: Any, modes: Any, near: Any, scaled: Any) -> Any:
+    def whole(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
         """States and unknowns in SI; `scaled` (k, n) at `times` (k,), with as many modes; `near` (k, …): states whose unknowns are a guess."""
         states = np.concatenate([scaled * self.magnitude, near[:, self.count :]], axis=1)
-        return (
-            states if states.shape[1] == self.count else self._each(self.stepper.loops.solve_all, times, modes, states)
-        )
+        return states if states.shape[1] == self.count else modes.each(self.stepper.loops.solve_all, times, states)
 
-    def rates(self, times: Any, modes: Any, near: Any, scaled: Any) -> Any:
+    def rates(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
         """Shape (k, n), for states over their magnitudes."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
             return self.program.derivative(times, states, *self.fixed, mode)
 
-        found = self._each(at, times, modes, self.whole(times, modes, near, scaled))
-        return found[:, : self.count] / self.magnitude
+        return modes.each(at, times, self.whole(times, modes, near, scaled))[:, : self.count] / self.magnitude
 
-    def outputs(self, times: Any, modes: Any, near: Any, scaled: Any) -> Any:
+    def outputs(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
         """Shape (k, outputs)."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
             return self.program.output(times, states, *self.fixed, mode)
 
-        return self._each(at, times, modes, self.whole(times, modes, near, scaled))
+        return modes.each(at, times, self.whole(times, modes, near, scaled))
 
-    def _each(self, function: Callable[[Any, Any, Any], Any], times: Any, modes: Any, states: Any) -> Any:
-        """A function of times, states and one mode, for those of each mode at once."""
-        keys = np.array([*map(id, modes)])
-        if (keys == keys[0]).all():
-            return np.asarray(function(times, states, modes[0]))
-        found = {key: np.flatnonzero(keys == key) for key in np.unique(keys)}
-        values = [np.asarray(function(times[at], states[at], modes[at[0]])) for at in found.values()]
-        return np.concatenate(values)[np.argsort(np.concatenate([*found.values()]), kind="stable")]
-
-    def matrices(self, times: Any, modes: Any, states: Any) -> Any:
+    def matrices(self, times: Any, modes: Modes, states: Any) -> Any:
         """The Jacobians (k, n, n) of the rates, unknowns following. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
 
         def entries(times: Any, states: Any, mode: Any) -> Any:
@@ -104,7 +117,7 @@ class Flow:
 
         size, n = states.shape[1], self.count
         whole = np.zeros((len(times), size, size))
-        whole[:, *self.program.pattern] = self._each(entries, times, modes, states)
+        whole[:, *self.program.pattern] = modes.each(entries, times, states)
         found = whole[:, :n, :n]
         if size > n:
             rows = np.abs(whole[:, n:]).max(axis=2, keepdims=True)
@@ -112,7 +125,7 @@ class Flow:
             found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
         return found * self.magnitude / self.magnitude[:, None]
 
-    def splits(self, times: Any, states: Any, modes: Any, bandwidth: float) -> list[Split | str]:
+    def splits(self, times: Any, states: Any, modes: Modes, bandwidth: float) -> list[Split | str]:
         """The motions faster than a bandwidth in Hz, at states in SI; or why they are not told from the others."""
         if not len(times):
             return []
@@ -128,32 +141,30 @@ class Flow:
 def split(matrices: Any, rate: float) -> list[Split | str]:
     """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. Raises `LinAlgError`."""
     values, right = np.linalg.eig(matrices)
-    left = _left(matrices, values, right)
+    try:
+        inverses: Any = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        inverses = np.full_like(right, np.inf)
+    sizes, small = np.abs(values), np.linalg.norm(inverses, axis=2).max(axis=1) * TOLD_APART < 1
     found: list[Split | str] = []
-    for matrix, value, shapes, back in zip(matrices, values, right, left, strict=True):
-        size = np.abs(value)
+    for matrix, value, size, vectors, inverse, fine in zip(
+        matrices, values, sizes, right, inverses, small, strict=True
+    ):
         chosen = np.flatnonzero(size > rate)
-        slowest = float(size[size <= rate].max(initial=0.0))
-        vectors, back = shapes[:, chosen].astype(complex), back[np.argsort(-size, kind="stable")[: len(chosen)]]
-        products = back @ vectors
-        if len(chosen) and np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
+        dual = inverse[chosen] if fine or not len(chosen) else _dual(matrix, vectors[:, chosen])
+        if dual is None:
             found.append("its fast motions hang together in one that has no modes")
             continue
-        found.append(Split(matrix, value[chosen].astype(complex), vectors, np.linalg.solve(products, back), slowest))
+        slowest = float(size[size <= rate].max(initial=0.0))
+        found.append(Split(matrix, value[chosen].astype(complex), vectors[:, chosen].astype(complex), dual, slowest))
     return found
 
 
-def _left(matrices: Any, values: Any, right: Any) -> Any:
-    """Left vectors (k, n, n), rows in the order of the values: the inverse of the right ones, unless something slow has no modes."""
-    try:
-        found = np.linalg.inv(right)
-        size = np.linalg.norm(found, axis=2, keepdims=True)
-        if (size * TOLD_APART < 1).all():
-            return found / size
-    except np.linalg.LinAlgError:
-        pass
-    others, left = np.linalg.eig(matrices.transpose(0, 2, 1))
-    order = np.argsort(-np.abs(others), axis=1, kind="stable")
-    place = np.argsort(np.argsort(-np.abs(values), axis=1, kind="stable"), axis=1, kind="stable")
-    order = np.take_along_axis(order, place, axis=1)
-    return np.take_along_axis(left.transpose(0, 2, 1), order[:, :, None], axis=1)
+def _dual(matrix: Any, right: Any) -> Any:
+    """The left vectors that belong to the fast right ones, where what is slow has no modes (rigid motion); None if what is fast has none."""
+    values, left = np.linalg.eig(matrix.T)
+    left = left[:, np.argsort(-np.abs(values), kind="stable")[: right.shape[1]]].T
+    products = left @ right
+    if np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
+        return None
+    return np.linalg.solve(products, left)
