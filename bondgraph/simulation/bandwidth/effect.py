@@ -47,9 +47,7 @@ class Way:
     matrices: Any
 
 
-def followed(
-    flow: Flow, removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment], bandwidth: float
-) -> Way:
+def followed(flow: Flow, removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment]) -> Way:
     """The modes of a ringing along the states at the reported instants, up to where there are others."""
     times, whole, modes = _trace(flow, removal, instants, states, pieces)
     last = len(times) - 1
@@ -61,7 +59,7 @@ def followed(
     amplitudes = (at.dual @ removal.found.removed)[once] * np.where(values[once].imag > 0, 2.0, 1.0)
     splits, shapes = [at], [vectors[:, once] * amplitudes]
     resolvents = [_resolvents(at, vectors, duals, values, once)]
-    found = split(matrices[places[1:]], 2 * np.pi * bandwidth) if last else []
+    found = split(matrices[places[1:]], removal.rate) if last else []
     for span, new in zip(np.diff(times[places]), found, strict=True):
         if isinstance(new, str) or len(new.values) != len(values):
             break

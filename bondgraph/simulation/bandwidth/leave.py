@@ -13,6 +13,7 @@ import numpy as np
 
 from ...left_out import told_hertz
 from ..segments import Segment
+from .inputs import content
 from .settle import Settled, second, settled
 from .split import Flow, Split, one
 
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
     from ..stretch.integrate import Solver, Stepper
 
 SEEN = 1.0  # of the tolerance: a ringing above that shortens steps
-LEFT = 0.3  # of what would be removed may be left, or it is no ringing but driven
+LEFT, LEFT_LATER = (
+    0.3,
+    0.01,
+)  # of what would be removed may be left, or it is no ringing but driven; the latter where nothing begins anew
 AFTER = 50  # steps, after which it is looked whether they are short
 LOUD = 0.3  # of a state's magnitude: a ringing that a look ahead should not have seen
 SHORT = 0.02  # of a period of the bandwidth
@@ -35,6 +39,7 @@ class Removal:
     before: Any
     after: Any
     found: Settled
+    rate: float  # beyond which a mode is fast, 1/s
 
 
 class Leaving:
@@ -46,6 +51,7 @@ class Leaving:
         self.removals: list[Removal] = []
         self.faster, self.fastest = 0, 0.0  # modes, and the rate of the fastest of all, 1/s
         self.reasons: dict[str, float] = {}  # why what is faster was not left out, and when first
+        self.above = 0.0  # Hz: how fast what drives the model changes, if that is faster
         self.pause = AFTER  # steps of a piece, after which it is looked at
         self._began, self._counted = 0.0, 0
 
@@ -55,7 +61,10 @@ class Leaving:
         first = self.flow is None
         if self.flow is None:
             self.flow = Flow(stepper)
-        found = self._found(stepper, stretch.start, x, stretch.mode)
+        self.above = max(
+            self.above, content(stepper.program, stepper.inputs, stepper.constants, stretch, self.bandwidth)
+        )
+        found = self._found(stepper, stretch.start, x, stretch.mode, LEFT)
         if isinstance(found, str):
             self.reasons.setdefault(found, stretch.start)
         if not isinstance(found, Settled):
@@ -64,7 +73,7 @@ class Leaving:
         if first and (found.split.envelope(found.removed) > LOUD).any():
             self.restart(after)
             stepper.look_anew()
-        self.removals.append(Removal(stretch.start, stretch.mode, x, after, found))
+        self.removals.append(Removal(stretch.start, stretch.mode, x, after, found, 2 * np.pi * self.bandwidth))
         return after
 
     def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
@@ -79,9 +88,9 @@ class Leaving:
             return False
         self.pause = 2 * steps
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
-        return isinstance(self._found(stepper, time, x, stretch.mode), Settled)
+        return isinstance(self._found(stepper, time, x, stretch.mode, LEFT_LATER), Settled)
 
-    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any) -> Settled | str | None:
+    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any, left: float) -> Settled | str | None:
         """The slow motion there; None if nothing need be left out, a reason if it cannot."""
         flow = self.flow
         assert flow is not None
@@ -97,7 +106,7 @@ class Leaving:
         ringing, rest = (self._size(stepper, at.envelope(change)) for change in (found.removed, found.rest))
         if ringing <= SEEN:
             return None
-        return found if rest <= LEFT * ringing else "what is fast follows its drive as much as it rings, and is kept"
+        return found if rest <= left * ringing else "what is fast follows its drive as much as it rings, and is kept"
 
     def _told(self, at: Split | str) -> str | None:
         """Why nothing may be left out there; counts what is faster."""

@@ -26,13 +26,11 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
     """What a leg that has been run left out."""
     leaving, program = leg.leaving, leg.program
     if leaving is None:
-        what = (
-            "events act on its states, and may ask for what would be left out"
-            if program.hybrid is not None
-            else "it has delayed signals"
-        )
+        events = program.hybrid is not None
+        what = "events ask for its states, fast ones too" if events else "delayed signals carry on what is fast"
         return LeftOut(bandwidth, reason=f"{what}, so all is followed")
-    flow, removals = leaving.flow, leaving.removals
+    flow, end = leaving.flow, leg.trajectory.kept
+    removals = [r for r in leaving.removals if end is None or r.time <= end.time]
     if flow is None or not removals:
         return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, leg))
     modes = {m: None for removal in removals[:MOST] for m in _modes(flow, removal)}
@@ -40,19 +38,19 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
         bandwidth, leaving.faster, tuple(modes), tuple(r.time for r in removals), reason="; ".join(_reasons(leaving))
     )
     try:
-        lacking, changed = _estimated(leaving, flow, leg)
+        lacking, changed = _estimated(removals, flow, leg)
     except (RunFailed, np.linalg.LinAlgError) as failed:
         return replace(found, reason="; ".join([*_reasons(leaving), f"what that does is not known: {failed}"]))
     names = program.outputs.names
     return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed))
 
 
-def _estimated(leaving: Leaving, flow: Flow, leg: Leg) -> tuple[Any, Any]:
+def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any]:
     """The amplitude of the ringing in the outputs, and what it does to what is kept; of each the largest (outputs,)."""
     lacking, changed = np.zeros((2, len(flow.program.outputs.names)))
     pieces = leg.trajectory.pieces or leg.stretches
-    for removal in sorted(leaving.removals, key=_extent)[-MOST:]:
-        way = followed(flow, removal, leg.instants, leg.trajectory.states, pieces, leaving.bandwidth)
+    for removal in sorted(removals, key=_extent)[-MOST:]:
+        way = followed(flow, removal, leg.instants, leg.trajectory.states, pieces)
         lacking = np.hypot(lacking, amplitudes(flow, way))  # their phases know nothing of each other
         changed = changed + kept(flow, way)
     return lacking, changed
@@ -74,14 +72,20 @@ def _reason(leaving: Leaving, leg: Leg) -> str:
         return "nothing in this run moves by itself"
     if leaving.reasons:
         return "; ".join(_reasons(leaving))
-    if not leaving.faster:
-        return f"nothing in it is faster, as its fastest motion is one of {told_hertz(leaving.fastest / (2 * np.pi))}"
-    count = f"{leaving.faster} modes are" if leaving.faster > 1 else "one mode is"
-    return f"{count} faster, and none rings by more than the tolerance"
+    if leaving.faster:
+        count = f"{leaving.faster} modes are" if leaving.faster > 1 else "one mode is"
+        found = f"{count} faster, and none rings by more than the tolerance"
+    else:
+        fastest = told_hertz(leaving.fastest / (2 * np.pi))
+        found = f"nothing in it is faster, as its fastest motion is one of {fastest}"
+    return "; ".join([found, *_reasons(leaving)])
 
 
 def _reasons(leaving: Leaving) -> list[str]:
-    return [f"at t = {time:.6g} s {why}" for why, time in leaving.reasons.items()]
+    told = [f"at t = {time:.6g} s {why}" for why, time in leaving.reasons.items()]
+    if leaving.above:
+        told.append(f"what drives it changes as fast as {told_hertz(float(f'{leaving.above:.2g}'))}, and is followed")
+    return told
 
 
 def _modes(flow: Flow, removal: Removal) -> list[FastMode]:

@@ -95,6 +95,6 @@ def advice(mode: Mode, explicit: bool) -> str:
     if abs(mode.rate.imag) > abs(mode.rate.real):
         return (
             "if it does not matter, do not excite it: start it at rest (`equilibrium`), let what is pushed be pushed within a few of its periods, "
-            "damp it, or make the stiff part rigid; else it has to be followed, turn by turn"
+            "damp it, make the stiff part rigid, or leave it out by a `bandwidth`; else it has to be followed, turn by turn"
         )
     return "make what is so fast rigid or instantaneous, if it does not matter"
