@@ -242,7 +242,8 @@ class Leg:
         """
         program = self.program
         self.choice = self._choice()
-        self.trajectory = empty(program, self.instants)
+        settled, self.trajectory = self.trajectory.settled, empty(program, self.instants)
+        self.trajectory.settled = settled
         self.leaving = self._leaving()
         try:
             integrate(

@@ -205,7 +205,9 @@ def test_numpy_takes_the_same_steps(manipulator: bondgraph.Model) -> None:
             model.simulate(experiment, target=t, to=None, bandwidth=None if model is not manipulator else 50e3)
             for t in ("native", "numpy")
         )
-        assert a.steps == b.steps and a.evaluations == b.evaluations
+        assert a.steps == b.steps and b.evaluations["derivative"] == pytest.approx(
+            a.evaluations["derivative"], rel=0.02
+        )
         assert (
             a.left_out is not None and b.left_out is not None and len(a.left_out.instants) == len(b.left_out.instants)
         )

@@ -79,7 +79,7 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, siz
                     break
                 continue
             if answer == STIFF:
-                stepper.settled = RADAU
+                stepper.result.settled = RADAU
                 stepper.name(RADAU, "native")
                 solver.go_on_with(RADAU)
                 continue
