@@ -20,9 +20,12 @@ if TYPE_CHECKING:
     from .errors import RunFailed, RunInterrupted, UsageError
     from .model import Model, check, load
     from .results import Result, read_result
+    from .studies.journal import Journal
+    from .studies.sharing import Sharing
 
 __all__ = [
-    "CompilationFailed", "Ensemble", "Graph", "Model", "Result", "RunFailed", "RunInterrupted", "UsageError", "check", "load", "read_result",
+    "CompilationFailed", "Ensemble", "Graph", "Journal", "Model", "Result", "RunFailed", "RunInterrupted", "Sharing", "UsageError", "check", "load",
+    "read_result",
 ]  # fmt: skip
 _HOMES = {
     "load": "model",
@@ -30,6 +33,8 @@ _HOMES = {
     "Model": "model",
     "Graph": "builder",
     "Ensemble": "ensembles",
+    "Journal": "studies.journal",
+    "Sharing": "studies.sharing",
     "Result": "results",
     "read_result": "results",
     "RunFailed": "errors",

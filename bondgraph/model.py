@@ -6,19 +6,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from . import door
 from .errors import UsageError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     import networkx
 
     from .analysis.branch import Branch
     from .analysis.equilibrium import Equilibrium
-    from .analysis.inversion import Inversion
+    from .analysis.inversion.feed_forward import FeedForward
+    from .analysis.inversion.static import Inversion
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
@@ -27,12 +26,17 @@ if TYPE_CHECKING:
     from .analysis.response import Measured, Response
     from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
-    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source, StateSpace
     from .ensembles import Ensemble
     from .prepared import Prepared
     from .results import Result
+    from .studies.distributions import Distribution
+    from .studies.journal import Journal
+    from .studies.sharing import Sharing
+    from .studies.tolerances import MonteCarlo
 
 LIBRARY = Path(__file__).with_name("library")
+MOST_KEPT = 64  # scenes of which stages and programs are kept
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
 
@@ -94,8 +98,18 @@ class Model:
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
             if like is not None and "_built" in like.__dict__:  # and opened once
                 compilation.__dict__["_built"] = like.__dict__["_built"]
-            self._compilations[key] = compilation
+            _kept(self._compilations, key, compilation)
         return self._compilations[key]
+
+    @property
+    def compiled(self) -> int:
+        """How many scenes are held in compiled form."""
+        return len(self._compilations)
+
+    def forget(self) -> None:
+        """Let go of all that was compiled; it is made anew, or fetched from the cache, where it is asked for again."""
+        self._compilations.clear()
+        self._prepared.clear()
 
     def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
         """The program for one scene and what a run asks besides; from the cache if it has been there before."""
@@ -103,9 +117,8 @@ class Model:
 
         key = (scene, everything, target)
         if key not in self._prepared:
-            self._prepared[key] = Prepared(
-                self.source, scene, everything, target, lambda: self.compilation(scene, everything)
-            )
+            made = Prepared(self.source, scene, everything, target, lambda: self.compilation(scene, everything))
+            _kept(self._prepared, key, made)
         return self._prepared[key]
 
     @cached_property
@@ -228,6 +241,10 @@ class Model:
 
         return symbolic_port_hamiltonian(self._with_inputs())
 
+    def ordered_equations(self) -> StateSpace:
+        """The equations step by step, in the order in which they are computed, with every input as a symbol."""
+        return self._with_inputs().state_space
+
     def equations(self, latex: bool = False) -> str:
         """The causally ordered equations as text, or as LaTeX."""
         from .views.equations import equations_text
@@ -344,21 +361,35 @@ class Model:
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most)
 
+    @overload
     def invert(
         self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None,
-    ) -> Inversion:  # fmt: skip
-        """Inputs that hold outputs at their `targets` (texts with units, or SI), statically. Of `inputs`, `push1/pull1` is a pair of
-        which one is zero; there are as many inputs or pairs as targets. Raises as `operating_point`, and `RunFailed` if there are none."""
-        from .analysis.inversion import asked_for, drives_of, invert
-        from .analysis.operating_point import Asked
-        from .analysis.sensitivity import independent
+    ) -> Inversion: ...  # fmt: skip
 
-        drives = drives_of(inputs)
-        names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
-        _, fixed = independent(self, names, experiment, settings or {})
-        wanted = asked_for(self, targets, experiment)
-        return invert(self.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+    @overload
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float, start: str | float = 0.0, points: int = 501,
+        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+    ) -> FeedForward: ...  # fmt: skip
+
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
+        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+    ) -> Inversion | FeedForward:  # fmt: skip
+        """Inputs that give outputs. Of `inputs`, `push1/pull1` is a pair of which one is zero; there are as many inputs or pairs as targets.
+
+        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at rest. With it: inputs over time, from `start`
+        to `to`, with which outputs go along `targets`, expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)"; from
+        rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`, `RunFailed` if there are none, and
+        `UsageError` where a path is not smooth enough.
+        """
+        from .analysis.inversion.asking import inverted
+
+        along = None if to is None else (start, to, points, moving, limits or {})
+        return inverted(self, targets, inputs, experiment, dict(settings or {}), along)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,
@@ -386,29 +417,56 @@ class Model:
         self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, executor: Any = None, solver: str | None = None,
+        sharing: Sharing | None = None,
     ) -> Outcome:  # fmt: skip
         """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
 
-        `executor`: of the standard interface (`concurrent.futures`, a Dask client): its workers make the points.
+        `executor`: of the standard interface (`concurrent.futures`, a Dask client): its workers make the points. `sharing`
+        says more: workers of our own, a journal to go on from after a crash, progress.
         """
-        from .analysis.experiment import Options, run
+        from .studies.experiment import Options, run
 
         options = Options(to, points, rtol, atol, energy, target, solver, outputs)
-        return run(self, experiment, settings or {}, options, executor)
+        return run(self, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, outputs: tuple[str, ...] | None = None, executor: Any = None,
-        solver: str | None = None,
+        solver: str | None = None, sharing: Sharing | None = None,
     ) -> Outcome:  # fmt: skip
         """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
-        one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and so on. `executor` as in `run`."""
-        from .analysis.experiment import Options, sweep
+        one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and
+        so on. `executor` and `sharing` as in `run`. A point that fails is NaN in the table, and `failures` says why."""
+        from .studies.experiment import Options
+        from .studies.sweep import sweep
 
         steps = (of,) if isinstance(of, str) else tuple(of)
         options = Options(to, points, rtol, outputs=outputs, solver=solver)
-        return sweep(self, values, steps, together, experiment, settings or {}, options, executor)
+        return sweep(self, values, steps, together, experiment, settings or {}, options, _sharing(sharing, executor))
+
+    def montecarlo(
+        self, vary: Mapping[str, str | Distribution], of: str | tuple[str, ...] = "modes", samples: int = 1000,
+        correlations: Mapping[tuple[str, str], float] | None = None, seed: int = 0, indices: int | None = None,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        to: str | float | None = None, rtol: float | None = None, sharing: Sharing | None = None,
+    ) -> MonteCarlo:  # fmt: skip
+        """What tolerances do: `of` equilibrium (outputs at rest), modes (frequencies) or simulate (outputs at the end) at `samples`
+        quasi-random points, with statistics, Sobol indices and swings.
+
+        `vary`: distributions by parameter, as texts: `normal(1.95 um, 50 nm)`, `lognormal(mean, standard deviation)`, `uniform(low, high)`,
+        `triangular(low, most likely, high)`, `truncated(one of these, low, high)`. `correlations`: by pairs of names, of a Gaussian copula.
+        `indices`: rows that Sobol indices stand on, a power of two (None: up to 1024; 0: none). `sharing`: who makes the points (None: all cores).
+        Points that fail are told and in no statistic. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
+        """
+        from .simulation.run import Wanted
+        from .studies.montecarlo import Chance, montecarlo
+        from .studies.sharing import Sharing
+
+        chance = Chance(vary, correlations or {}, samples, seed, indices)
+        steps = (of,) if isinstance(of, str) else tuple(of)
+        wanted = Wanted(to, 2 if "simulate" in steps else None, rtol)
+        return montecarlo(self, chance, steps, experiment, settings or {}, outputs, wanted, sharing or Sharing())
 
     # ------------------------------------------------------------ runs
     def scene(
@@ -448,19 +506,37 @@ class Model:
         self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, solver: str | None = None,
-        workers: int | None = None, executor: Executor | None = None, progress: Callable[[int, int], None] | None = None,
+        workers: int | None = None, executor: Any = None, progress: Callable[[int, int], None] | None = None,
+        journal: Journal | None = None,
     ) -> Ensemble:  # fmt: skip
         """Run an experiment once for each of several settings; all else as in `simulate`, and so is each result, to the last bit.
 
         The model is compiled once. What goes wrong in a run is kept with it; the others go on. `workers`: how many at once (default: as many
-        as there are cores), or an `executor` of your own, of the interface of `concurrent.futures`. `progress` is told how many are done, and of how
-        many. Raises `UsageError` for what no run can be made with.
+        as there are cores), or an `executor` of your own, of the interface of `concurrent.futures`, or a Dask client. `progress` is told how many are
+        done, and of how many; `journal` keeps what is done in a file, from which the same call goes on after a crash.
+        Raises `UsageError` for what no run can be made with.
         """
-        from .simulation.many import simulate_many
         from .simulation.run import Wanted
+        from .studies.runs import simulate_many
+        from .studies.sharing import Sharing
 
         wanted = Wanted(to, points, rtol, atol, energy, target, solver)
-        return simulate_many(self, experiment, settings, outputs, wanted, workers, executor, progress)
+        sharing = Sharing(workers, executor, progress, journal)
+        return simulate_many(self, experiment, settings, outputs, wanted, sharing)
+
+
+def _sharing(sharing: Sharing | None, executor: Any) -> Sharing:
+    """Who makes the points: this process, if nothing is said."""
+    from .studies.sharing import Sharing
+
+    return sharing if sharing is not None else Sharing(workers=1, executor=executor)
+
+
+def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
+    """Keep something by its key, and of all only the latest."""
+    while len(things) >= MOST_KEPT:
+        things.pop(next(iter(things)))
+    things[key] = thing
 
 
 def _names(names: tuple[str, ...] | str | None) -> tuple[str, ...] | None:

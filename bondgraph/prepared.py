@@ -54,6 +54,7 @@ class Prepared:
     ) -> None:
         self.source, self.scene, self.everything, self.target = source, scene, everything, target
         self._compilation = compilation
+        self.kept: dict[object, Any] = {}  # what analyses made of it and need again at other values
 
     @cached_property
     def compilation(self) -> Compilation:

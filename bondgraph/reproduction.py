@@ -175,8 +175,9 @@ def _listed(path: Path) -> Mapping[str, Any]:
 
 
 def _outcome(place: Path, file: str, experiment: str) -> Outcome:
-    from .analysis.experiment import Options, run, sweep
     from .model import load
+    from .studies.experiment import Options, run
+    from .studies.sweep import sweep
 
     path = (place / file).resolve()
     if not path.is_relative_to(place.resolve()):

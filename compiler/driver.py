@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from .causality import CausalGraph, assign_causality
 from .codegen.identity import identity
 from .codegen.lower import Lowered, lower, moving
+from .codegen.products import with_shared_products
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
 from .errors import CompilationFailed, Diagnostic
@@ -162,11 +163,15 @@ class Compilation:
         return reduce_equations(less, self.everything, span)
 
     @cached_property
-    def lowered(self) -> Lowered:
+    def _as_written(self) -> Lowered:
         space = self.state_space
         known = [space.quantities[name] for name in self.scene.by if name in space.quantities]
         with self._instances():
             return lower(space, by=tuple(dict.fromkeys(known)), conserving=self.scene.conserving)
+
+    @cached_property
+    def lowered(self) -> Lowered:
+        return with_shared_products(self._as_written)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -192,7 +197,9 @@ class Compilation:
         units = {name: quantities[name].unit for name in sorted(self.later)}
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
         looped = frozenset() if not self.later else behind_loops(space) & self.later
-        return Facts(mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self.lowered))
+        return Facts(
+            mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written)
+        )
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
         """Raises `CompilationFailed` where a linear loop has no solution with these values of what is set when a run begins."""
@@ -221,7 +228,7 @@ class Compilation:
         if told or space.discretes:
             raise CompilationFailed([NumpyAlone(told[0] if told else self.graph.span, "C")])
         with uncollected():
-            return write_c(lower(space, located=False))
+            return write_c(with_shared_products(lower(space, located=False)))
 
     def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
         """The program as data and machine code; `compile_` makes object code of LLVM's text, at a level of optimisation."""

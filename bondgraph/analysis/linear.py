@@ -83,7 +83,7 @@ def linearization(point: OperatingPoint) -> Linearization:
     """The linear model at a point; its inputs are what slopes were asked by."""
     space, reduced, program = point.compilation.state_space, point.reduced, point.program
     chosen = reduced.chosen
-    state_slopes, by_slopes = point.of_states([space.states[i].rate for i in chosen])
+    state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))
     output_slopes, through = point.of_states(list(space.outputs.values()))
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= dict(zip(program.states.names, program.states.units, strict=True))
@@ -94,3 +94,9 @@ def linearization(point: OperatingPoint) -> Linearization:
         program.outputs.names, units, state_slopes, by_slopes, output_slopes, through, point.state[chosen],
         point.values_of(point.by), point.outputs, point.rates[chosen],
     )  # fmt: skip
+
+
+def state_matrix(point: OperatingPoint) -> Array:
+    """A alone."""
+    found: Array = point.reduced.through(point.rate_slopes(point.reduced.chosen))[0]
+    return found

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf, Tape
-from .linear import linearization
+from ..door import Leaf
+from .linear import linearization, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
 from .told import finite, pair
@@ -140,10 +140,8 @@ def modes(point: OperatingPoint) -> Modes:
     """All modes at a point, slowest first."""
     linear = linearization(point)
     found = spectrum(linear.A)
-    values, shapes = found.values, point.reduced.whole(found.shapes)
-    chosen = np.flatnonzero(values.imag >= 0)
-    chosen = chosen[np.lexsort((values[chosen].real, np.abs(values[chosen])))]
-    values, shapes = values[chosen], shapes[:, chosen]
+    chosen = _slowest_first(found.values)
+    values, shapes = found.values[chosen], point.reduced.whole(found.shapes)[:, chosen]
     names, energies = element_energies(point, values, shapes)
     total = energies.sum(axis=0)
     size = np.where(np.abs(total) > SMALL * np.abs(energies).sum(axis=0), np.abs(total), 1.0)
@@ -160,6 +158,18 @@ def modes(point: OperatingPoint) -> Modes:
         Mode(complex(v), told, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
     return Modes(linear.model, linear.experiment, point.time, made, units)
+
+
+def moving_frequencies(point: OperatingPoint) -> list[float]:
+    """Of the modes that move, in Hz, slowest first; shapes and energies are not asked for."""
+    values = spectrum(state_matrix(point)).values
+    return [abs(complex(v)) / (2 * math.pi) for v in values[_slowest_first(values)] if v]
+
+
+def _slowest_first(values: Any) -> Any:
+    """Of a conjugate pair the one with the positive imaginary part."""
+    chosen = np.flatnonzero(values.imag >= 0)
+    return chosen[np.lexsort((values[chosen].real, np.abs(values[chosen])))]
 
 
 def _turned(shapes: Any) -> Any:
@@ -211,7 +221,7 @@ def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:
 def _mechanism_energy(point: OperatingPoint, variable: int, full: Any) -> Any:
     """Half the second variation of a stored energy, for each column of amplitudes."""
     slopes = point.lowered.slopes.get(variable, {})
-    tape, rows = Tape(list(slopes.values())), list(slopes)
+    tape, rows = point.tape(f"energy of {variable}", lambda: list(slopes.values())), list(slopes)
     result = np.zeros(full.shape[1])
     for first in range(0, full.shape[1], WIDTH):
         part = full[:, first : first + WIDTH]

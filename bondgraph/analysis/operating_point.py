@@ -7,7 +7,7 @@ Both are exact: the rates keep the constraints, so that the directions that thes
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
 
 if TYPE_CHECKING:
-    from ..door import Compilation, Lowered, Program
+    from ..door import Compilation, Expression, Lowered, Program
     from ..model import Model
     from ..simulation.closed.constraints import Constraints
 
@@ -42,21 +42,38 @@ class Asked:
     time: float | None = None  # None: where the experiment begins
 
 
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Those of some variables that are not zero: how they are evaluated, and where they stand."""
+
+    tape: Tape
+    rows: Any
+    columns: Any
+
+
 class OperatingPoint:
     """States (n,) and unknowns (m,) of a model at an instant. Slopes have a column for each of them and for each of `by`."""
 
     def __init__(
         self, made: Prepared, constraints: Constraints, state: Any, mode: Any, time: float, by: tuple[str, ...],
-        tapes: dict[tuple[int, ...], Tape] | None = None,
+        values: Mapping[str, float] | None = None,
     ) -> None:  # fmt: skip
         self.made, self.constraints, self.mode, self.time = made, constraints, mode, time
         self.program: Program = made.program
-        self.compilation: Compilation = made.compilation
-        self.lowered: Lowered = self.compilation.lowered
+        self.values = values or {}  # that were set when it began
         self.state, self.by = np.asarray(state, dtype=float), by
         self.count, self.all = len(self.program.states.names), len(self.state)
         self.inputs, self.constants = constraints.inputs, constraints.constants
-        self._tapes = {} if tapes is None else tapes  # of slopes; shared with points of the same program
+
+    @property
+    def compilation(self) -> Compilation:
+        """The stages of the compiler, made only if something asks for more than the program."""
+        return self.made.compilation
+
+    @property
+    def lowered(self) -> Lowered:
+        """The expressions behind the program."""
+        return self.compilation.lowered
 
     # ------------------------------------------------------------ the same elsewhere
     def set_at(self, name: str) -> tuple[str, int]:
@@ -82,7 +99,7 @@ class OperatingPoint:
         state = constraints.project(self.time, np.asarray(state, dtype=float), self.mode)
         size = np.where(state != 0, np.abs(state), 1.0)
         state = LoopSolver(self.program, constraints.constants, inputs, size).solve(self.time, state, self.mode)
-        return OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self._tapes)
+        return OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self.values)
 
     # ------------------------------------------------------------ values
     def lookup(self, leaf: Leaf) -> float:
@@ -118,9 +135,34 @@ class OperatingPoint:
         values = dict(
             zip(found, Tape([self.lowered.values[v] for v in found.values()]).values(self.lookup), strict=True)
         )
-        return np.array([values.get(n, whole[n].value if n in whole else None) for n in names], dtype=float)
+        given = {n: whole[n].value for n in names if n in whole} | dict(self.values)
+        return np.array([values.get(n, given.get(n)) for n in names], dtype=float)
 
     # ------------------------------------------------------------ slopes
+    def rate_slopes(self, states: Sequence[int]) -> Any:
+        """Of the rates of states (by their places, in order), as `slopes`."""
+        if not self.by:
+            return self.jacobian[states]
+        return self.slopes([self.compilation.state_space.states[i].rate for i in states])
+
+    def residual_slopes(self) -> Any:
+        """Of what unknowns make vanish, as `slopes`."""
+        if not self.by:
+            return self.jacobian[self.count :]
+        return self.slopes([u.residual for u in self.compilation.state_space.unknowns])
+
+    @cached_property
+    def jacobian(self) -> Any:
+        """Of the rates and then of what unknowns make vanish, by states and unknowns, (n + m, n + m), from the program itself. Raises `RunFailed`."""
+        found = np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
+        bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
+        if len(bad):
+            raise self._without_slope((*self.program.states.names, *self.program.unknowns.names)[bad[0]])
+        return found
+
+    def _without_slope(self, name: str) -> RunFailed:
+        return RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
+
     def slopes(self, variables: Sequence[int]) -> Any:
         """Of variables by states, unknowns and `by`, (len(variables), n + m + k), dense. Raises `RunFailed`."""
         return self.sparse_slopes(variables).toarray()
@@ -129,19 +171,33 @@ class OperatingPoint:
         """The same, sparse by rows."""
         from scipy.sparse import csr_array
 
-        rows = [self.lowered.slopes.get(v, {}) for v in variables]
-        tape = self._tapes.get(key := tuple(variables))
-        if tape is None:
-            tape = self._tapes[key] = Tape([x for row in rows for x in row.values()])
-        values = np.array(tape.values(self.lookup), dtype=float)
-        numbers = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+        slopes = self._slopes_of(tuple(variables))
+        values, numbers = np.array(slopes.tape.values(self.lookup), dtype=float), slopes.rows
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             name = self.compilation.state_space.variables[variables[numbers[bad[0]]]].name
-            raise RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
-        columns = [*range(self.all), *(self.all + self.by.index(self._name(v)) for v in self.lowered.by)]
-        places = np.array([columns[c] for row in rows for c in row], dtype=int)
-        return csr_array((values, (numbers, places)), shape=(len(rows), self.all + len(self.by)))
+            raise self._without_slope(name)
+        return csr_array((values, (numbers, slopes.columns)), shape=(len(variables), self.all + len(self.by)))
+
+    def _slopes_of(self, variables: tuple[int, ...]) -> Slopes:
+        """The same as expressions, with their places."""
+        found: Slopes | None = self.made.kept.get(variables)
+        if found is None:
+            rows = [self.lowered.slopes.get(v, {}) for v in variables]
+            columns = [*range(self.all), *(self.all + self.by.index(self._name(v)) for v in self.lowered.by)]
+            found = self.made.kept[variables] = Slopes(
+                Tape([x for row in rows for x in row.values()]),
+                np.repeat(np.arange(len(rows)), [len(row) for row in rows]),
+                np.array([columns[c] for row in rows for c in row], dtype=int),
+            )
+        return found
+
+    def tape(self, word: str, roots: Callable[[], Sequence[Expression]]) -> Tape:
+        """A tape by its name, made once for all points of the program."""
+        found: Tape | None = self.made.kept.get(word)
+        if found is None:
+            found = self.made.kept[word] = Tape(roots())
+        return found
 
     def _name(self, variable: int) -> str:
         return next(n for n in self.by if self.compilation.state_space.quantities.get(n) == variable)
@@ -188,11 +244,10 @@ class Reduced:
 
 
 def _reduced(point: OperatingPoint) -> Reduced:
-    space, n, size = point.compilation.state_space, point.count, point.all
-    k = len(point.by)
+    n, size, k = point.count, point.all, len(point.by)
     follow = np.zeros((0, n + k))
     if size > n:
-        whole = point.slopes([u.residual for u in space.unknowns])
+        whole = point.residual_slopes()
         try:
             follow = -np.linalg.solve(whole[:, n:size], np.concatenate([whole[:, :n], whole[:, size:]], axis=1))
         except np.linalg.LinAlgError as problem:
@@ -200,8 +255,9 @@ def _reduced(point: OperatingPoint) -> Reduced:
             raise RunFailed(
                 f"the algebraic loop of {names} has no slope at this state: two of its solutions meet"
             ) from problem
-    if not space.invariants:
+    if not point.program.invariants.names:
         return Reduced(np.arange(n), np.eye(n), np.zeros((n, k)), follow)
+    space = point.compilation.state_space
     values = [i.position for i in space.invariants] + [i.velocity for i in space.invariants if i.velocity is not None]
     slopes = point.slopes(values)
     chosen, directions, following = _tied(slopes[:, :n], slopes[:, size:])
@@ -229,14 +285,28 @@ def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
 # ---------------------------------------------------------------- finding one
 
 
-def operating_point(model: Model, asked: Asked) -> OperatingPoint:
-    """The model compiled and put where it is asked. Raises `CompilationFailed`, `UsageError`, `RunFailed`."""
-    scene = replace(model.scene(asked.experiment, asked.settings, asked.by, asked.outputs), by=asked.by)
-    return placed(model.prepared(scene, True, "numpy"), asked)
+def operating_point(model: Model, asked: Asked, target: str = "numpy") -> OperatingPoint:
+    """The model put where it is asked; numbers that are set are arguments of one program, so that others compile nothing.
+
+    Raises `CompilationFailed`, `UsageError`, `RunFailed`.
+    """
+    from ..simulation.settings import settle
+
+    settings = asked.settings or {}
+    settled = settle(model, asked.experiment, settings, asked.outputs, True, target)
+    if settled.values:
+        scene = replace(settled.scene, free=frozenset(asked.by), by=asked.by)
+        try:
+            return placed(model.prepared(scene, True, target), asked, settled.values)
+        except RunFailed:
+            if all(settled.values.values()):
+                raise  # else a zero may make other equations of the model: the compiler is told of it
+    scene = replace(model.scene(asked.experiment, settings, asked.by, asked.outputs), by=asked.by)
+    return placed(model.prepared(scene, True, target), asked)
 
 
-def placed(made: Prepared, asked: Asked) -> OperatingPoint:
-    """The same from what is compiled already."""
+def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = None) -> OperatingPoint:
+    """The same from what is compiled already; `values` are set when it begins."""
     from ..simulation.leg import Leg
 
     try:
@@ -252,7 +322,7 @@ def placed(made: Prepared, asked: Asked) -> OperatingPoint:
             "signals that are what others were some time ago (`delay`) are no states: no linear analysis is made"
         )
     with np.errstate(all="ignore"):
-        leg = Leg(made, plan, np.array([begins, begins + AHEAD]), 1e-6, None, False, None)
+        leg = Leg(made, plan, np.array([begins, begins + AHEAD]), 1e-6, None, False, None, values)
         if leg.begins_without != leg.off:
             raise UsageError("junctions go on or off at the very start (`active`): no linear analysis is made there")
         state, mode = leg.state, leg.stretches[0].mode
@@ -260,7 +330,7 @@ def placed(made: Prepared, asked: Asked) -> OperatingPoint:
             state = _given(leg, asked.state, begins, mode)
         elif asked.state not in ("equilibrium", "start"):
             raise UsageError(f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
-    return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by)
+    return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values)
 
 
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:

@@ -34,6 +34,7 @@ class Point:
     modes: Modes | None = None
     responses: tuple[Response, ...] = ()
     run: Result | None = None
+    failure: str = ""  # why there is nothing, if so
 
     def numbers(self) -> dict[str, float]:
         """What a table shows of it: outputs at rest, frequencies, outputs at the end of the run."""
@@ -48,7 +49,7 @@ class Point:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """{settings, equilibrium, modes, responses, run}: what is there, each by its own schema."""
+        """{settings, equilibrium, modes, responses, run, failure}: what is there, each by its own schema."""
         told: dict[str, Any] = {"settings": {n: finite(v) for n, v in self.settings.items()}}
         for word in ("equilibrium", "modes", "run"):
             found = getattr(self, word)
@@ -56,6 +57,8 @@ class Point:
                 told[word] = found.to_json()
         if self.responses:
             told["responses"] = [r.to_json() for r in self.responses]
+        if self.failure:
+            told["failure"] = self.failure
         return told
 
 
@@ -79,10 +82,15 @@ class Outcome(Sequence[Point]):
         return iter(self.points)
 
     @property
+    def failures(self) -> dict[int, str]:
+        """The number of each point that failed, and why."""
+        return {i: p.failure for i, p in enumerate(self.points) if p.failure}
+
+    @property
     def units(self) -> dict[str, str]:
         """SI units of the columns of `table`."""
         found = dict(self.swept)
-        for point in self.points[:1]:
+        for point in next(([p] for p in self.points if not p.failure), []):
             if point.equilibrium is not None:
                 found |= {n: point.equilibrium.units.get(n, "1") for n in point.equilibrium.outputs}
             if point.run is not None:
@@ -113,14 +121,18 @@ class Outcome(Sequence[Point]):
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "swept": dict(self.swept)}
         return {**told, "points": [p.to_json() for p in self.points]}
 
-    def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the table with 17 significant digits; whole or not at all. Raises OSError."""
-        from ..files import write_text
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the table into a .csv (17 significant digits), .npz, .nc or .mat file; whole or not at all. Raises OSError, `UsageError`."""
+        from ..exports import write_columns
 
-        units = self.units
-        rows = [",".join('"' + f"{n} [{units[n]}]".replace('"', '""') + '"' for n in self.names)]
-        rows += [",".join(f"{x:.17g}" for x in row) for row in self.table()]
-        write_text(os.fspath(path), "\n".join(rows) + "\n")
+        columns = dict(zip(self.names, self.table().T, strict=True))
+        write_columns(path, columns, self.units, "point", {"model": self.model, "experiment": self.experiment})
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """The same for any name of a file. Raises OSError."""
+        from ..exports import write_csv
+
+        write_csv(path, dict(zip(self.names, self.table().T, strict=True)), self.units)
 
     def summary(self) -> str:
         """For terminals: a table of the points, or all that a single point has."""

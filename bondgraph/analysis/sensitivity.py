@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf, Tape
+from ..door import Leaf
 from ..errors import RunFailed, UsageError
 from .linear import Linearization, linearization
 from .modes import STILL, Modes, modes
@@ -225,6 +225,6 @@ def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int]
     for j, name in enumerate(point.by):
         if name in quantities and quantities[name] in places:
             directions[places[quantities[name]]] = np.eye(k)[j]
-    tape = Tape(list(lowered.jacobian.values()))
+    tape = point.tape("jacobian", lambda: list(lowered.jacobian.values()))
     _, slopes = tape.slopes(point.lookup, directions, k)
     return {place: s for place, s in zip(lowered.jacobian, slopes, strict=True) if s is not None}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ import click
 
 if TYPE_CHECKING:
     from ..model import Model
+    from ..studies.sharing import Sharing
 
 model_option = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
 file_argument = click.argument("file", metavar="FILE")
@@ -42,6 +44,13 @@ time_option = click.option(
     "--time", "time", metavar="TIME", help="Inputs as they are then; where the experiment begins if left out."
 )
 
+journal_option = click.option(
+    "--journal", metavar="FILE", help="Keep what is done in this file: after a crash the same command goes on from there."
+)  # fmt: skip
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points (as many as cores)."
+)  # fmt: skip
+
 
 def load(file: str, model: str | None) -> Model:
     from ..model import load
@@ -65,16 +74,27 @@ def check_target(path: str, endings: tuple[str, ...], option: str) -> None:
 
 
 @contextmanager
-def workers(jobs: int | None) -> Iterator[Any]:
-    """Processes that make points of a sweep; None for this one."""
-    if not jobs or jobs == 1:
-        yield None
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
+def shared_out(jobs: int | None, journal: str | None, words: str) -> Iterator[Sharing]:
+    """Processes that make many points (None: one for each core), a bar on the terminal, and a journal to go on from."""
+    from ..studies.journal import Journal
+    from ..studies.progress import bar
+    from ..studies.sharing import Sharing, cores
 
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as executor:
-        yield executor
+    count = cores() if jobs is None else jobs
+    book = None if journal is None else Journal(journal)
+    try:
+        with bar(words) as progress:
+            if count == 1 or sys.platform == "linux":
+                yield Sharing(count, None, progress, book)
+                return
+            from concurrent.futures import ProcessPoolExecutor
+            from multiprocessing import get_context
+
+            with ProcessPoolExecutor(count, get_context("spawn")) as executor:
+                yield Sharing(count, executor, progress, book)
+    finally:
+        if book is not None:
+            book.close()
 
 
 def named(experiment: str) -> str | None:

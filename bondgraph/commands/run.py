@@ -15,11 +15,13 @@ from .options import (
     check_target,
     experiment_option,
     file_argument,
+    jobs_option,
+    journal_option,
     load,
     model_option,
     outputs_option,
     setting,
-    workers,
+    shared_out,
 )
 from .telling import harmless, problems_told
 
@@ -59,14 +61,13 @@ if TYPE_CHECKING:
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
-@click.option(
-    "--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points of a sweep (1)."
-)
+@jobs_option
+@journal_option
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
     atol: float | None, solver: str | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None,
-    jobs: int | None, as_json: bool,
+    jobs: int | None, journal: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
@@ -92,7 +93,7 @@ def command(
         except ManyRuns:
             if start is not None:
                 raise
-            _run_all(chosen, experiment, arguments, jobs, (out, plot, as_json))
+            _run_all(chosen, experiment, arguments, (jobs, journal), (out, plot, as_json))
             return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
@@ -155,16 +156,20 @@ def _has_bars() -> bool:
 
 
 def _run_all(
-    model: Model, experiment: str, arguments: dict[str, Any], jobs: int | None, shown: tuple[Any, Any, bool]
+    model: Model,
+    experiment: str,
+    arguments: dict[str, Any],
+    by: tuple[int | None, str | None],
+    shown: tuple[Any, Any, bool],
 ) -> None:
     """An experiment that sweeps, or analyses instead of a simulation."""
     out, plot, as_json = shown
     if out is not None:
-        check_target(out, (".csv",), "--out (of an experiment with a sweep or an analysis)")
-    with workers(jobs) as executor:
-        found = model.run(experiment, executor=executor, **arguments)
+        check_target(out, (".csv", ".npz"), "--out (of an experiment with a sweep or an analysis)")
+    with shared_out(*by, "points") as sharing:
+        found = model.run(experiment, sharing=sharing, **arguments)
     if out is not None:
-        found.to_csv(out)
+        found.write(out)
     if plot is not None:
         found.plot(plot)
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

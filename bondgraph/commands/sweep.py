@@ -11,6 +11,8 @@ from .options import (
     check_target,
     echo,
     file_argument,
+    jobs_option,
+    journal_option,
     json_option,
     load,
     model_option,
@@ -18,7 +20,7 @@ from .options import (
     outputs_option,
     setting,
     settings_option,
-    workers,
+    shared_out,
 )
 from .telling import problems_told
 
@@ -37,28 +39,29 @@ from .telling import problems_told
 @analysed_option
 @settings_option
 @click.option("--to", metavar="TIME", help="Where simulations end.")
-@click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points (1).")
-@click.option("--out", metavar="S.csv", help="Write the table.")
+@jobs_option
+@journal_option
+@click.option("--out", metavar="S.csv|S.npz", help="Write the table.")
 @click.option("--plot", metavar="S.png", help="Draw what was found over what was swept last (.png, .svg or .pdf).")
 @json_option
 @model_option
 def command(
     file: str, over: Sequence[str], of: Sequence[str], together: bool, outputs: Sequence[str], experiment: str, settings: Sequence[str],
-    to: str | None, jobs: int | None, out: str | None, plot: str | None, as_json: bool, model: str | None,
+    to: str | None, jobs: int | None, journal: str | None, out: str | None, plot: str | None, as_json: bool, model: str | None,
 ) -> None:  # fmt: skip
     """Make equilibria, modes or runs at many values of parameters and inputs."""
     with problems_told():
-        for path, endings, option in ((out, (".csv",), "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
+        for path, endings, option in ((out, (".csv", ".npz"), "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
             if path is not None:
                 check_target(path, endings, option)
         values = dict(map(setting, over))
-        with workers(jobs) as executor:
+        with shared_out(jobs, journal, "points") as sharing:
             found = load(file, model).sweep(
                 values, tuple(of) or "simulate", together, named(experiment), dict(map(setting, settings)), to,
-                outputs=tuple(outputs) or None, executor=executor,
+                outputs=tuple(outputs) or None, sharing=sharing,
             )  # fmt: skip
         if out is not None:
-            found.to_csv(out)
+            found.write(out)
         if plot is not None:
             found.plot(plot)
         echo(found, as_json)

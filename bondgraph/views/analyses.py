@@ -12,7 +12,7 @@ from .tables import aligned, short, visible
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
-    from ..analysis.inversion import Inversion
+    from ..analysis.inversion.static import Inversion
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
     from ..analysis.outcome import Outcome
@@ -129,7 +129,12 @@ def outcome_text(found: Outcome) -> str:
         rows.append(tuple(f"{x * scale + offset:.7g}" for x, (_, scale, offset) in zip(line, shown, strict=False)))
     text = f"{title(found.model, found.experiment, f'{len(found)} points')}\n\n{aligned(rows, '>' * len(names))}"
     left = len(found) - LONGEST
-    return f"{text}\n({left} more points; --json has all)" if left > 0 else text
+    text = f"{text}\n({left} more points; --json has all)" if left > 0 else text
+    failures = found.failures
+    if failures:
+        first = next(iter(failures))
+        text += f"\n\n{len(failures)} of {len(found)} points failed; point {first + 1}: {visible(failures[first])}"
+    return text
 
 
 def _column_unit(found: Outcome, name: str) -> str:

@@ -2,13 +2,15 @@
 
 Values and derivatives along any number of directions at once, by forward accumulation with the compiler's own rules of
 differentiation (Griewank and Walther, Evaluating Derivatives, 2008, chapter 3). The derivatives of a Jacobian's entries along the
-directions in which an equilibrium moves are the second derivatives that eigenvalues need.
+directions in which an equilibrium moves are the second derivatives that eigenvalues need. Nodes are numbered once, so that many points
+cost a list of steps each.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial as bound
 from typing import Any
 
 from ..algebra.derivative import partial
@@ -16,6 +18,8 @@ from ..algebra.expression import Apply, Expression, Number, Symbol, value_of
 from .limits import Leaf
 
 Lookup = Callable[[Leaf], float]
+Step = tuple[int, Callable[[Any], Any], tuple[int, ...]]  # where a value goes, from which function of which values
+STILL = frozenset({"less", "less_equal", "equal", "and", "or", "not"})  # operators whose values do not move
 
 
 class Tape:
@@ -23,31 +27,124 @@ class Tape:
 
     def __init__(self, roots: Sequence[Expression]) -> None:
         self.roots = tuple(roots)
-        self._order = _order(self.roots, {})
+        self._slots: dict[Expression, int] = {}
+        self._nodes: list[Expression] = []
+        self._leaves: list[tuple[int, Leaf]] = []
+        self._steps = self._appended(self.roots)
+        self._count = len(self._nodes)
+        self._places = [self._slots[root] for root in self.roots]
+        self._forward: dict[frozenset[Leaf], list[_Moved]] = {}
 
     def values(self, lookup: Lookup) -> list[float]:
         """The roots at a point; NaN where one has no value there."""
         known = self._known(lookup)
-        return [known[root] for root in self.roots]
+        return [known[place] for place in self._places]
 
     def slopes(self, lookup: Lookup, directions: Mapping[Leaf, Any], count: int) -> tuple[list[float], list[Any]]:
         """The roots, and their derivatives along `count` directions, each an array (count,) or None where nothing moves.
 
         `directions`: how each leaf moves along all of them, an array (count,); what is left out stands still.
         """
+        forward = self._forward.get(key := frozenset(directions))
+        if forward is None:
+            forward = self._forward[key] = self._moving(key)
         known = self._known(lookup)
-        moved: dict[Expression, Any] = {}
-        for node in self._order:
-            found = _moved(node, known, moved, directions, count)
-            if found is not None:
-                moved[node] = found
-        return [known[root] for root in self.roots], [moved.get(root) for root in self.roots]
+        moved: list[Any] = [None] * len(known)
+        for slot, leaf in self._leaves:
+            moved[slot] = directions.get(leaf)
+        for step in forward:
+            moved[step.slot] = step.moved(known, moved, count)
+        return [known[place] for place in self._places], [moved[place] for place in self._places]
 
-    def _known(self, lookup: Lookup) -> dict[Expression, Any]:
-        known: dict[Expression, Any] = {}
-        for node in self._order:
-            known[node] = _value(node, known, lookup)
+    def _known(self, lookup: Lookup) -> list[Any]:
+        """The values of all nodes; room for those that only slopes ask for."""
+        known: list[Any] = [node.value if isinstance(node, Number) else None for node in self._nodes]
+        for slot, leaf in self._leaves:
+            known[slot] = float(lookup(leaf))
+        _taken(self._steps, known)
         return known
+
+    def _appended(self, roots: Sequence[Expression]) -> list[Step]:
+        """The steps that lead to some roots from what is known already."""
+        steps: list[Step] = []
+        for node in _order(roots, self._slots):
+            slot = self._slots[node] = len(self._nodes)
+            self._nodes.append(node)
+            if isinstance(node, Symbol):
+                self._leaves.append((slot, node.key))
+            elif isinstance(node, Apply):
+                steps.append((slot, _function(node.operator), tuple(self._slots[o] for o in node.operands)))
+        return steps
+
+    def _moving(self, leaves: frozenset[Leaf]) -> list[_Moved]:
+        """How everything that moves with some leaves does so, operands first."""
+        moving = {slot for slot, leaf in self._leaves if leaf in leaves}
+        steps: list[_Moved] = []
+        for slot in range(self._count):
+            node = self._nodes[slot]
+            if not isinstance(node, Apply) or node.operator in STILL:
+                continue
+            operands = tuple(self._slots[o] for o in node.operands)
+            along = tuple(i for i, o in enumerate(operands) if o in moving)
+            if along:
+                moving.add(slot)
+                steps.append(_Moved(slot, node.operator, operands, along, self._factors(node, along)))
+        return steps
+
+    def _factors(self, node: Apply, along: Sequence[int]) -> list[tuple[list[Step], int]]:
+        """For each operand that moves, the steps to the derivative by it, and where that stands."""
+        if node.operator in ("add", "multiply", "select", "solve", "item"):
+            return []
+        slopes = [partial(node, i) for i in along]
+        return [(self._appended((slope,)), self._slots[slope]) for slope in slopes]
+
+
+class _Moved:
+    """How one node moves with its operands."""
+
+    __slots__ = ("along", "factors", "operands", "operator", "slot")
+
+    def __init__(
+        self, slot: int, operator: str, operands: tuple[int, ...], along: tuple[int, ...], factors: list[tuple[list[Step], int]]
+    ) -> None:  # fmt: skip
+        self.slot, self.operator, self.operands, self.along, self.factors = slot, operator, operands, along, factors
+
+    def moved(self, known: list[Any], moved: list[Any], count: int) -> Any:
+        """An array (count,), of a solution (n, count); None if it stands still at this point."""
+        operands = self.operands
+        match self.operator:
+            case "select":
+                return moved[operands[1 if known[operands[0]] else 2]]
+            case "solve":
+                return _system_moved(operands, known[self.slot], known, moved, count)
+            case "item":
+                return None if moved[operands[0]] is None else moved[operands[0]][int(known[operands[1]])]
+        result: Any = None
+        for number, i in enumerate(self.along):
+            change = moved[operands[i]]
+            if change is None:
+                continue
+            if self.operator != "add":
+                change = change * self._factor(number, i, known)
+            result = change if result is None else result + change
+        return result
+
+    def _factor(self, number: int, i: int, known: list[Any]) -> float:
+        """The derivative of the operator by its operand i."""
+        if self.operator == "multiply":
+            return float(math.prod(known[o] for j, o in enumerate(self.operands) if j != i))
+        steps, place = self.factors[number]
+        _taken(steps, known)
+        return float(known[place])
+
+
+def _taken(steps: Sequence[Step], known: list[Any]) -> None:
+    """Fill in the values that steps lead to; NaN where one has none."""
+    for slot, function, operands in steps:
+        try:
+            known[slot] = function([known[o] for o in operands])
+        except (ArithmeticError, ValueError):
+            known[slot] = math.nan
 
 
 def _order(roots: Sequence[Expression], known: Mapping[Expression, Any]) -> list[Expression]:
@@ -68,24 +165,28 @@ def _order(roots: Sequence[Expression], known: Mapping[Expression, Any]) -> list
     return order
 
 
-def _value(node: Expression, known: Mapping[Expression, Any], lookup: Lookup) -> Any:
-    if isinstance(node, Number):
-        return node.value
-    if isinstance(node, Symbol):
-        return float(lookup(node.key))
-    assert isinstance(node, Apply)
-    values = [known[o] for o in node.operands]
-    match node.operator:
+def _function(operator: str) -> Callable[[Any], Any]:
+    """What an operator makes of the list of its operands."""
+    match operator:
+        case "add":
+            return math.fsum
+        case "multiply":
+            return math.prod
         case "solve":
-            return _solved(values)
+            return _solved
         case "item":
-            return float(values[0][int(values[1])])
+            return _item
         case "select":  # the branch not taken may have no value
-            return values[1] if values[0] else values[2]
-    try:
-        return value_of(node.operator, values)
-    except (ArithmeticError, ValueError):
-        return math.nan
+            return _selected
+    return bound(value_of, operator)
+
+
+def _item(values: Sequence[Any]) -> float:
+    return float(values[0][int(values[1])])
+
+
+def _selected(values: Sequence[Any]) -> Any:
+    return values[1] if values[0] else values[2]
 
 
 def _solved(values: Sequence[float]) -> Any:
@@ -100,51 +201,17 @@ def _solved(values: Sequence[float]) -> Any:
         return np.full(n, math.nan)
 
 
-def _moved(
-    node: Expression, known: dict[Expression, Any], moved: Mapping[Expression, Any], directions: Mapping[Leaf, Any], count: int
-) -> Any:  # fmt: skip
-    """How a node moves; None if it stands still."""
-    if isinstance(node, Symbol):
-        return directions.get(node.key)
-    if not isinstance(node, Apply) or not any(o in moved for o in node.operands):
-        return None
-    match node.operator:
-        case "select":
-            return moved.get(node.operands[1 if known[node.operands[0]] else 2])
-        case "less" | "less_equal" | "equal" | "and" | "or" | "not":
-            return None
-        case "solve":
-            return _system_moved(node, known, moved, count)
-        case "item":
-            return moved[node.operands[0]][int(known[node.operands[1]])]
-        case "add":
-            return sum(moved[o] for o in node.operands if o in moved)
-    return sum(_factor(node, i, known) * moved[o] for i, o in enumerate(node.operands) if o in moved)
-
-
-def _factor(node: Apply, i: int, known: dict[Expression, Any]) -> float:
-    """The derivative of an operator by its operand number i."""
-    if node.operator == "multiply":
-        return float(math.prod(known[o] for j, o in enumerate(node.operands) if j != i))
-    slope = partial(node, i)
-    for inner in _order((slope,), known):
-        known[inner] = _value(inner, known, _no_leaf)
-    return float(known[slope])
-
-
-def _no_leaf(leaf: Leaf) -> float:
-    raise AssertionError(leaf)  # all leaves are known before anything is differentiated
-
-
-def _system_moved(node: Apply, known: Mapping[Expression, Any], moved: Mapping[Expression, Any], count: int) -> Any:
+def _system_moved(
+    operands: Sequence[int], solution: Any, known: Sequence[Any], moved: Sequence[Any], count: int
+) -> Any:
     """A t = r, so A dt = dr - dA t; an array (n, count)."""
     import numpy as np
 
-    n = math.isqrt(len(node.operands))
-    values = [known[o] for o in node.operands]
-    slopes = np.array([moved.get(o, np.zeros(count)) for o in node.operands])
-    matrix = np.array(values[: n * n], dtype=float).reshape(n, n)
-    right = slopes[n * n :] - np.einsum("ijk,j->ik", slopes[: n * n].reshape(n, n, count), known[node])
+    n = math.isqrt(len(operands))
+    still = np.zeros(count)
+    slopes = np.array([still if moved[o] is None else moved[o] for o in operands])
+    matrix = np.array([known[o] for o in operands[: n * n]], dtype=float).reshape(n, n)
+    right = slopes[n * n :] - np.einsum("ijk,j->ik", slopes[: n * n].reshape(n, n, count), solution)
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:

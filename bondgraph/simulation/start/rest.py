@@ -143,6 +143,10 @@ class _Search:
             allowed = CLOSE * (np.abs(lost) @ np.abs(needed)) + np.abs(lost) @ (noise / rows)
             if (np.abs(lost @ needed) > allowed).any():
                 return np.full(len(slope), np.inf)
+            kept = lost / rows / columns  # what every motion keeps (w with w J = 0) stays as it is
+            kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
+            whole = np.concatenate([matrix / columns, kept])
+            return np.linalg.lstsq(whole, np.concatenate([needed, np.zeros(len(kept))]), rcond=SINGULAR)[0] / columns
         change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
         return change / columns
 

@@ -13,9 +13,9 @@ import pytest
 from click.testing import CliRunner
 
 import bondgraph
-from bondgraph.analysis.experiment import make
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
+from bondgraph.studies.sharing import work
 
 TEXT = """
 model Sweep {
@@ -88,7 +88,7 @@ def test_jobs_can_be_sent(model: Any) -> None:
 
     class Sending(Executor):
         def submit(self, function: Any, job: Any) -> Any:  # type: ignore[override]
-            assert function is make
+            assert function is work
             future: Future[Any] = Future()
             future.set_result(pickle.loads(pickle.dumps(function(pickle.loads(pickle.dumps(job))))))
             return future

@@ -16,7 +16,7 @@ import pytest
 
 import bondgraph
 from bondgraph.prepared import chosen_target
-from bondgraph.simulation import many
+from bondgraph.studies import sharing
 from tests.compiling import MODELS
 
 TEXT = """
@@ -121,7 +121,7 @@ def test_whoever_has_threads_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> N
     other = threading.Thread(target=stop.wait)
     other.start()
     try:
-        with many._workers(2) as (own, copied):
+        with sharing._workers(2) as (own, copied):
             assert isinstance(own, ThreadPoolExecutor) and not copied
     finally:
         stop.set()
@@ -135,7 +135,7 @@ def test_an_interruption_ends_it() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         bondgraph.load(TEXT).simulate_many(SETTINGS * 20, workers=2, progress=stop)
-    assert many._MODELS == {}
+    assert sharing._MODELS == {}
 
 
 def test_memory_grows_with_what_is_kept() -> None:

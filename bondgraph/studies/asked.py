@@ -1,0 +1,110 @@
+"""What is asked at each point of a study, and what is answered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis.modes import moving_frequencies
+from ..analysis.operating_point import Asked, operating_point
+from ..analysis.outcome import MODES, Point
+from ..door import CompilationFailed, Study
+from ..errors import RunFailed, UsageError
+from ..simulation.run import Wanted, simulate
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+STEPS = ("equilibrium", "modes", "simulate")
+WRONG = (RunFailed, CompilationFailed, UsageError)
+Settings = Mapping[str, str | float]
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """Why a point has no answer."""
+
+    why: str
+
+
+def why(problem: Exception) -> str:
+    """What went wrong, in one line."""
+    if isinstance(problem, CompilationFailed):
+        return "; ".join(f"{d.code} {d.title}" for d in problem.diagnostics) or "the model does not compile"
+    return str(problem)
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """Numbers by name at each point, in SI and Hz: `of` equilibrium (outputs at rest), modes (frequencies), simulate (outputs at the end)."""
+
+    of: tuple[str, ...]
+    experiment: str | None
+    settings: tuple[tuple[str, str | float], ...]  # of the call
+    outputs: tuple[str, ...] | None
+    wanted: Wanted
+    most: int = MODES  # frequencies
+
+    def answer(self, model: Model, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
+        """At one point. What goes wrong there is part of the answer."""
+        try:
+            return self._numbers(model, {**dict(self.settings), **point})
+        except WRONG as problem:
+            return Failed(why(problem))
+
+    def _numbers(self, model: Model, settings: Settings) -> dict[str, float]:
+        found: dict[str, float] = {}
+        if "equilibrium" in self.of or "modes" in self.of:
+            outputs = self.outputs if "equilibrium" in self.of else None
+            at_rest = operating_point(model, Asked(self.experiment, settings, outputs))
+            if "equilibrium" in self.of:
+                found |= dict(zip(at_rest.program.outputs.names, map(float, at_rest.outputs), strict=True))
+            if "modes" in self.of:
+                frequencies = moving_frequencies(at_rest)[: self.most]
+                found |= {f"frequency {i}": f for i, f in enumerate(frequencies, 1)}
+        if "simulate" in self.of:
+            run = simulate(model, self.experiment, settings, self.outputs, self.wanted)
+            found |= {name: run.final(name) for name in run.names}
+        bad = [name for name, value in found.items() if not np.isfinite(value)]
+        if bad:
+            raise RunFailed(f"`{bad[0]}` is no number there")
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """All that an experiment or a sweep says of a point: analyses and a run, each as it is by itself."""
+
+    experiment: str | None
+    settings: tuple[tuple[str, str | float], ...]
+    studies: tuple[Study, ...]
+    simulates: bool
+    outputs: tuple[str, ...] | None
+    wanted: Wanted
+
+    def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
+        """At one point; what goes wrong there is raised where the answers are put together."""
+        try:
+            return self._point(model, point)
+        except WRONG as problem:
+            return problem
+
+    def _point(self, model: Model, point: Mapping[str, float]) -> Point:
+        settings, found = {**dict(self.settings), **point}, Point(point)
+        for study in self.studies:
+            match study.role:
+                case "equilibrium":
+                    found = replace(found, equilibrium=model.equilibrium(self.experiment, settings, self.outputs))
+                case "modes":
+                    found = replace(found, modes=model.modes(self.experiment, settings))
+                case "response":
+                    made = model.response(
+                        study.given, study.seen, study.low, study.high, study.points, self.experiment, settings
+                    )  # fmt: skip
+                    found = replace(found, responses=(*found.responses, made))
+        if self.simulates:
+            found = replace(found, run=simulate(model, self.experiment, settings, self.outputs, self.wanted))
+        return found

@@ -1,0 +1,142 @@
+"""Distributions of parameters, as they are written: `normal(1.95 um, 50 nm)`, `truncated(normal(…), 1.8 um, 2.1 um)`.
+
+Each is known by its quantiles (the inverse of the distribution function), which is what quasi-random points in the unit cube, and
+correlations by a Gaussian copula, are turned into values by.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..quantities import quantity
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+KINDS = {
+    "normal": ("mean", "standard deviation"),
+    "lognormal": ("mean", "standard deviation"),
+    "uniform": ("low", "high"),
+    "triangular": ("low", "most likely", "high"),
+}
+EDGE = 2.0**-53  # a point on the edge of the cube has no value of a distribution without ends
+_CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """One of `KINDS` with its numbers in SI; cut off at `low` and `high`."""
+
+    kind: str
+    numbers: tuple[float, ...]
+    low: float = -math.inf
+    high: float = math.inf
+
+    def quantiles(self, shares: Array) -> Array:
+        """The values below which these shares lie."""
+        frozen = self._frozen()
+        first, last = float(frozen.cdf(self.low)), float(frozen.cdf(self.high))
+        shares = np.clip(first + shares * (last - first), EDGE, 1 - EDGE)
+        found: Array = np.clip(frozen.ppf(shares), self.low, self.high)
+        return found
+
+    @property
+    def median(self) -> float:
+        """Half of the values lie below it."""
+        return float(self.quantiles(np.array([0.5]))[0])
+
+    def _frozen(self) -> Any:
+        from scipy import stats
+
+        match self.kind, self.numbers:
+            case "normal", (mean, spread):
+                return stats.norm(mean, spread)
+            case "lognormal", (mean, spread):
+                sigma = math.sqrt(math.log1p((spread / mean) ** 2))
+                return stats.lognorm(sigma, scale=mean * math.exp(-(sigma**2) / 2))
+            case "uniform", (low, high):
+                return stats.uniform(low, high - low)
+            case _, (low, mode, high):
+                return stats.triang((mode - low) / (high - low), low, high - low)
+        raise AssertionError(self.kind)
+
+
+def distribution(text: str, unit: str, name: str) -> Distribution:
+    """From its text; `unit` is one of the parameter's kind, `name` the parameter's. Raises `UsageError`."""
+    call = _CALL.fullmatch(text)
+    if call is None or call[1] not in (*KINDS, "truncated"):
+        kinds = ", ".join(f"{k}({', '.join(w)})" for k, w in KINDS.items())
+        raise UsageError(
+            f"{name}: `{text.strip()}` is no distribution; there are {kinds}, and truncated(one of these, low, high)"
+        )
+    parts = _parts(call[2])
+    if call[1] == "truncated":
+        return _truncated(parts, unit, name, text)
+    words = KINDS[call[1]]
+    if len(parts) != len(words):
+        raise UsageError(f"{name}: {call[1]} takes {len(words)} numbers: {', '.join(words)}; this is `{text.strip()}`")
+    spreads = ("standard deviation",)
+    numbers = tuple(
+        _spread(p, unit, name) if word in spreads else quantity(p, unit, name)
+        for p, word in zip(parts, words, strict=True)
+    )
+    return checked(Distribution(call[1], numbers), name)
+
+
+def _spread(text: str, unit: str, name: str) -> float:
+    """A difference: of temperatures one without their zero."""
+    kelvin = "K" if unit == "K" else unit
+    if unit == "K" and "deg" in text:
+        raise UsageError(f"{name}: a standard deviation is a difference; write it in K")
+    return quantity(text, kelvin, name)
+
+
+def _truncated(parts: Sequence[str], unit: str, name: str, text: str) -> Distribution:
+    if len(parts) != 3:
+        raise UsageError(f"{name}: truncated takes a distribution, low and high; this is `{text.strip()}`")
+    inner = distribution(parts[0], unit, name)
+    low, high = (quantity(p, unit, name) for p in parts[1:])
+    return checked(Distribution(inner.kind, inner.numbers, max(low, inner.low), min(high, inner.high)), name)
+
+
+def checked(found: Distribution, name: str) -> Distribution:
+    """The same, if there is such a distribution. Raises `UsageError`."""
+    if not all(map(math.isfinite, found.numbers)):
+        raise UsageError(f"{name}: a distribution has finite numbers")
+    match found.kind, found.numbers:
+        case "normal" | "lognormal", (_, spread) if not spread > 0:
+            raise UsageError(f"{name}: a standard deviation is larger than zero, not {spread:g}")
+        case "lognormal", (mean, _) if not mean > 0:
+            raise UsageError(f"{name}: what is lognormal has a mean above zero, not {mean:g}")
+        case "uniform", (low, high) if not low < high:
+            raise UsageError(f"{name}: uniform goes from low to high; {low:g} is not below {high:g}")
+        case "triangular", (low, mode, high) if not (low <= mode <= high and low < high):
+            raise UsageError(
+                f"{name}: triangular goes from low by the most likely to high; this is {low:g}, {mode:g}, {high:g}"
+            )
+    if not found.low < found.high:
+        raise UsageError(f"{name}: truncated from low to high; {found.low:g} is not below {found.high:g}")
+    ends = found._frozen().cdf([found.low, found.high])
+    if not ends[1] - ends[0] > 1e-12:
+        raise UsageError(f"{name}: nothing of the distribution lies between {found.low:g} and {found.high:g}")
+    return found
+
+
+def _parts(text: str) -> list[str]:
+    """At the commas that stand in no parentheses."""
+    found, depth, begin = [], 0, 0
+    for i, mark in enumerate(text):
+        depth += (mark in "([") - (mark in ")]")
+        if mark == "," and depth == 0:
+            found.append(text[begin:i])
+            begin = i + 1
+    return [*found, text[begin:]]

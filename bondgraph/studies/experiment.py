@@ -1,0 +1,55 @@
+"""An experiment as its author wrote it: every point of its sweeps, with the analyses and the run that it says."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from ..analysis.outcome import Outcome, Point
+from ..simulation.run import Wanted
+from .asked import Settings, Whole, why
+from .sharing import Sharing, answers
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Options(Wanted):
+    """What a call says of the runs of an experiment; as `Model.simulate` takes it."""
+
+    outputs: tuple[str, ...] | None = None
+
+    @property
+    def wanted(self) -> Wanted:
+        """How runs are made."""
+        return Wanted(**{f.name: getattr(self, f.name) for f in fields(Wanted)})
+
+
+def run(model: Model, experiment: str, settings: Settings, options: Options, sharing: Sharing | None = None) -> Outcome:
+    """The experiment of that name ("" the first). Raises as `Model.simulate`."""
+    first = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
+    plan = first.plan
+    left = [s for s in plan.sweeps if s.name not in settings]  # what a call sets is not swept
+    grid = [
+        dict(zip([s.name for s in left], values, strict=True))
+        for values in itertools.product(*(s.values for s in left))
+    ]
+    simulates = plan.stop is not None or not plan.studies
+    asked = Whole(plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted)
+    points = made(model, asked, grid, sharing or Sharing(workers=1))
+    shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
+    return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown)
+
+
+def made(model: Model, asked: Whole, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
+    """The points of a grid; those that failed say why. Raises what went wrong in the first if it went wrong in all."""
+    found: list[Any] = answers(model, asked, grid, sharing)
+    problems = [x for x in found if isinstance(x, Exception)]
+    if problems and len(problems) == len(found):
+        raise problems[0]
+    return tuple(
+        Point(at, failure=why(x)) if isinstance(x, Exception) else x for at, x in zip(grid, found, strict=True)
+    )

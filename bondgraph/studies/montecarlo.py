@@ -1,0 +1,182 @@
+"""A study with chance: what tolerances of parameters do to a model's rest, frequencies or runs.
+
+Points: the sample; for Sobol indices as many more as they need, of which the first are the sample's own; for the tornado each parameter at
+two quantiles, the others at their medians. All are shared out as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import RunFailed, UsageError
+from ..simulation.run import Wanted, check_wanted
+from .asked import Failed, Numbers, Settings
+from .distributions import Distribution, distribution
+from .indices import Indices, indices, mixed
+from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
+from .sharing import Sharing, answers
+from .sweep import check_steps, units_of
+from .tolerances import MonteCarlo, Swing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..model import Model
+
+    Array = NDArray[np.float64]
+
+MOST_INDICES = 1024  # rows that Sobol indices stand on, if nothing is said
+TAILS = 0.1, 0.9  # shares at which the tornado puts a parameter
+MOST_SAMPLES = 10_000_000
+
+
+@dataclass(frozen=True)
+class Chance:
+    """What varies and how it is looked at. `rows`: that Sobol indices stand on, a power of two; 0 none, None as many as there are
+    samples up to 1024."""
+
+    vary: Mapping[str, str | Distribution]
+    correlations: Mapping[tuple[str, str], float]
+    samples: int
+    seed: int
+    rows: int | None
+
+
+def montecarlo(
+    model: Model, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
+    wanted: Wanted, sharing: Sharing,
+) -> MonteCarlo:  # fmt: skip
+    """Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has an answer."""
+    check_steps(of, "a study with chance")
+    check_wanted(wanted)
+    _check(chance, settings)
+    units = units_of(model, tuple(chance.vary), experiment, settings)
+    names = tuple(chance.vary)
+    given = [_distribution(chance.vary[n], units[n], n) for n in names]
+    correlation = correlation_matrix(names, chance.correlations)
+    rows = 0 if correlation is not None else _rows(chance)
+    shares = cube(chance.samples, 2 * len(names) if rows else len(names), chance.seed)
+    sample = values_of(shares[:, : len(names)], given, correlation)
+    parts = [sample]
+    if rows:
+        other = values_of(shares[:rows, len(names) :], given, None)
+        parts += [other, mixed(sample[:rows], other)]
+    parts.append(_tornado_points(given))
+    asked = Numbers(of, experiment, tuple(settings.items()), outputs, wanted)
+    points = [dict(zip(names, map(float, row), strict=True)) for part in parts for row in part]
+    found = answers(model, asked, points, sharing)
+    quantities = tuple(dict.fromkeys(n for x in found if not isinstance(x, Failed) for n in x))
+    bounds = np.cumsum([len(p) for p in parts])[:-1]
+    failures = {i: x.why for i, x in enumerate(found[: len(sample)]) if isinstance(x, Failed)}
+    if len(failures) == len(sample):
+        raise RunFailed(f"not one of {len(sample)} points has an answer; the first: {failures[0]}")
+    tables = np.split(_table(found, quantities), bounds)
+    told: Indices | None = None
+    notes = list(_notes(tables[0], quantities, failures))
+    if rows:
+        told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed)
+        notes += _index_notes(told, lost, rows)
+    elif correlation is not None:
+        notes.append(
+            "the parameters are correlated: no share of a variance is one's own, so there are no Sobol indices"
+        )
+    compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
+    return MonteCarlo(
+        compilation.whole_graph.name, compilation.plan.experiment, of, chance.seed, {n: _text(d) for n, d in zip(names, given, strict=True)},
+        dict(chance.correlations), _units(model, experiment, settings, outputs, units, quantities), names, quantities, sample,
+        tables[0], failures, told, _swing(tables[-1], len(names)), tuple(notes),
+        {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report},
+    )  # fmt: skip
+
+
+def _check(chance: Chance, settings: Settings) -> None:
+    if not chance.vary:
+        raise UsageError("nothing varies: name a parameter and its distribution")
+    if len(chance.vary) > MOST_NAMES:
+        raise UsageError(f"at most {MOST_NAMES} parameters vary at once; these are {len(chance.vary)}")
+    if not 2 <= chance.samples <= MOST_SAMPLES:
+        raise UsageError(f"samples = {chance.samples}: from 2 to {MOST_SAMPLES}")
+    if chance.rows is not None and (chance.rows < 0 or chance.rows & (chance.rows - 1)):
+        raise UsageError(f"Sobol indices stand on a power of two of rows, or on none; not on {chance.rows}")
+    if chance.rows is not None and chance.rows > chance.samples:
+        raise UsageError(f"Sobol indices stand on {chance.rows} rows, but there are only {chance.samples} samples")
+    both = sorted(set(chance.vary) & set(settings))
+    if both:
+        raise UsageError(f"`{both[0]}` is set and varies: one of the two")
+
+
+def _distribution(given: str | Distribution, unit: str, name: str) -> Distribution:
+    from .distributions import checked
+
+    return distribution(given, unit, name) if isinstance(given, str) else checked(given, name)
+
+
+def _rows(chance: Chance) -> int:
+    if chance.rows is not None:
+        return chance.rows
+    return 1 << (min(chance.samples, MOST_INDICES).bit_length() - 1)
+
+
+def _tornado_points(given: Sequence[Distribution]) -> Array:
+    """All at their medians; then each at its two tails."""
+    middle = np.array([d.median for d in given])
+    rows = [middle]
+    for j, one in enumerate(given):
+        for value in one.quantiles(np.array(TAILS)):
+            row = middle.copy()
+            row[j] = value
+            rows.append(row)
+    return np.array(rows)
+
+
+def _swing(table: Array, count: int) -> Swing:
+    return Swing(TAILS, table[0], np.moveaxis(table[1:].reshape(count, 2, -1), 2, 0))
+
+
+def _table(found: Sequence[Any], quantities: Sequence[str]) -> Array:
+    rows = [{} if isinstance(x, Failed) else x for x in found]
+    return np.array([[row.get(n, np.nan) for n in quantities] for row in rows], dtype=float).reshape(len(rows), -1)
+
+
+def _units(
+    model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, units: Mapping[str, str],
+    quantities: Sequence[str],
+) -> dict[str, str]:  # fmt: skip
+    space = model.compilation(model.scene(experiment, settings, outputs=outputs)).state_space
+    of_outputs = {n: space.variables[v].unit for n, v in space.outputs.items()}
+    return dict(units) | {n: of_outputs.get(n, "Hz") for n in quantities}
+
+
+def _notes(table: Array, quantities: Sequence[str], failures: Mapping[int, str]) -> list[str]:
+    notes = []
+    if failures:
+        first = next(iter(failures))
+        notes.append(
+            f"{len(failures)} of {len(table)} points failed and are in no statistic; point {first + 1}: {failures[first]}"
+        )
+    answered = len(table) - len(failures)
+    for name, column in zip(quantities, table.T, strict=True):
+        there = int(np.isfinite(column).sum())
+        if there < answered:
+            notes.append(f"`{name}` is there at {there} of {answered} points only: others have fewer modes that move")
+    return notes
+
+
+def _index_notes(told: Indices | None, lost: int, rows: int) -> list[str]:
+    if told is None:
+        return [f"no Sobol indices: only {rows - lost} of {rows} rows of points have answers throughout"]
+    if lost:
+        return [f"the Sobol indices stand on {told.count} of {rows} rows: {lost} have points that failed"]
+    return []
+
+
+def _text(given: Distribution) -> str:
+    numbers = ", ".join(f"{x:.9g}" for x in given.numbers)
+    inner = f"{given.kind}({numbers})"
+    if given.low == -np.inf and given.high == np.inf:
+        return inner
+    return f"truncated({inner}, {given.low:.9g}, {given.high:.9g})"

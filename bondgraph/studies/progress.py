@@ -1,0 +1,31 @@
+"""A bar on the terminal while points are made. Without a thread of its own, as a process with threads cannot be copied."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .sharing import Progress
+
+
+@contextmanager
+def bar(words: str) -> Iterator[Progress | None]:
+    """Tells how many points are done; None where nobody watches (the errors' stream is no terminal)."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as shown:
+        task = shown.add_task(words, total=None)
+
+        def told(done: int, total: int) -> None:
+            shown.update(task, completed=done, total=total)
+            shown.refresh()
+
+        yield told

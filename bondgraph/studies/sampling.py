@@ -1,0 +1,72 @@
+"""Where a study with chance looks: quasi-random points, and what distributions and correlations make of them.
+
+Points of Sobol's sequence, scrambled by a seed (Owen; `scipy.stats.qmc`), fill the unit cube evenly: means settle nearly as 1/n instead of
+1/sqrt(n). Correlations are those of a Gaussian copula: of the normal variables whose shares the values have (Nelsen, An Introduction to
+Copulas, 2006, section 2.3), so that each parameter keeps its own distribution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import UsageError
+from .distributions import EDGE, Distribution
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MOST_NAMES = 1000
+IMPOSSIBLE = -1e-10  # an eigenvalue below it is no rounding
+
+
+def cube(count: int, size: int, seed: int) -> Array:
+    """Points in the unit cube of so many dimensions, shape (count, size). The first 2^k are as even as any 2^k."""
+    from scipy.stats import qmc
+
+    power = max(0, math.ceil(math.log2(count)))
+    found: Array = qmc.Sobol(size, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count]
+    return found
+
+
+def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], float]) -> Array | None:
+    """Of the copula, by its pairs; None if all are independent. Raises `UsageError` for one that no quantities can have."""
+    if not pairs:
+        return None
+    matrix = np.eye(len(names))
+    seen: set[frozenset[str]] = set()
+    for (one, other), value in pairs.items():
+        for name in (one, other):
+            if name not in names:
+                raise UsageError(f"correlation of `{one}` and `{other}`: `{name}` has no distribution")
+        if one == other or frozenset((one, other)) in seen:
+            raise UsageError(f"correlation of `{one}` and `{other}`: one number for each pair of two")
+        if not -1 <= value <= 1:
+            raise UsageError(f"correlation of `{one}` and `{other}`: {value:g} is not between -1 and 1")
+        seen.add(frozenset((one, other)))
+        i, j = names.index(one), names.index(other)
+        matrix[i, j] = matrix[j, i] = value
+    values, vectors = np.linalg.eigh(matrix)
+    if values[0] < IMPOSSIBLE:
+        weights = vectors[:, 0]
+        told = ", ".join(f"`{names[i]}`" for i in np.argsort(-np.abs(weights)) if abs(weights[i]) > 0.1)
+        raise UsageError(
+            f"no quantities are correlated like this: {told} contradict each other (the matrix has the eigenvalue {values[0]:.3g})"
+        )
+    return matrix
+
+
+def values_of(shares: Array, distributions: Sequence[Distribution], correlation: Array | None) -> Array:
+    """Values (n, k) at points of the unit cube (n, k)."""
+    if correlation is not None:
+        from scipy.special import ndtr, ndtri
+
+        values, vectors = np.linalg.eigh(correlation)
+        root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric, of singular ones as well
+        shares = ndtr(ndtri(np.clip(shares, EDGE, 1 - EDGE)) @ root)
+    return np.stack([d.quantiles(shares[:, j]) for j, d in enumerate(distributions)], axis=1)

@@ -1,0 +1,68 @@
+"""Equilibria, modes or runs over a grid of values."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ..analysis.outcome import Outcome
+from ..door import Study
+from ..errors import UsageError
+from .asked import STEPS, Settings, Whole
+from .experiment import Options, made
+from .sharing import Sharing
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+MOST_POINTS = 1_000_000
+
+
+def sweep(
+    model: Model, values: Mapping[str, str | Sequence[str | float]], of: tuple[str, ...], together: bool, experiment: str | None,
+    settings: Settings, options: Options, sharing: Sharing | None = None,
+) -> Outcome:  # fmt: skip
+    """A grid of values, or (`together`) the first of each, the second of each and so on."""
+    check_steps(of, "a sweep")
+    compilation = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
+    units, plan = units_of(model, tuple(values), experiment, settings), compilation.plan
+    numbers = {name: _numbers(some, units[name], name) for name, some in values.items()}
+    lengths = {len(some) for some in numbers.values()}
+    if together and len(lengths) > 1:
+        raise UsageError("values that go together are as many for each name")
+    rows = list(
+        zip(*numbers.values(), strict=True)
+        if together
+        else itertools.islice(itertools.product(*numbers.values()), MOST_POINTS)
+    )
+    studies = tuple(Study(step) for step in of if step != "simulate")
+    asked = Whole(experiment, tuple(settings.items()), studies, "simulate" in of, options.outputs, options.wanted)
+    points = made(model, asked, [dict(zip(numbers, row, strict=True)) for row in rows], sharing or Sharing(workers=1))
+    shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
+    return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown)
+
+
+def check_steps(of: tuple[str, ...], what: str) -> None:
+    """Raises `UsageError` for what nothing can be made of."""
+    unknown = [step for step in of if step not in STEPS]
+    if unknown or not of:
+        raise UsageError(f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
+
+
+def units_of(model: Model, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
+    """SI units of what is set from outside. Raises `CompilationFailed` for what the model does not have."""
+    quantities = model.compilation(model.scene(experiment, settings)).whole_graph.quantities
+    for name in names:
+        if name not in quantities:  # the compiler says what there is instead
+            _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
+    return {name: quantities[name].unit for name in names}
+
+
+def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple[float, ...]:
+    """In SI, of the unit's kind. Raises `UsageError`."""
+    from ..quantities import quantities, quantity
+
+    if isinstance(values, str):
+        return tuple(quantities(values, unit, name))
+    return tuple(quantity(v, unit, name) if isinstance(v, str) else float(v) for v in values)

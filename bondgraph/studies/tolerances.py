@@ -1,0 +1,148 @@
+"""What a study with chance found: the sample, its statistics, Sobol indices, and how far each parameter swings a quantity."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis.told import finite
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .indices import Indices
+
+    Array = NDArray[np.float64]
+
+SCHEMA = "bondgraph-montecarlo/1"
+SHARES = (0.025, 0.25, 0.5, 0.75, 0.975)
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """Each quantity with all parameters at their medians (m,), and with one of them at the `tails` of its distribution (m, k, 2)."""
+
+    tails: tuple[float, float]
+    middle: Array
+    ends: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """`samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN where a point failed, of which `failures` says why.
+
+    `distributions` as texts with numbers in SI; `indices` None where there are none (`notes` say why). `found("frequency 1")` is a column.
+    """
+
+    model: str
+    experiment: str | None
+    of: tuple[str, ...]
+    seed: int
+    distributions: Mapping[str, str]
+    correlations: Mapping[tuple[str, str], float]
+    units: Mapping[str, str]
+    parameters: tuple[str, ...]
+    quantities: tuple[str, ...]
+    samples: Array
+    values: Array
+    failures: Mapping[int, str]
+    indices: Indices | None
+    swing: Swing
+    notes: tuple[str, ...]
+    shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in which a table shows it
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns: parameters, then quantities."""
+        return (*self.parameters, *self.quantities)
+
+    def __call__(self, name: str) -> Array:
+        """A parameter or quantity at all points (n,). Raises `UsageError`."""
+        if name not in self.names:
+            raise UsageError(f"there is no `{name}` in this study; it has {', '.join(self.names)}")
+        if name in self.quantities:
+            return self.values[:, self.quantities.index(name)]
+        return self.samples[:, self.parameters.index(name)]
+
+    def statistics(self, name: str) -> dict[str, float]:
+        """`count` of the points that have it, `mean`, `standard deviation`, `minimum`, `maximum`, and quantiles by `2.5 %` and so on."""
+        column = self(name)
+        column = column[np.isfinite(column)]
+        if not len(column):
+            return {"count": 0.0}
+        spread = float(column.std(ddof=1)) if len(column) > 1 else math.nan
+        found = {"count": float(len(column)), "mean": float(column.mean()), "standard deviation": spread}
+        found |= {"minimum": float(column.min()), "maximum": float(column.max())}
+        return found | {f"{100 * s:g} %": float(q) for s, q in zip(SHARES, np.quantile(column, SHARES), strict=True)}
+
+    def to_columns(self) -> tuple[dict[str, Array], dict[str, str]]:
+        """Columns by name, and their units."""
+        return {n: self(n) for n in self.names}, dict(self.units)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Parameters and quantities at all points, in SI, into a .csv, .npz, .nc or .mat file; whole or not at all. Raises OSError, `UsageError`."""
+        from ..exports import write_columns
+
+        columns, units = self.to_columns()
+        write_columns(path, columns, units, "point", {"model": self.model, "seed": self.seed})
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-montecarlo/1`: {schema, model, experiment, of, samples, seed, parameters: {name: {unit, distribution}},
+        correlations: [{between: [name, name], value}], quantities: {name: {unit, count, mean, …, swing: {parameter: [low, high]},
+        indices: {parameter: {first, first_interval, total, total_interval}}}}, failures: [{point, why}], notes}, in SI and Hz."""
+        told: dict[str, Any] = {
+            "schema": SCHEMA,
+            "model": self.model,
+            "experiment": self.experiment,
+            "of": list(self.of),
+        }
+        told |= {"samples": len(self), "seed": self.seed}
+        told["parameters"] = {
+            n: {"unit": self.units[n], "distribution": self.distributions[n]} for n in self.parameters
+        }
+        told["correlations"] = [{"between": list(pair), "value": v} for pair, v in self.correlations.items()]
+        told["quantities"] = {n: self._quantity(n, i) for i, n in enumerate(self.quantities)}
+        told["failures"] = [{"point": i, "why": why} for i, why in self.failures.items()]
+        return {**told, "notes": list(self.notes)}
+
+    def _quantity(self, name: str, i: int) -> dict[str, Any]:
+        told: dict[str, Any] = {"unit": self.units[name]}
+        told |= {word: finite(value) for word, value in self.statistics(name).items()}
+        told["swing"] = {p: [finite(x) for x in self.swing.ends[i, j]] for j, p in enumerate(self.parameters)}
+        if self.indices is not None:
+            found = self.indices
+            told["indices"] = {
+                p: {
+                    "first": finite(found.first[i, j]), "first_interval": [finite(x) for x in found.first_interval[i, j]],
+                    "total": finite(found.total[i, j]), "total_interval": [finite(x) for x in found.total_interval[i, j]],
+                }
+                for j, p in enumerate(self.parameters)
+            }  # fmt: skip
+        return told
+
+    def summary(self) -> str:
+        """Tables for terminals: statistics, Sobol indices, swings."""
+        from ..views.studies import montecarlo_text
+
+        return montecarlo_text(self)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Histograms of the quantities. Raises as `Result.plot`."""
+        from ..views.study_plots import plot_histograms
+
+        plot_histograms(self, path)
+
+    def plot_tornado(self, path: str | os.PathLike[str]) -> None:
+        """For each quantity how far each parameter swings it, the strongest on top. Raises as `Result.plot`."""
+        from ..views.study_plots import plot_tornado
+
+        plot_tornado(self, path)

@@ -1,0 +1,180 @@
+"""Products that share factors are computed from common parts: what laws, and above all their derivatives, multiply again and again.
+
+A product is a sign, one part of all that parameters alone decide (which is then computed once in a run), and the factors that move. Of
+these the pair that most products have becomes a part, until no pair is in two (the multiple-operand form of Hosangadi, Fallah and
+Kastner, IEEE Trans. CAD 25, 2006). A sign stays outside, so that a product and its negative are one. Sums stay in the order in which the
+author wrote them: their rounding depends on it, that of a product hardly does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from heapq import heapify, heappop, heappush
+from itertools import combinations, count
+from typing import Any
+
+from ..algebra.expression import MINUS_ONE, Apply, Expression
+from .dependence import INPUT, MODE, STATE, TIME
+from .events import Located, LoweredEvents
+from .limits import Limit, LimitValue
+from .lower import Lowered
+from .multipliers import Solved
+from .order import operations_in_order
+
+LONGEST = 12  # factors; a longer product has too many pairs to look at, and stays as it is
+PRINTED = (
+    "values", "labels", "rates", "jacobian", "claims", "forced", "invariants", "invariant_slopes", "dependents", "sensitivities", "outputs",
+    "switches", "crossings", "events", "limits", "delayed", "bends", "signals", "solved", "energy",
+)  # fmt: skip
+
+_HOLDERS = (Limit, LimitValue, Located, LoweredEvents, Solved)  # that have expressions among their fields
+
+
+def with_shared_products(lowered: Lowered) -> Lowered:
+    """The same values, from fewer multiplications."""
+    printed = {name: getattr(lowered, name) for name in PRINTED}
+    order = operations_in_order(list(_expressions(printed)), {})
+    bits = lowered.dependences(order)
+    products = _Products(lambda x: bits[id(x)] & (TIME | INPUT | STATE | MODE) != 0)
+    for node in order:
+        products.read(node)
+    products.pair()
+    new: dict[Expression, Expression] = {}
+    for node in order:
+        new[node] = products.written(node, new)
+    return replace(lowered, **{name: _mapped(value, new) for name, value in printed.items()})
+
+
+class _Part:
+    """A product that several products have: of two factors, or of all that parameters decide."""
+
+    def __init__(self, factors: Sequence[Expression | _Part]) -> None:
+        self.factors = factors
+        self.value: Expression | None = None  # once it is written
+
+
+Factor = Expression | _Part
+Pair = tuple[int, int]  # numbers of factors, the lower one first
+
+
+class _Products:
+    """Every product as a sign and a list of factors, which have numbers in the order in which they are met."""
+
+    def __init__(self, moves: Any) -> None:
+        self.moves = moves
+        self.numbers: dict[Factor, int] = {}
+        self.factors: list[Factor] = []
+        self.constants: dict[tuple[int, ...], _Part] = {}
+        self.made_of: dict[Apply, list[int]] = {}
+        self.negative: set[Apply] = set()
+
+    def _number(self, factor: Factor) -> int:
+        number = self.numbers.setdefault(factor, len(self.factors))
+        if number == len(self.factors):
+            self.factors.append(factor)
+        return number
+
+    def read(self, node: Apply) -> None:
+        """Take a product apart, if it is one."""
+        if node.operator != "multiply" or len(node.operands) > LONGEST:
+            return
+        rest = [o for o in node.operands if o != MINUS_ONE]
+        if (len(node.operands) - len(rest)) % 2:
+            self.negative.add(node)
+        still = [self._number(o) for o in rest if not self.moves(o)]
+        if len(still) > 1:
+            key = tuple(sorted(still))
+            part = self.constants.setdefault(key, _Part([self.factors[i] for i in key]))
+            still = [self._number(part)]
+        self.made_of[node] = still + [self._number(o) for o in rest if self.moves(o)]
+
+    def pair(self) -> None:
+        """Make parts of the pairs that several products have, the most frequent first."""
+        having: dict[Pair, dict[Apply, None]] = {}
+        for node, numbers in self.made_of.items():
+            for pair in _pairs(numbers):
+                having.setdefault(pair, {})[node] = None
+        turn = (
+            count()
+        )  # of pairs that are as frequent, the one met first: so equal laws are put together in the same way
+        heap = [(-len(nodes), next(turn), pair) for pair, nodes in having.items() if len(nodes) > 1]
+        heapify(heap)
+        while heap:
+            frequency, _, pair = heappop(heap)
+            nodes = having[pair]
+            if len(nodes) < 2:
+                continue
+            if len(nodes) != -frequency:
+                heappush(heap, (-len(nodes), next(turn), pair))
+                continue
+            part = self._number(_Part([self.factors[i] for i in pair]))
+            touched: dict[Pair, None] = {}
+            for node in list(nodes):
+                touched |= dict.fromkeys(self._put(node, pair, part, having))
+            for other in touched:
+                if len(having[other]) > 1:
+                    heappush(heap, (-len(having[other]), next(turn), other))
+
+    def _put(self, node: Apply, pair: Pair, part: int, having: dict[Pair, dict[Apply, None]]) -> Sequence[Pair]:
+        """A part in place of a pair; the pairs that the product has then."""
+        numbers = self.made_of[node]
+        for old in _pairs(numbers):
+            having[old].pop(node, None)
+        for number in pair:
+            numbers.remove(number)
+        numbers.append(part)
+        now = _pairs(numbers)
+        for new in now:
+            having.setdefault(new, {})[node] = None
+        return now
+
+    def written(self, node: Apply, new: dict[Expression, Expression]) -> Expression:
+        """A node over operands that are written already."""
+        numbers = self.made_of.get(node)
+        if numbers is None:
+            operands = tuple(new.get(o, o) for o in node.operands)
+            return node if operands == node.operands else Apply(node.operator, operands, node.closed)
+        parts = tuple(self._written(self.factors[i], new) for i in numbers)
+        value = parts[0] if len(parts) == 1 else Apply("multiply", parts, True)
+        return Apply("multiply", (MINUS_ONE, value), node.closed) if node in self.negative else value
+
+    def _written(self, factor: Factor, new: dict[Expression, Expression]) -> Expression:
+        if isinstance(factor, Expression):
+            return new.get(factor, factor)
+        if factor.value is None:
+            factor.value = Apply("multiply", tuple(self._written(f, new) for f in factor.factors), True)
+        return factor.value
+
+
+def _pairs(numbers: Sequence[int]) -> list[Pair]:
+    return list(dict.fromkeys(combinations(sorted(numbers), 2)))
+
+
+def _expressions(value: Any) -> Iterator[Expression]:
+    """All expressions in fields, tables and lists."""
+    if isinstance(value, Expression):
+        yield value
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from _expressions(key)
+            yield from _expressions(item)
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            yield from _expressions(item)
+    elif isinstance(value, _HOLDERS):
+        for field in fields(value):
+            yield from _expressions(getattr(value, field.name))
+
+
+def _mapped(value: Any, new: dict[Expression, Expression]) -> Any:
+    """The same with other expressions."""
+    if isinstance(value, Expression):
+        return new.get(value, value)
+    if isinstance(value, dict):
+        return {_mapped(key, new): _mapped(item, new) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return type(value)(_mapped(item, new) for item in value)
+    if isinstance(value, _HOLDERS):
+        return replace(value, **{f.name: _mapped(getattr(value, f.name), new) for f in fields(value) if f.init})
+    return value

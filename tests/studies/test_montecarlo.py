@@ -1,0 +1,157 @@
+"""Studies with chance against closed forms: moments, Sobol indices, what fails, the command."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph import UsageError
+from bondgraph.commands import commands
+from bondgraph.studies.sharing import Sharing
+from tests.compiling import MODELS
+
+ISHIGAMI = """
+model Ishigami {
+  parameter a = 0, b = 0, c = 0
+  C spring : F = 1 [N/m]*x
+  Se push : F = 1 N*(sin(a) + 7*sin(b)^2 + 0.1*c^4*sin(a))
+  R drag : F = 1 [N*s/m]*v
+  push -> 1(spring, drag)
+  output y = spring.x/1 m, z = 2*a + b
+}
+"""
+OSCILLATOR = """
+model Oscillator {
+  parameter k: N/m = 100, m = 1 kg
+  I mass : p = m*v
+  C spring : F = k*x { start x = 1 m }
+  1 body
+  body -> mass, spring
+  output x = spring.x
+}
+"""
+ALONE = Sharing(workers=1)
+
+
+def uniform(low: float, high: float) -> str:
+    return f"uniform({low!r}, {high!r})"
+
+
+def test_sobol_indices_of_ishigami() -> None:
+    """Ishigami and Homma, 1990: V = A^2/8 + B pi^4/5 + B^2 pi^8/18 + 1/2 with A = 7, B = 0.1."""
+    ends = uniform(-math.pi, math.pi)
+    found = bondgraph.load(ISHIGAMI).montecarlo(
+        dict.fromkeys("abc", ends), of="equilibrium", samples=1024, sharing=ALONE
+    )  # fmt: skip
+    A, B, pi = 7.0, 0.1, math.pi
+    variance = A**2 / 8 + B * pi**4 / 5 + B**2 * pi**8 / 18 + 0.5
+    alone = np.array([(1 + B * pi**4 / 5) ** 2 / 2, A**2 / 8, 0.0]) / variance
+    both = B**2 * pi**8 * (1 / 18 - 1 / 50) / variance
+    told = found.indices
+    assert told is not None and told.count == 1024 and found.quantities == ("y", "z")
+    assert told.first[0] == pytest.approx(alone, abs=0.03)
+    assert told.total[0] == pytest.approx(alone + np.array([both, 0, both]), abs=0.03)
+    assert told.first[1] == pytest.approx([0.8, 0.2, 0.0], abs=0.01)
+    inside = (told.first_interval[..., 0] <= told.first) & (told.first <= told.first_interval[..., 1])
+    assert inside.all()
+    statistics = found.statistics("y")
+    assert statistics["mean"] == pytest.approx(A / 2, rel=5e-3)
+    assert statistics["standard deviation"] == pytest.approx(math.sqrt(variance), rel=2e-2)
+    low, high = found.swing.ends[1, 0]
+    assert high == pytest.approx(1.6 * math.pi, rel=1e-9) and low == -high
+
+
+def test_frequencies_of_lognormal_stiffness_and_mass() -> None:
+    """ln f = (ln k - ln m)/2 - ln 2 pi is normal; correlated by r its variance is (sk^2 + sm^2 - 2 r sk sm)/4."""
+    vary = {"k": "lognormal(100 N/m, 20 N/m)", "m": "lognormal(1 kg, 0.1 kg)"}
+    sk, sm = math.sqrt(math.log1p(0.04)), math.sqrt(math.log1p(0.01))
+    model = bondgraph.load(OSCILLATOR)
+    for r in (0.0, 0.7):
+        found = model.montecarlo(
+            vary, samples=2048, correlations={("k", "m"): r} if r else None, indices=0, sharing=ALONE
+        )
+        logs = np.log(found("frequency 1"))
+        middle = (math.log(100) - sk**2 / 2 + sm**2 / 2) / 2 - math.log(2 * math.pi)
+        assert logs.mean() == pytest.approx(middle, abs=1e-3)
+        assert logs.std() == pytest.approx(math.sqrt(sk**2 + sm**2 - 2 * r * sk * sm) / 2, rel=5e-3)
+        assert found.indices is None and any("correlated" in n for n in found.notes) == bool(r)
+        np.testing.assert_allclose(found("frequency 1"), np.sqrt(found("k") / found("m")) / (2 * np.pi), rtol=1e-12)
+
+
+def test_runs() -> None:
+    found = bondgraph.load(OSCILLATOR).montecarlo(
+        {"k": "uniform(50 N/m, 150 N/m)"}, of=("simulate", "modes"), samples=64, indices=0, to=0.3, rtol=1e-9, sharing=ALONE
+    )  # fmt: skip
+    assert found.quantities == ("frequency 1", "x")
+    np.testing.assert_allclose(found("x"), np.cos(0.3 * np.sqrt(found("k"))), atol=1e-7)
+
+
+def test_what_fails_is_counted_named_and_in_no_statistic() -> None:
+    """A negative mass is refused: a fifth of the points, whose rows are out of the indices, too."""
+    found = bondgraph.load(OSCILLATOR).montecarlo(
+        {"m": "uniform(-0.25 kg, 1 kg)", "k": "uniform(90 N/m, 110 N/m)"}, samples=64, indices=64, sharing=ALONE
+    )  # fmt: skip
+    bad = found("m") <= 0
+    assert set(found.failures) == set(np.flatnonzero(bad)) and 10 < bad.sum() < 16
+    assert (np.isnan(found("frequency 1")) == bad).all()
+    assert found.statistics("frequency 1")["count"] == 64 - bad.sum()
+    assert any(n.startswith(f"{bad.sum()} of 64 points failed and are in no statistic; point ") for n in found.notes)
+    assert found.indices is not None and found.indices.count == 32 and any("32 of 64 rows" in n for n in found.notes)
+    told = found.to_json()
+    assert len(told["failures"]) == bad.sum() and json.dumps(told, allow_nan=False)
+    with pytest.raises(bondgraph.RunFailed, match="not one of 8 points"):
+        bondgraph.load(OSCILLATOR).montecarlo({"m": "uniform(-2 kg, -1 kg)"}, samples=8, sharing=ALONE)
+
+
+def test_bad_calls() -> None:
+    model = bondgraph.load(OSCILLATOR)
+    vary = {"k": "uniform(50 N/m, 150 N/m)"}
+    for arguments, told in (
+        ({"samples": 1}, "samples = 1"), ({"indices": 100}, "power of two"), ({"indices": 2048}, "only 1000 samples"), ({"of": "rest"}, "not of `rest`"),
+        ({"settings": {"k": 3.0}}, "one of the two"), ({"sharing": Sharing(workers=0)}, "workers = 0"), ({"sharing": Sharing(executor=3)}, "this is int"),
+    ):  # fmt: skip
+        with pytest.raises(UsageError, match=told):
+            model.montecarlo(vary, **arguments)
+    with pytest.raises(bondgraph.CompilationFailed, match="no `q`"):
+        model.montecarlo({"q": "uniform(1, 2)"})
+
+
+def test_manipulators_and_the_command(tmp_path: Path) -> None:
+    """Tolerances of flexures, by hand: half of the swing of a frequency, to first order, is its exact sensitivity times 1.2816 sigma."""
+    out = tmp_path / "m.csv"
+    arguments = [
+        "montecarlo", str(MODELS / "manipulator.bg"), "--vary", "d[1]=normal(1.95 um, 5 nm)", "--vary", "f=uniform(0.42, 0.45)",
+        "--samples", "32", "--indices", "16", "--jobs", "1", "--out", str(out), "--json",
+    ]  # fmt: skip
+    done = CliRunner().invoke(commands, arguments)
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert told["schema"] == "bondgraph-montecarlo/1" and told["samples"] == 32 and told["failures"] == []
+    low, high = told["quantities"]["frequency 3"]["swing"]["d[1]"]
+    slope = bondgraph.load(MODELS / "manipulator.bg").sensitivity(("d[1]",), of="modes").of("frequency 3", "d[1]")
+    assert high - low == pytest.approx(2 * 1.2815515655 * 5e-9 * slope, rel=1e-3)
+    assert out.read_text().count("\n") == 33 and out.read_text().startswith('"d[1] [m]","f [1]","frequency 1 [Hz]"')
+    for extra, words in (
+        (["--correlation", "d[1] f 0.5"], "--correlation takes"), (["--vary", "f=normal(1, 0)"], "larger than zero"), (["--out", "x.txt"], "ends in .csv or .npz"),
+    ):  # fmt: skip
+        done = CliRunner().invoke(commands, [*arguments, *extra])
+        assert done.exit_code == 2 and words in done.output and "Traceback" not in done.output
+
+
+def test_plots(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    vary: dict[str, Any] = {"k": "uniform(50 N/m, 150 N/m)"}
+    found = bondgraph.load(OSCILLATOR).montecarlo(vary, samples=64, sharing=ALONE)
+    found.plot(tmp_path / "h.svg")
+    found.plot_tornado(tmp_path / "t.svg")
+    assert "frequency 1" in (tmp_path / "h.svg").read_text("utf-8") and "quantile" in (tmp_path / "t.svg").read_text(
+        "utf-8"
+    )
+    assert "what moves frequency 1" in found.summary() and "99.7 %" in found.summary()

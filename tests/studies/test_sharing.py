@@ -1,0 +1,233 @@
+"""Who makes the points is all the same: threads, processes, a Dask cluster that loses a worker, or a second attempt after a crash."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph import UsageError
+from bondgraph.studies.journal import SCHEMA, Journal
+from bondgraph.studies.sharing import Sharing, answers
+
+TEXT = """
+model Oscillator {
+  parameter k: N/m = 100, m = 1 kg
+  I mass : p = m*v
+  C spring : F = k*x + 1e3 [N/m^3]*x^3
+  Se push : F = 4 N
+  push -> 1(mass, spring)
+  output x = spring.x
+}
+"""
+VARY = {"k": "uniform(50 N/m, 150 N/m)", "m": "normal(1 kg, 0.05 kg)"}
+
+
+def study(sharing: Sharing, samples: int = 300) -> Any:
+    return bondgraph.load(TEXT).montecarlo(
+        VARY, of=("equilibrium", "modes"), samples=samples, indices=64, sharing=sharing
+    )
+
+
+@pytest.fixture(scope="module")
+def alone() -> Any:
+    return study(Sharing(workers=1))
+
+
+def same(found: Any, alone: Any) -> bool:
+    """To the last bit."""
+    assert found.quantities == ("x", "frequency 1")
+    pairs = [(found.values, alone.values), (found.samples, alone.samples), (found.swing.ends, alone.swing.ends)]
+    pairs += [(found.indices.first, alone.indices.first), (found.indices.total_interval, alone.indices.total_interval)]
+    return all((a == b).all() and not np.isnan(a).any() for a, b in pairs)
+
+
+def test_workers_of_our_own_and_threads(alone: Any) -> None:
+    assert same(study(Sharing(workers=2)), alone)
+    with ThreadPoolExecutor(3) as executor:
+        assert same(study(Sharing(executor=executor)), alone)
+
+
+@dataclass(frozen=True)
+class Counting:
+    """Notes each point that it is asked at."""
+
+    asked: list[int] = field(default_factory=list, compare=False, repr=False)
+    until: int = 10**9
+
+    def answer(self, model: Any, point: int) -> dict[str, float]:
+        if len(self.asked) >= self.until:
+            raise KeyboardInterrupt
+        self.asked.append(point)
+        return {"square": float(point) ** 2}
+
+
+POINTS = list(range(1000))
+
+
+def made(question: Counting, path: Path, points: list[int] = POINTS) -> list[Any]:
+    journal = Journal(path)
+    try:
+        return answers(bondgraph.load(TEXT), question, points, Sharing(workers=1, journal=journal))
+    finally:
+        journal.close()
+
+
+def test_after_a_crash_nothing_is_made_twice_and_nothing_is_lost(tmp_path: Path) -> None:
+    path, asked = tmp_path / "j", list[int]()
+    for until in (300, 700):
+        with pytest.raises(KeyboardInterrupt):
+            made(replaced(asked, until), path)
+    kept = path.stat().st_size
+    found = made(replaced(asked, 10**9), path)
+    assert [x["square"] for x in found] == [float(i) ** 2 for i in POINTS]
+    assert set(asked) == set(POINTS) and len(asked) < 1000 + 2 * 64  # of each crash the task that was on its way
+    assert path.stat().st_size > kept
+    again = list[int]()
+    assert made(replaced(again, 10**9), path) == found and again == []
+
+
+def replaced(asked: list[int], until: int) -> Counting:
+    """As a question that differs in nothing that a journal looks at."""
+    found = Counting(asked)
+    object.__setattr__(found, "until", until)
+    return _Quiet(found)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class _Quiet:
+    inner: Counting = field(repr=False)
+
+    def answer(self, model: Any, point: int) -> dict[str, float]:
+        return self.inner.answer(model, point)
+
+
+@pytest.mark.parametrize("cut", [1, 40, 500])
+def test_a_tail_that_is_not_whole_is_made_again(tmp_path: Path, cut: int) -> None:
+    path = tmp_path / "j"
+    found = made(Counting(), path)
+    content = path.read_bytes()
+    for tail in (content[:-cut], content[:-cut] + bytes(cut)):
+        path.write_bytes(tail)
+        again = Counting()
+        assert made(again, path) == found
+        assert again.asked == POINTS[-len(again.asked) :] and 0 < len(again.asked) <= 64
+        last = Counting()
+        assert made(last, path) == found and last.asked == []
+
+
+def test_a_journal_of_something_else(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    made(Counting(), path)
+    for wrong in (lambda: made(Counting(), path, POINTS[:-1]), lambda: made(Counting(until=5), path)):
+        with pytest.raises(UsageError, match="journal of another study"):
+            wrong()
+    (tmp_path / "text").write_text("model A {}")
+    with pytest.raises(UsageError, match="is no journal"):
+        made(Counting(), tmp_path / "text")
+    (tmp_path / "begun").write_bytes(SCHEMA[:5])
+    assert len(made(Counting(), tmp_path / "begun")) == 1000
+
+
+def test_a_journal_runs_nothing(tmp_path: Path) -> None:
+    """A record that would call something when it is read."""
+    import hashlib
+
+    class Evil:
+        def __reduce__(self) -> Any:
+            return os.mkdir, (str(tmp_path / "made"),)
+
+    path = tmp_path / "j"
+    made(Counting(), path)
+    content = path.read_bytes()
+    body = pickle.dumps([Evil()])
+    head = (0).to_bytes(8, "little") + len(body).to_bytes(8, "little")
+    path.write_bytes(content[: len(SCHEMA) + 32] + head + hashlib.sha256(head + body).digest() + body)
+    with pytest.raises(UsageError, match="holds what no study writes"):
+        made(Counting(), path)
+    assert not (tmp_path / "made").exists()
+
+
+def test_one_at_a_time(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    first = Journal(tmp_path / "j")
+    first.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    with pytest.raises(UsageError, match="in use by another process"):
+        made(Counting(), tmp_path / "j")
+    first.close()
+    assert len(made(Counting(), tmp_path / "j")) == 1000
+
+
+def test_sweeps_and_runs_go_on_from_a_journal(tmp_path: Path) -> None:
+    """What is kept are whole results, as well: they come back as they were."""
+    model = bondgraph.load(TEXT)
+    for _ in range(2):
+        journal = Journal(tmp_path / "runs")
+        many = model.simulate_many(
+            [{"k": 80.0 + i} for i in range(5)], None, 0.2, workers=1, target="numpy", journal=journal
+        )
+        journal.close()
+        np.testing.assert_array_equal(many["x"][2], model.simulate(None, {"k": 82.0}, 0.2, target="numpy")["x"])
+        journal = Journal(tmp_path / "sweep")
+        found = model.sweep(
+            {"k": "80 N/m .. 90 N/m : 5"}, ("equilibrium", "modes"), sharing=Sharing(1, journal=journal)
+        )
+        journal.close()
+        assert found[2].modes is not None and found[2].modes[-1].energy == model.modes(settings={"k": 85.0})[-1].energy
+
+
+def test_a_dead_worker_is_told(alone: Any) -> None:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with (
+        ProcessPoolExecutor(1, get_context("spawn")) as executor,
+        pytest.raises(bondgraph.RunFailed, match="a worker died"),
+    ):
+        answers(bondgraph.load(TEXT), _Dying(), [0, 1], Sharing(executor=executor))
+
+
+@dataclass(frozen=True)
+class _Dying:
+    def answer(self, model: Any, point: Mapping[str, float]) -> None:
+        os._exit(1)
+
+
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed", reason="distributed is not installed")
+    import dask
+
+    quiet = {"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.gil.enabled": False}
+    with (
+        dask.config.set(quiet),
+        distributed.LocalCluster(
+            2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as made,
+        distributed.Client(made) as client,
+    ):
+        yield client
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_loses_a_worker(cluster: Any, alone: Any) -> None:
+    pids = list(cluster.run(os.getpid).values())
+    done: list[int] = []
+
+    def watch(count: int, total: int) -> None:
+        if not done:
+            os.kill(pids[0], signal.SIGKILL)
+        done.append(count)
+
+    assert len(pids) == 2 and same(study(Sharing(executor=cluster, progress=watch)), alone)
+    assert done[-1] == 300 + 64 * 3 + 5 and sorted(set(done)) == done
+    assert pids[0] not in cluster.run(os.getpid).values()
