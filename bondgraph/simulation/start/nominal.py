@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments import Segment, follower
 from ..steps.factorise import is_large, once, sparse
+from .ahead import trusted
 
 if TYPE_CHECKING:
     from ..steps.compiled.coarse_run import CompiledCoarse, CompiledEuler
@@ -38,9 +39,6 @@ CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
 ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves, which is rounding
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
-ASTRAY = 1e3  # times what the beginning says
-FAR = 2.0  # times as much as a steady growth would bring
-PARTS, SHORTER = 6, 0.1  # of the way, each so much of the next, that are looked at then
 LARGEST = 200  # states up to which the modes are computed
 SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
 SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
@@ -50,6 +48,15 @@ class Looks(Protocol):
     """Looks at states on the way; where it sees something, what follows says nothing any more."""
 
     def look(self, time: float, state: Any, mode: Any) -> object | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A coarse run: the largest magnitudes on the way, those that the beginning tells, shape (n,), and where it gave up."""
+
+    largest: Any
+    beginning: Any
+    stopped: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +90,16 @@ def nominal_magnitudes(
     peak = np.maximum(np.abs(state), largest)
     stopped = None
     if len(program.states.names):
-        coarse, found = _looked_ahead(program, constants, inputs, state, constraints, stretches, choice)
-        peak, stopped = np.maximum(peak, found), coarse.stopped
+
+        def look_along(way: Sequence[Segment]) -> Look:
+            coarse = _Coarse(program, constants, inputs, state, constraints)
+            return Look(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
+
+        first = stretches[0]
+        look = trusted(
+            look_along, program, stretches, len(program.signals(first.start, inputs, constants, first.mode)) > 0
+        )
+        peak, stopped = np.maximum(peak, look.largest), look.stopped
     result = np.where(given > 0, given, peak)
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
@@ -99,51 +114,6 @@ def nominal_magnitudes(
     result[unknown] = 1.0
     names = (*program.states.names, *program.unknowns.names)
     return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
-
-
-def _looked_ahead(
-    program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None, stretches: Sequence[Segment],
-    choice: Looks | None,
-) -> tuple[_Coarse, Any]:  # fmt: skip
-    """A coarse run and the largest magnitudes in it; of its beginning only, where steps much longer than a swing have led it astray.
-
-    What nothing drives swings about as far as it did at first, or grows by and by: then its tolerances grow with it. Where states get far from
-    where they began, they must do so on a tenth, a hundredth … of the way as well, in proportion;
-    the longest part of the way counts that passes, or the shortest if none does on all of these.
-    """
-    first, fixed = stretches[0], (program, constants, inputs, state, constraints)
-    coarse = _Coarse(*fixed)
-    found = coarse.peak(stretches, choice)
-    alone = len(stretches) == 1 and not len(program.signals(first.start, inputs, constants, first.mode))
-    if not alone or len(state) > LARGEST or (found <= ASTRAY * coarse.beginning).all():
-        return coarse, found
-    looks = [(coarse, found)]
-
-    def look(part: int) -> tuple[_Coarse, Any]:
-        while len(looks) <= part:
-            stop = first.start + (first.stop - first.start) * SHORTER ** len(looks)
-            other = _Coarse(*fixed)
-            looks.append((other, other.peak((replace(first, stop=stop),), choice)))
-        return looks[part]
-
-    def is_sound(part: int, most: int) -> bool:
-        shorter = range(1, most + 1)
-        return all(_follows_from(program, look(part)[1], look(part + k)[1], FAR * SHORTER**-k) for k in shorter)
-
-    parts = [(part, 5) for part in range(PARTS)] + [(part, 2) for part in reversed(range(PARTS))]
-    return next((looks[part] for part, most in parts if is_sound(part, most)), (coarse, found))
-
-
-def _follows_from(program: Program, found: Any, before: Any, times: float) -> bool:
-    """Whether magnitudes are not so many times beyond those of a part of the way."""
-    most = times * np.maximum(before, SLIGHT * _of_its_like(program, before))
-    return bool((found <= np.where(most > 0, most, np.inf)).all())
-
-
-def _of_its_like(program: Program, values: Any) -> Any:
-    """The largest among the states and unknowns of one unit, for each of them."""
-    units = np.array([*program.states.units, *program.unknowns.units])
-    return np.array([values[units == unit].max() for unit in units]) if len(units) else values
 
 
 def smallest_angles(program: Program) -> Any:
