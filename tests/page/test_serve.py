@@ -209,7 +209,7 @@ def test_a_run_without_end_is_stopped() -> None:
 # ---------------------------------------------------------------- in a browser
 
 
-def until(page: Any, expression: str, patience: float = 20.0) -> Any:
+def until(page: Any, expression: str, patience: float = 60.0) -> Any:
     """What an expression is, as soon as it is something."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
