@@ -11,7 +11,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compiler.algebra.affine import affine_parts
     from compiler.algebra.derivative import NoSlope, derivative
-    from compiler.algebra.expression import Apply, Expression, Number, Symbol, depends_on, evaluate, symbols, value_of
+    from compiler.algebra.expression import (
+        Apply,
+        Expression,
+        Number,
+        Symbol,
+        call,
+        depends_on,
+        evaluate,
+        select,
+        substitute,
+        symbols,
+        value_of,
+    )  # fmt: skip
     from compiler.algebra.formula import Bound
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
@@ -21,6 +33,7 @@ if TYPE_CHECKING:
     from compiler.codegen.llvm.described import Described, bind
     from compiler.codegen.lower import Lowered
     from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
+    from compiler.codegen.series import Expansion, Series
     from compiler.codegen.tape import Tape
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
@@ -45,10 +58,11 @@ if TYPE_CHECKING:
     from compiler.semantics.scales import scale_of
     from compiler.semantics.scope import RESERVED
     from compiler.semantics.unit import read_unit
+    from compiler.semantics.within import project_folder
     from compiler.source import Source, Span, read_text
     from compiler.syntax import parse_expression, parse_law
     from compiler.syntax.format import format_text
-    from compiler.syntax.tree import Literal, Negative, Path
+    from compiler.syntax.tree import Experiment, Literal, Negative, Path
     from compiler.writing import write_text
     from compiler.writing.literals import bond_lines, braces, number_text
 
@@ -62,6 +76,8 @@ _HOMES = {
     "value_of": "algebra.expression",
     "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
+    "call": "algebra.expression", "select": "algebra.expression",
+    "substitute": "algebra.expression",
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
@@ -71,6 +87,7 @@ _HOMES = {
     "ValuesNeeded": "errors",
     "render": "errors",
     "SECOND": "graph.units",
+    "Experiment": "syntax.tree",
     "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space",
     "Override": "scene",
@@ -78,7 +95,8 @@ _HOMES = {
     "Reported": "scene",
     "Scene": "scene",
     "SOLVERS": "scene",
-    "Unsupported": "semantics.errors", "read_unit": "semantics.unit", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
+    "Unsupported": "semantics.errors", "read_unit": "semantics.unit",
+    "project_folder": "semantics.within", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
     "read_text": "source",
     "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
@@ -90,20 +108,118 @@ _HOMES = {
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
-    "Leaf": "codegen.limits", "Lowered": "codegen.lower", "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",
+    "Leaf": "codegen.limits",
+    "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lower",
+    "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",
 }  # fmt: skip
 
 __all__ = [
-    "BUNDLES", "DOMAINS", "ELEMENT_KINDS", "INTS", "RESERVED", "SECOND", "SOLVERS", "Apply", "Assignment", "Because", "Body",
-    "BondGraph", "Bound", "CausalGraph", "Certificate", "Compilation", "CompilationFailed", "Cost", "Dependence", "Described",
-    "Diagnostic", "Element", "EquationSystem", "EventNote", "Expression", "Facts", "Fields", "Floats", "GraphNode", "Handed",
-    "Hybrid", "InternalError", "Ints", "Joint", "Junction", "Kind", "Leaf", "LimitNote", "LinearLoop", "Literal", "Lowered",
-    "MachineCode", "Mechanism", "MechanismNode", "Negative", "NoSlope", "Number", "Numbers", "Override", "Path", "Plan",
-    "PowerPort", "Program", "Quantity", "Reading", "Record", "Reported", "Scene", "Source", "Span", "StateSpace", "Storage",
-    "Study", "Symbol", "Tape", "Unknown", "Unsupported", "ValuesNeeded", "affine_parts", "bind", "blocks", "bond_lines", "braces",
-    "check_source", "cost", "dependences", "depends_on", "derivative", "evaluate", "examine", "format_text", "freedoms_of",
-    "native_available", "number_text", "object_code", "parse_expression", "parse_law", "processor", "read_text", "read_unit",
-    "record_of", "render", "scale_of", "symbols", "to_sympy", "translate", "uncollected", "value_of", "write_text",
+    "BUNDLES",
+    "DOMAINS",
+    "ELEMENT_KINDS",
+    "INTS",
+    "RESERVED",
+    "SECOND",
+    "SOLVERS",
+    "Apply",
+    "Assignment",
+    "Because",
+    "Body",
+    "BondGraph",
+    "Bound",
+    "CausalGraph",
+    "Certificate",
+    "Compilation",
+    "CompilationFailed",
+    "Cost",
+    "Dependence",
+    "Described",
+    "Diagnostic",
+    "Element",
+    "EquationSystem",
+    "EventNote",
+    "Expansion",
+    "Experiment",
+    "Expression",
+    "Facts",
+    "Fields",
+    "Floats",
+    "GraphNode",
+    "Handed",
+    "Hybrid",
+    "InternalError",
+    "Ints",
+    "Joint",
+    "Junction",
+    "Kind",
+    "Leaf",
+    "LimitNote",
+    "LinearLoop",
+    "Literal",
+    "Lowered",
+    "MachineCode",
+    "Mechanism",
+    "MechanismNode",
+    "Negative",
+    "NoSlope",
+    "Number",
+    "Numbers",
+    "Override",
+    "Path",
+    "Plan",
+    "PowerPort",
+    "Program",
+    "Quantity",
+    "Reading",
+    "Record",
+    "Reported",
+    "Scene",
+    "Series",
+    "Source",
+    "Span",
+    "StateSpace",
+    "Storage",
+    "Study",
+    "Symbol",
+    "Tape",
+    "Unknown",
+    "Unsupported",
+    "ValuesNeeded",
+    "affine_parts",
+    "bind",
+    "blocks",
+    "bond_lines",
+    "braces",
+    "call",
+    "check_source",
+    "cost",
+    "dependences",
+    "depends_on",
+    "derivative",
+    "evaluate",
+    "examine",
+    "format_text",
+    "freedoms_of",
+    "native_available",
+    "number_text",
+    "object_code",
+    "parse_expression",
+    "parse_law",
+    "processor",
+    "project_folder",
+    "read_text",
+    "read_unit",
+    "record_of",
+    "render",
+    "scale_of",
+    "select",
+    "substitute",
+    "symbols",
+    "to_sympy",
+    "translate",
+    "uncollected",
+    "value_of",
+    "write_text",
 ]  # fmt: skip
 
 

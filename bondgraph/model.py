@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from . import door
 from .errors import UsageError
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from .analysis.branch import Branch
     from .analysis.equilibrium import Equilibrium
-    from .analysis.inversion import Inversion
+    from .analysis.inversion.feed_forward import FeedForward
+    from .analysis.inversion.static import Inversion
     from .analysis.linear import Linearization
     from .analysis.modes import Modes
     from .analysis.operating_point import Asked, OperatingPoint
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from .analysis.response import Measured, Response
     from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
-    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source, StateSpace
     from .ensembles import Ensemble
     from .prepared import Prepared
     from .results import Result
@@ -102,6 +103,16 @@ class Model:
                 compilation.__dict__["_built"] = like.__dict__["_built"]
             _kept(self._compilations, key, compilation)
         return self._compilations[key]
+
+    @property
+    def compiled(self) -> int:
+        """How many scenes are held in compiled form."""
+        return len(self._compilations)
+
+    def forget(self) -> None:
+        """Let go of all that was compiled; it is made anew, or fetched from the cache, where it is asked for again."""
+        self._compilations.clear()
+        self._prepared.clear()
 
     def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
         """The program for one scene and what a run asks besides; from the cache if it has been there before."""
@@ -233,6 +244,10 @@ class Model:
 
         return symbolic_port_hamiltonian(self._with_inputs())
 
+    def ordered_equations(self) -> StateSpace:
+        """The equations step by step, in the order in which they are computed, with every input as a symbol."""
+        return self._with_inputs().state_space
+
     def equations(self, latex: bool = False) -> str:
         """The causally ordered equations as text, or as LaTeX."""
         from .views.equations import equations_text
@@ -349,21 +364,35 @@ class Model:
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most)
 
+    @overload
     def invert(
         self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None,
-    ) -> Inversion:  # fmt: skip
-        """Inputs that hold outputs at their `targets` (texts with units, or SI), statically. Of `inputs`, `push1/pull1` is a pair of
-        which one is zero; there are as many inputs or pairs as targets. Raises as `operating_point`, and `RunFailed` if there are none."""
-        from .analysis.inversion import asked_for, drives_of, invert
-        from .analysis.operating_point import Asked
-        from .analysis.sensitivity import independent
+    ) -> Inversion: ...  # fmt: skip
 
-        drives = drives_of(inputs)
-        names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
-        _, fixed = independent(self, names, experiment, settings or {})
-        wanted = asked_for(self, targets, experiment)
-        return invert(self.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+    @overload
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float, start: str | float = 0.0, points: int = 501,
+        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+    ) -> FeedForward: ...  # fmt: skip
+
+    def invert(
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
+        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+    ) -> Inversion | FeedForward:  # fmt: skip
+        """Inputs that give outputs. Of `inputs`, `push1/pull1` is a pair of which one is zero; there are as many inputs or pairs as targets.
+
+        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at rest. With it: inputs over time, from `start`
+        to `to`, with which outputs go along `targets`, expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)"; from
+        rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`, `RunFailed` if there are none, and
+        `UsageError` where a path is not smooth enough.
+        """
+        from .analysis.inversion.asking import inverted
+
+        along = None if to is None else (start, to, points, moving, limits or {})
+        return inverted(self, targets, inputs, experiment, dict(settings or {}), along)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import (
+    TABLES,
     check_target,
     experiment_option,
     file_argument,
@@ -59,7 +60,7 @@ if TYPE_CHECKING:
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
-@click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
+@click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @jobs_option
 @journal_option
@@ -74,7 +75,7 @@ def command(
 
     with problems_told():
         if out is not None:
-            check_target(out, (".csv", ".npz"), "--out")
+            check_target(out, TABLES, "--out")
         if plot is not None:
             check_target(plot, (".png", ".svg", ".pdf"), "--plot")
         from .. import native
@@ -121,10 +122,7 @@ def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summ
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
     if out is not None:
-        if out.endswith(".csv"):
-            result.to_csv(out)
-        else:
-            result.to_npz(out)
+        result.write(out)
     if plot is not None and len(result.time) > 1:
         result.plot(plot)
     if as_json:
@@ -165,7 +163,7 @@ def _run_all(
     """An experiment that sweeps, or analyses instead of a simulation."""
     out, plot, as_json = shown
     if out is not None:
-        check_target(out, (".csv", ".npz"), "--out (of an experiment with a sweep or an analysis)")
+        check_target(out, TABLES, "--out (of an experiment with a sweep or an analysis)")
     with shared_out(*by, "points") as sharing:
         found = model.run(experiment, sharing=sharing, **arguments)
     if out is not None:

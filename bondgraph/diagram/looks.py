@@ -11,6 +11,12 @@ from .glyphs import LETTER, NAME, PORT
 INK, PALE, GROUND = "#1c1c1c", "#6a6a6a", "#ffffff"
 MARKS: Mapping[str, str] = {"derivative": "#c44a00", "loop": "#0068b0"}
 
+# What each colour is on a dark page.
+DARK: Mapping[str, str] = {
+    INK: "#e8e8e8", PALE: "#a2a8ad", GROUND: "#16191c", "#9a9a9a": "#6d7378", "#5b6b7a": "#9db0c2", "#dfe6ec": "#2c3944", "#f1f1f1": "#2a2e31",
+    "#8a4b00": "#e2a14e", "#c44a00": "#ff9a5c", "#0068b0": "#5eb6f5",
+}  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Look:

@@ -49,16 +49,16 @@ def _parts(mechanism: Mechanism) -> tuple[str, ...]:
 
 def _pose(reference: Sequence[Bound], values: list[float], graph: BondGraph) -> Pose:
     """From what a body reads: poses are absolute, and a picture turns the body from its reference."""
-    before = _quaternion(numbers_of(graph, reference))
+    before = quaternion(numbers_of(graph, reference))
     if len(values) == len(PLANE):
         x, y, phi = values
-        place, now = (x, y, 0.0), _quaternion((0.0, 0.0, phi))
+        place, now = (x, y, 0.0), quaternion((0.0, 0.0, phi))
     else:
         place, now = (values[0], values[1], values[2]), (values[3], values[4], values[5], values[6])
     return Pose(place, _after(now, (before[0], -before[1], -before[2], -before[3])))
 
 
-def _quaternion(turn: Vector) -> Turn:
+def quaternion(turn: Vector) -> Turn:
     """The unit quaternion of a rotation vector."""
     angle = math.hypot(*turn)
     share = math.sin(angle / 2) / angle if angle else 0.5

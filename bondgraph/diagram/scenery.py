@@ -80,7 +80,7 @@ def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] 
         if frame.body in held:
             held[frame.body].append(stage.on(frame.body, stage.vector(frame.position)))
     limbs = tuple(_limb(stage, b, held[b.name]) for b in mechanism.bodies)
-    springs = dict(_springs(graph, node))
+    springs = dict(springs_of(graph, node))
     links = []
     for joint in joints:
         first, second = ends[joint.name]
@@ -114,7 +114,7 @@ def _carried(limb: Limb | None, otherwise: Point) -> Point:
     return sum(p[0] for p in around) / len(around), sum(p[1] for p in around) / len(around)
 
 
-def _springs(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tuple[str, ...]]]:
+def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Joint -> the springs at its ports, directly or over junctions of one flow."""
     number = graph.nodes.index(node)
     found: dict[str, list[str]] = {}

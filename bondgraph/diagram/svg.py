@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
-from .looks import LOOKS, MARKS, Look
+from .looks import DARK, LOOKS, MARKS, Look
 
 FACES = {
     "serif": "'STIX Two Text','Times New Roman',Times,'Liberation Serif','DejaVu Serif',serif",
@@ -14,18 +14,24 @@ FACES = {
 }
 
 
-def svg_text(figure: Figure) -> str:
-    """The text of an SVG file."""
-    return "\n".join(_lines(figure)) + "\n"
+def svg_text(figure: Figure, rules: bool = True) -> str:
+    """The text of an SVG file; without `rules` for a page that has them in its own style."""
+    return "\n".join(_lines(figure, rules)) + "\n"
 
 
-def _lines(figure: Figure) -> Iterator[str]:
+def style_rules() -> str:
+    """The looks as rules, in light and dark; they stand inside the picture and say nothing of what is around it."""
+    return f"{''.join(_rules())}@media (prefers-color-scheme:dark){{{''.join(_dark_rules())}}}"
+
+
+def _lines(figure: Figure, rules: bool) -> Iterator[str]:
     size = (
         f'width="{_n(figure.width)}" height="{_n(figure.height)}" viewBox="0 0 {_n(figure.width)} {_n(figure.height)}"'
     )
     yield f'<svg xmlns="http://www.w3.org/2000/svg" class="bondgraph" {size} role="img">'
     yield f"<title>{_words(figure.title)}</title>"
-    yield f"<style>{''.join(_rules())}</style>"
+    if rules:
+        yield f"<style>{style_rules()}</style>"
     yield f'<rect class="ground" width="{_n(figure.width)}" height="{_n(figure.height)}"/>'
     for group in figure.groups:
         yield from _group(group)
@@ -33,10 +39,22 @@ def _lines(figure: Figure) -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    """The looks as rules; they stand inside the picture and say nothing of what is around it."""
     for name, look in LOOKS.items():
         yield f".bondgraph .{name}{{{_rule(look)}}}"
-    for mark, colour in MARKS.items():
+    yield from _marked(MARKS)
+
+
+def _dark_rules() -> Iterator[str]:
+    """The colours alone."""
+    for name, look in LOOKS.items():
+        fill = "none" if not look.filled and not look.size else DARK[look.inside or look.colour]
+        stroke = f"stroke:{DARK[look.colour]}" * (not look.size and look.width > 0)
+        yield f".bondgraph .{name}{{fill:{fill};{stroke}}}"
+    yield from _marked({mark: DARK[colour] for mark, colour in MARKS.items()})
+
+
+def _marked(marks: Mapping[str, str]) -> Iterator[str]:
+    for mark, colour in marks.items():
         texts = ",".join(f".bondgraph .{mark} .{n}" for n, k in LOOKS.items() if k.marked and k.size)
         strokes = ",".join(f".bondgraph .{mark} .{n}" for n, k in LOOKS.items() if k.marked and not k.size)
         yield f"{texts}{{fill:{colour}}}{strokes}{{stroke:{colour}}}"

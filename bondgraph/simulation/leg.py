@@ -235,7 +235,8 @@ class Leg:
         """
         program = self.program
         self.choice = self._choice()
-        self.trajectory = empty(program, self.instants)
+        settled, self.trajectory = self.trajectory.settled, empty(program, self.instants)
+        self.trajectory.settled = settled
         try:
             integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,

@@ -62,6 +62,9 @@ class Trajectory:
     final: Any = None
     poses: list[SingularPose] = field(default_factory=list)  # that were passed
     handover: Handover | None = None  # the run stops there: other states should go on
+    settled: int | None = (
+        None  # the method that goes on whatever the next stretch looks like, and the next leg of this program
+    )
     solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
     pieces: list[Segment] = field(default_factory=list)  # of the stretches, with their modes, as they were run through
     peak: Any = None  # the largest magnitudes on the way

@@ -12,7 +12,7 @@ from .tables import aligned, short, visible
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
-    from ..analysis.inversion import Inversion
+    from ..analysis.inversion.static import Inversion
     from ..analysis.linear import Linearization
     from ..analysis.modes import Mode, Modes
     from ..analysis.outcome import Outcome

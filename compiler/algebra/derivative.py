@@ -142,7 +142,9 @@ def partial(node: Apply, i: int) -> Expression:
         case "log10":
             return divide(Number(0.4342944819032518), x)
         case "sqrt":
-            return select(call("less", ZERO, x), divide(Number(0.5), node), ZERO)
+            return select(
+                call("equal", x, ZERO), ZERO, divide(Number(0.5), node)
+            )  # of a negative number: none, as the root
         case "abs":
             return select(call("less", x, ZERO), MINUS_ONE, ONE)
         case "sign" | "floor" | "ceil":

@@ -7,15 +7,16 @@ from dataclasses import replace
 
 from ..algebra.expression import Symbol
 from ..algebra.formula import Bound, Formula
-from ..errors import Diagnostic
+from ..errors import CompilationFailed, Diagnostic
 from ..graph.network import Named
 from ..graph.units import ONE, SECOND
 from ..scene import SOLVERS, Override, Plan, Reported, Scene
-from ..syntax import tree
+from ..source import Source, Span
+from ..syntax import parse_expression, tree
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from .scales import scale_of
-from .scope import ModelDefinition, Pending, Scalar, Scope, Wrong, describe, suggestion
+from .scope import AlreadyTold, ModelDefinition, Pending, Scalar, Scope, Wrong, describe, suggestion
 from .studies import read_study, read_sweep
 
 SETTINGS = ("rtol", "atol", "points")
@@ -97,7 +98,7 @@ def read_plan(
                 study = elaborator.guard(read_study, elaborator, step, root, outputs)
                 plan = replace(plan, studies=(*plan.studies, study)) if study is not None else plan
     plan = replace(plan, report=tuple(report))
-    return plan, _wanted(elaborator, outputs, plan, scene)
+    return plan, _wanted(elaborator, outputs, plan, scene, root)
 
 
 def _before_simulate(step: tree.Study, experiment: tree.Experiment | None) -> bool:
@@ -114,16 +115,30 @@ def _alias(scalar: Scalar, name: str, pending: Pending) -> Named:
     )
 
 
-def _wanted(elaborator: Elaborator, outputs: dict[str, Named], plan: Plan, scene: Scene) -> Mapping[str, Named]:
+def _wanted(
+    elaborator: Elaborator, outputs: dict[str, Named], plan: Plan, scene: Scene, root: Scope
+) -> Mapping[str, Named]:
     if scene.outputs is not None:
         for name in scene.outputs:
-            if name not in outputs:
+            if name not in outputs and not _asked_for(elaborator, name, root, outputs):
                 hint = suggestion(name, list(outputs), f"Outputs: {', '.join(outputs) or 'none'}.")
                 elaborator.tell(UnknownName(elaborator.root.definition.model.name_span, name, "the outputs", hint))
         return {n: o for n, o in outputs.items() if n in scene.outputs}
     if plan.report:
         return {name: outputs[name] for name in dict.fromkeys([*(r.name for r in plan.report), *_seen(plan)])}
     return outputs
+
+
+def _asked_for(elaborator: Elaborator, name: str, root: Scope, outputs: dict[str, Named]) -> bool:
+    """Whether a name that is no declared output is one of what `report` could read, such as `spring.F`; then it is an output now."""
+    source = Source("output", name)
+    try:
+        value = parse_expression(source)
+        if isinstance(value, tree.Path):
+            _reading(elaborator, tree.Reading(Span(source, 0, len(name)), value, None), root, outputs)
+    except (Wrong, AlreadyTold, CompilationFailed):
+        return False
+    return name in outputs
 
 
 def _seen(plan: Plan) -> list[str]:

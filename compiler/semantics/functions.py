@@ -99,6 +99,14 @@ def _smooth5(u: Expression) -> Expression:
     return multiply(u, u, u, 10 + u * (6 * u - 15))
 
 
+def _smooth7(u: Expression) -> Expression:
+    return multiply(u, u, u, u, 35 + u * (u * (70 - 20 * u) - 84))
+
+
+def _smooth9(u: Expression) -> Expression:
+    return multiply(u, u, u, u, u, 126 + u * (u * (540 + u * (70 * u - 315)) - 420))
+
+
 def _chirp(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
     t, f0, f1, t1 = arguments
     places = [a.span for a in node.arguments]
@@ -160,6 +168,8 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
     "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
     "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
+    "smoothstep7": (3, "smoothstep7(time, 1 s, 2 s)", _rise(_smooth7)),
+    "smoothstep9": (3, "smoothstep9(time, 1 s, 2 s)", _rise(_smooth9)),
     "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
     "polar": (2, "polar(radius, angle)", _polar),
     "rotate": (2, "rotate((x, y), angle)", _polar),

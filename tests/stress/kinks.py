@@ -265,7 +265,7 @@ def section(short: bool) -> Section:
     if short:
         cases = [c for c in cases if not re.search(r"1 : (9|10000), |change points|redundant| 1$|0.001", c.name)]
     else:
-        cases += [bouncing(0.97, least=1e-4), stick_slip(1000), rectifier(False)]
+        cases += [bouncing(0.97, least=1e-4), stick_slip(10_000), rectifier(False)]
     chosen = ways()
     run_all(found, cases, chosen[:1] if short else chosen)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +24,9 @@ class Section:
     parts: list[str] = field(default_factory=list)
     failed: list[Finding] = field(default_factory=list)
     refused: list[Finding] = field(default_factory=list)
+    unsuited: Counter[str] = field(
+        default_factory=Counter
+    )  # why a solver that was named is not one for a model -> how often
     tried: int = 0
     seconds: float = 0.0
 
@@ -55,6 +59,9 @@ class Section:
             f"{self.tried} tried, {len(self.failed)} failed, {len(self.refused)} refused; {self.seconds:.0f} s of computing.",
         ]
         told += self.parts
+        if self.unsuited:
+            told.append("Solvers that were named for models that they are not for (`-`), and what they told:")
+            told.append("\n".join(f"- {count} times: {why}" for why, count in self.unsuited.most_common()))
         for title, findings in (("Refused", self.refused), ("Failed", self.failed)):
             if findings:
                 told.append(f"{title}:")

@@ -8,19 +8,9 @@ from collections.abc import Sequence
 from tests.stress.report import Finding, Section
 
 # A pattern for the place of the finding -> why it stays.
-BEND = (
-    "bends of states (`abs`, `max`, knots of tables) are no events but left to the error control: where the stiffness changes by 1e4 and more within a step, a few "
-    "bounces take more than their share; written with `if`, the same law is located and holds the tolerance"
-)
 BANDWIDTH = "the error falls a little faster than wanted: the estimate is of order 3 and the method of order 5, so loose tolerances are held less well than tight ones"
 PHASE = "the slope is as wanted; a single tolerance lies off the line, where the step before an instant of the run happens to be long or short"
-NARROW = (
-    "the friction falls within 1e-15 m/s beside a belt of 0.1 m/s: the steps of the stiff method, which damp what grows, do not see so narrow a slope of a "
-    "state (1e-9 m/s is seen)"
-)
 STANDING: dict[str, str] = {
-    r"^spring of two slopes 1 : (10000|1e\+06), (abs|max|table)": BEND,
-    r"^stick and slip": NARROW,
     r"^(car|crank_linkage|drag): slope": BANDWIDTH,
     r"^(pendulum|rectifier): scatter": PHASE,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,6 +22,7 @@ RTOL = 1e-6
 ALLOWED = 10.0  # times the tolerance
 POINTS = 41
 LONGEST = 120.0  # s of computing for one run: what takes longer hangs
+NAMED = 10.0  # s for a solver that somebody asked for by name: an explicit one on a stiff model takes years, and may
 
 Expected = Callable[[Any], Mapping[str, Any]]  # times (n,) -> by output (n,)
 
@@ -45,6 +47,7 @@ class Case:
     check: Callable[[bondgraph.Result], str] = lambda result: ""  # what else is wrong with a result
     allowed: float = ALLOWED
     only: Callable[[Way], bool] = lambda way: True
+    longest: float = LONGEST  # s of computing
 
     @property
     def name(self) -> str:
@@ -59,6 +62,7 @@ class Outcome:
     seconds: float = float("nan")
     steps: int = 0
     refused: str = ""
+    unsuited: str = ""  # why the solver that was named is not one for this model
     broken: str = ""  # a defect of ours: a traceback, no end
     allowed: float = ALLOWED
 
@@ -66,23 +70,34 @@ class Outcome:
     def fails(self) -> str:
         if self.broken:
             return self.broken
-        return "" if self.refused or self.error <= self.allowed else f"off by {self.error:.3g} times the tolerance"
+        return (
+            ""
+            if self.refused or self.unsuited or self.error <= self.allowed
+            else f"off by {self.error:.3g} times the tolerance"
+        )
 
 
 def attempt(case: Case, way: Way, rtol: float = RTOL) -> Outcome:
     """Run a case, whatever happens."""
     began = clock.perf_counter()
     try:
-        with within(LONGEST), np.errstate(all="ignore"):
+        with within(case.longest if way.chooses else NAMED), np.errstate(all="ignore"):
             result = loaded(case.text).simulate(
                 case.experiment, dict(case.settings), to=case.stop, points=case.points, rtol=rtol, **way.arguments
             )
     except (RunFailed, UsageError) as failed:
-        return Outcome(refused=str(failed), seconds=clock.perf_counter() - began)
+        seconds = clock.perf_counter() - began
+        return (
+            Outcome(refused=str(failed), seconds=seconds)
+            if way.chooses
+            else Outcome(unsuited=str(failed), seconds=seconds)
+        )
     except CompilationFailed as failed:
         return Outcome(refused=" ".join(map(render, failed.diagnostics)), seconds=clock.perf_counter() - began)
     except TooLong:
-        return Outcome(broken=f"no end within {LONGEST:g} s", seconds=clock.perf_counter() - began)
+        if not way.chooses:
+            return Outcome(unsuited=f"no end within {NAMED:g} s", seconds=clock.perf_counter() - began)
+        return Outcome(broken=f"no end within {case.longest:g} s", seconds=clock.perf_counter() - began)
     except Exception as error:  # what it must not do
         return Outcome(broken=f"{type(error).__name__}: {error}", seconds=clock.perf_counter() - began)
     seconds = clock.perf_counter() - began
@@ -136,12 +151,27 @@ def tell(found: Section, outcomes: Mapping[str, Mapping[str, Outcome]], names: S
             where = f"{name} ({way})"
             if outcome.refused:
                 found.refuse(where, outcome.refused)
+            if outcome.unsuited:
+                found.unsuited[shortened(outcome.unsuited)] += 1
             if outcome.fails:
                 found.fail(where, outcome.fails)
-            word = "refused" if outcome.refused else "broken" if outcome.broken else outcome.error
+            word = (
+                "-"
+                if outcome.unsuited
+                else "refused"
+                if outcome.refused
+                else "broken"
+                if outcome.broken
+                else outcome.error
+            )
             row += [word, outcome.steps or ""]
         rows.append(row)
     found.table(["model", *(h for way in used for h in (f"error, {way}", "steps"))], rows)
+
+
+def shortened(reason: str) -> str:
+    """A reason without the numbers of one model."""
+    return re.sub(r"`[^`]*`|-?\d[\d.e+-]*", "…", reason)[:160]
 
 
 def run_all(found: Section, cases: Sequence[Case], chosen: Sequence[Way]) -> None:

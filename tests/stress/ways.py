@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 from dataclasses import dataclass, field
 from typing import Any
 
 import bondgraph
 from bondgraph import prepared
+from bondgraph.door import SOLVERS
 from bondgraph.model import Model
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A back-end and a solver; `arguments` of `Model.simulate`."""
+    """A back-end and a solver, where one is asked for by name; `arguments` of `Model.simulate`."""
 
     name: str
     target: str
     solver: str = ""
     arguments: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the solver is left to the product, which then has no excuse."""
+        return not self.solver
 
 
 def targets() -> tuple[str, ...]:
@@ -30,18 +35,15 @@ def targets() -> tuple[str, ...]:
 
 
 def solvers() -> tuple[str, ...]:
-    """The solvers that can be asked for by name; one without a name where `simulate` has no such choice."""
-    if "solver" not in inspect.signature(Model.simulate).parameters:
-        return ("",)
-    offered = getattr(bondgraph, "SOLVERS", None) or getattr(inspect.getmodule(Model), "SOLVERS", ())
-    return tuple(offered) or ("",)
+    """The solvers that can be asked for by name, and none for the product's own choice, which comes first."""
+    return ("", *(name for name in SOLVERS if name != "automatic"))
 
 
 def ways(only: tuple[str, ...] | None = None) -> list[Way]:
-    """All ways, or those on these back-ends."""
+    """All ways, the product's own choices first, or those on these back-ends."""
     found = []
-    for target in only if only is not None else targets():
-        for solver in solvers():
+    for solver in solvers():
+        for target in only if only is not None else targets():
             arguments = {"target": target} | ({"solver": solver} if solver else {})
             found.append(Way(" ".join(filter(None, (solver, target))), target, solver, arguments))
     return found

@@ -27,6 +27,7 @@ class _Dense:
     pivots: Any
     scale: Any
     back: Any
+    negative: bool = False  # a real determinant
 
     def solve(self, right: Any) -> Any:
         solution, _ = self.back(self.factors, self.pivots, right * self.scale)
@@ -37,6 +38,7 @@ class _Dense:
 class _Sparse:
     factors: Any
     scale: Any
+    negative: bool = False
 
     def solve(self, right: Any) -> Any:
         return self.factors.solve(right * self.scale)
@@ -46,6 +48,7 @@ class _Sparse:
 class _Once:
     matrix: Any
     scale: Any
+    negative: bool = False
 
     def solve(self, right: Any) -> Any:
         return np.linalg.solve(self.matrix, right * self.scale)
@@ -84,9 +87,15 @@ def dense(rows: Any, columns: Any, differential: Any) -> Shifted:
         factors, pivots, info = factor(matrix * scale[:, None], overwrite_a=True)
         if info != 0 or not np.isfinite(factors).all():
             raise np.linalg.LinAlgError("singular")
-        return _Dense(factors, pivots, scale, back)
+        return _Dense(factors, pivots, scale, back, not complex_valued and _is_negative(factors, pivots))
 
     return shifted
+
+
+def _is_negative(factors: Any, pivots: Any) -> bool:
+    """The sign of a determinant: that of the pivots and of the exchanges of rows."""
+    exchanged = np.count_nonzero(pivots != np.arange(len(pivots)))
+    return bool((np.count_nonzero(np.diagonal(factors) < 0) + exchanged) % 2)
 
 
 def sparse(rows: Any, columns: Any, differential: Any) -> Shifted:

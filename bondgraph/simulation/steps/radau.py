@@ -54,12 +54,18 @@ SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 BENT, NEAREST, MOST_BENDS = 0.1, 1e-2, 4
 ON_IT = 1e-6  # of a bend's values in a step: that counts as zero
 CLOSE, ROUNDS = 1e-9, 12  # of a step, to which a bend is found, and tries to find it
-STUBBORN = 8  # rejected tries after which shorter steps must have helped
+BEYOND = 1e-6  # of a step that ends at a bend: so far behind its end the other side is looked at
+STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps that are so much shorter must have helped
 PATIENT = 3  # rejected tries after which steps get shorter at once
 
 
 class Factorised(Protocol):
     """A factorised matrix."""
+
+    @property
+    def negative(self) -> bool:
+        """Whether the determinant of a real one is, where that is known."""
+        ...
 
     def solve(self, right: Any) -> Any: ...
 
@@ -113,7 +119,9 @@ class Radau:
             10 * np.finfo(float).eps / problem.relative, min(0.03, problem.relative**0.5)
         )  # fmt: skip
         self._jacobian: Any = None
+        self._explicit = bool(np.all(problem.differential))  # no unknowns of loops
         self._current = False  # whether the Jacobian is that of this state
+        self._side: Any = None  # of the bends on which it was taken
         self._real: Factorised | None = None
         self._complex: Factorised | None = None
         self._stages: Any = None  # of the last step, relative to its start
@@ -154,6 +162,7 @@ class Radau:
         least = 10 * np.abs(np.nextafter(time, np.inf) - time)
         size, reason = min(self._size, self.stop - time, problem.longest), "error"
         norms: list[float] = []  # of the rejected tries
+        sizes: list[float] = []
         bent = 0  # how often the step was made to end at a bend
         if time + 1.01 * size >= self.stop:
             size = self.stop - time
@@ -188,12 +197,14 @@ class Radau:
             if not norm <= 1:
                 reason = "error"
                 factor = 0.1 if not np.isfinite(norm) else self._factor(size, norm)
+                sizes.append(size)
                 # What a stiff mode rings with errs alike at all steps that are longer than its period: those are left behind quickly.
                 size *= max(SMALLEST, safety * factor) if len(norms) < PATIENT else SMALLEST
                 self.rejected += 1
                 norms.append(norm)
                 self.error = error
-                if len(norms) >= STUBBORN and norm > 0.5 * norms[-STUBBORN]:
+                stubborn = len(norms) >= STUBBORN and sizes[-1] < SHORTER * sizes[-STUBBORN]
+                if stubborn and norm > 0.5 * norms[-STUBBORN]:
                     raise StepFailed("round-off")
                 continue
             break
@@ -201,7 +212,20 @@ class Radau:
         if bent:
             self._ends = [self._ends[-2], self._ends[-1]]  # no polynomial spans a bend
             self._size = max(self._size, size / max(share, NEAREST))
+        if problem.bends is not None:
+            self._look_at_side(BEYOND * size if bent else 0.0)
         self.error = error
+
+    def _look_at_side(self, ahead: float) -> None:
+        """After a step, and where it ends at a bend a little further: a Jacobian from the other side of a bend hides errors, which are filtered through it."""
+        time, state = self.time + ahead, self.state + ahead * self._rate
+        if (self._side_at(time, state) != self._side).any():
+            self._renew(time, state)
+
+    def _side_at(self, time: float, state: Any) -> Any:
+        """On which side of all bends a state is."""
+        bends = self.problem.bends
+        return np.sign(bends(time, state)) if bends is not None else None
 
     def _bend(self, time: float, state: Any, size: float, stages: Any) -> float:
         """The share of a step at which a law bends first, along the collocation polynomial; 1 if none does."""
@@ -260,6 +284,7 @@ class Radau:
         self.evaluations["jacobian"] += 1
         self._jacobian = self.problem.jacobian(time, state)
         self._current, self._real = True, None
+        self._side = self._side_at(time, state)
 
     def _first_size(self) -> float:
         """Hairer, Nørsett and Wanner, Solving ODEs I, section II.4, from slopes of the differential part."""
@@ -301,6 +326,8 @@ class Radau:
                 self._real = None
                 return None
         assert self._complex is not None
+        if self._explicit and self._real.negative:
+            return None  # a mode grows by exp(MU_REAL) and more within the step, and the method would damp it
         w = TI @ stages
         f = np.empty_like(stages)
         m_real, m_complex = MU_REAL / size * m, MU_COMPLEX / size * m

@@ -8,10 +8,14 @@ import numpy as np
 
 from ..segments import Segment
 from ..steps import exponential
+from ..watch.stuck import not_finite
 from .quadrature import GAUSS, KRONROD, PLACES, too_coarse
 
 if TYPE_CHECKING:
     from .integrate import Stepper
+
+LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # shares of the way to it
+LOOKED_AT = 4097  # places of a stretch at which one looks for what has no value
 
 
 def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
@@ -40,6 +44,31 @@ def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
     stepper.count({"exponential": len(form.known)})
     stepper.result.solvers["matrix exponential"] = None
     return states[-1]
+
+
+def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
+    """Raises `RateNotFinite` where what drives a model first has no value, to rounding: that, and no other solver, is then what a run lacks."""
+    times: Any = np.linspace(stretch.start, stretch.stop, LOOKED_AT)
+    fixed = (stepper.inputs, stepper.constants, stretch.mode)
+    slopes = stepper.program.derivative(times, np.tile(x, (len(times), 1)), *fixed)
+    bad = np.flatnonzero(~np.isfinite(slopes).all(axis=-1))
+    if not len(bad):
+        return
+    late = float(times[bad[0]])
+    early = float(times[max(bad[0] - 1, 0)])
+    while early < (middle := 0.5 * (early + late)) < late:
+        if np.isfinite(stepper.program.derivative(middle, x, *fixed)).all():
+            early = middle
+        else:
+            late = middle
+    for left in LEFT:  # polynomials cannot follow what grows without bound or has no slope there, up to the end
+        stop = early - left * (early - stretch.start)
+        end = exactly(stepper, Segment(stretch.start, stop, stretch.mode), x) if stop > stretch.start else None
+        if end is not None:
+            x = end
+            stepper.keep(stop, x, stretch.mode, stretch.start)
+            break
+    raise not_finite(stepper.program, late, stepper.program.derivative(late, x, *fixed), x, stretch.mode)
 
 
 def _work(

@@ -108,7 +108,6 @@ class Stepper:
         self.choice: Choice | None = None
         self.linear = False
         self.solver = AUTOMATIC  # what the author asks for
-        self.settled: int | None = None  # the method that goes on whatever the next stretch looks like
         self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
@@ -202,6 +201,9 @@ class Stepper:
             if end is not None:
                 return end
         if self.solver == "exponential":
+            from .exact import check_driven
+
+            check_driven(self, stretch, x)
             raise UsageError(
                 "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
                 "inputs a few thousand polynomials can follow; leave the solver to choose"
@@ -274,7 +276,7 @@ class Stepper:
                         break
                 if not isinstance(solver, Radau):
                     if self.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
-                        self.settled = RADAU
+                        self.result.settled = RADAU
                         self.name(RADAU, f"numpy{obstacle}")
                         self.count(solver.evaluations)
                         solver = reference(self, stretch, solver.time, state, absolute=absolute)

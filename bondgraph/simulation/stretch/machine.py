@@ -72,7 +72,7 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, siz
     try:
         while answer := steps(solver, look, MOST_COMPILED):
             if answer == STIFF:
-                stepper.settled = RADAU
+                stepper.result.settled = RADAU
                 stepper.name(RADAU, "native")
                 solver.go_on_with(RADAU)
                 continue

@@ -46,8 +46,8 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
         or (len(x) > LARGEST_INTERPRETED and not compiled)
     ):
         return RADAU
-    if stepper.settled is not None:
-        return stepper.settled
+    if stepper.result.settled is not None:
+        return stepper.result.settled
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
         return RADAU
@@ -116,5 +116,5 @@ def _tried(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
     stepper.count(evaluations)
     method = RADAU if stiff and not finished else EXPLICIT
     if not finished:
-        stepper.settled = method
+        stepper.result.settled = method
     return method

@@ -39,8 +39,20 @@ def factorise(s: Stepper, size: float) -> int:
         s.real[place] -= s.jacobian[k]
         s.complex_re[place] -= s.jacobian[k]
     if eliminate(n, s.real, s.real_scale, s.real_pivots) and factorise_complex(s):
+        s.negative = is_negative(n, s.real, s.real_pivots)
         return FINE
     return SINGULAR
+
+
+def is_negative(n: int, a: Floats, pivots: Ints) -> int:
+    """The sign of a determinant: that of the pivots and of the exchanges of rows."""
+    count = 0
+    for k in range(n):
+        if a[k * n + k] < 0.0:
+            count += 1
+        if pivots[k] != k:
+            count += 1
+    return count % 2
 
 
 def eliminate(n: int, a: Floats, scale: Floats, pivots: Ints) -> bool:

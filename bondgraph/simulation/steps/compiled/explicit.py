@@ -12,8 +12,7 @@ from math import isfinite, pow, sqrt, ulp
 from typing import TYPE_CHECKING
 
 from .. import pair
-from ..radau import STUBBORN
-from .step import ERROR, ROUND_OFF, follows, put_end, rates, renew
+from .step import ERROR, ROUND_OFF, follows, is_stubborn, put_end, rates, renew
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -54,12 +53,10 @@ def explicit_step(s: Stepper) -> int:
         norm = norm_of_pair(s, size)
         if norm <= 1.0:
             break
-        size *= max(SHORTEST, SAFETY * pow(norm, -0.125)) if isfinite(norm) else 0.1
-        s.rejected += 1
-        s.norms[rejected % STUBBORN] = norm
         rejected += 1
-        if rejected >= STUBBORN and norm > 0.5 * s.norms[rejected % STUBBORN]:
+        if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
+        size *= max(SHORTEST, SAFETY * pow(norm, -0.125)) if isfinite(norm) else 0.1
     grown = LONGEST if norm == 0.0 else max(SHORTEST, min(LONGEST, SAFETY * pow(norm, -0.125)))
     put_explicit_end(s, end, size)
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)

@@ -39,6 +39,8 @@ class Interpreted:
     ) -> None:  # fmt: skip
         values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method, whole)
         values |= {name: _into(values[name]) for name in OF_STATES} | {"signals": _of_time(values["signals"])}
+        if program.bends is not None:
+            values["bends"] = _into(program.bends)
         if program.stored_energy is not None:
             values["stored_energy"] = _into(program.stored_energy)
         values |= {"closed": _open(), "redundant": 0, "pattern": None, "stop": float(stretch.stop)}

@@ -20,7 +20,8 @@ C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
-BENT, NEAREST, MOST_BENDS = radau.BENT, radau.NEAREST, radau.MOST_BENDS
+SHORTER = radau.SHORTER
+BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 CUBIC = tuple(segments.CUBIC.ravel().tolist())
@@ -75,16 +76,43 @@ def step(s: Stepper) -> int:
             break
         reason = ERROR
         wish = max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
-        size *= wish if rejected < PATIENT else SMALLEST
-        s.rejected += 1
-        s.norms[rejected % STUBBORN] = norm
         rejected += 1
-        if rejected >= STUBBORN and norm > 0.5 * s.norms[rejected % STUBBORN]:
+        if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
+        size *= wish if rejected <= PATIENT else SMALLEST
     accept(s, end, size, norm, min(LARGEST, safety * factor(s, size, norm)), rejected > 0, iterations)
     if bent > 0:
         after_bend(s, size / max(share, NEAREST))
+    if s.bend_count > 0:
+        look_at_side(s, BEYOND * size if bent > 0 else 0.0)
     return 0
+
+
+def look_at_side(s: Stepper, ahead: float) -> None:
+    """After a step: see `radau.Radau._look_at_side`."""
+    for i in range(s.n):
+        s.rest[i] = s.state[i] + ahead * s.rate[i]
+        s.si[i] = s.rest[i] * s.magnitude[i]
+    s.bends(s.time + ahead, s.si, s.inputs, s.constants, s.mode, s.bend_seen)
+    for j in range(s.bend_count):
+        if sign(s.bend_seen[j]) != s.bend_side[j]:
+            renew_at(s, s.time + ahead, s.rest)
+            return
+
+
+def sign(x: float) -> float:
+    """As numpy's."""
+    return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
+
+
+def is_stubborn(s: Stepper, rejected: int, size: float, norm: float) -> bool:
+    """Whether steps that got much shorter have not helped; this try is the one of that number."""
+    s.rejected += 1
+    last = (rejected - 1) % STUBBORN
+    first = rejected % STUBBORN
+    s.norms[last] = norm
+    s.sizes[last] = size
+    return rejected >= STUBBORN and size < SHORTER * s.sizes[first] and norm > 0.5 * s.norms[first]
 
 
 def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejected: bool, iterations: int) -> None:
@@ -165,11 +193,20 @@ def rates(s: Stepper, time: float, y: Floats, out: Floats) -> None:
 
 def renew(s: Stepper) -> None:
     """The Jacobian where the run stands."""
+    renew_at(s, s.time, s.state)
+
+
+def renew_at(s: Stepper, time: float, y: Floats) -> None:
+    """The Jacobian at a state, and on which side of all bends that is."""
     for i in range(s.n):
-        s.si[i] = s.state[i] * s.magnitude[i]
+        s.si[i] = y[i] * s.magnitude[i]
+    if s.bend_count > 0:
+        s.bends(time, s.si, s.inputs, s.constants, s.mode, s.bend_side)
+        for j in range(s.bend_count):
+            s.bend_side[j] = sign(s.bend_side[j])
     if s.closed.multipliers > 0:
-        put_multipliers(s.closed, s.time, s.si)
-    s.entries(s.time, s.si, s.inputs, s.constants, s.mode, s.jacobian)
+        put_multipliers(s.closed, time, s.si)
+    s.entries(time, s.si, s.inputs, s.constants, s.mode, s.jacobian)
     for k in range(s.entry_count):
         s.jacobian[k] *= s.ratio[k]
     s.jacobians += 1
@@ -246,6 +283,8 @@ def newton(s: Stepper, size: float) -> int:
             return -1
         if s.factorised == SINGULAR:
             return 0
+    if s.negative != 0 and s.differential == n:
+        return 0
     for i in range(3):
         for k in range(n):
             s.w[i * n + k] = TI[3 * i] * s.z[k] + TI[3 * i + 1] * s.z[n + k] + TI[3 * i + 2] * s.z[2 * n + k]

@@ -61,6 +61,7 @@ class Stepper(Record):
     # bends of laws
     bend_count: int
     bend_seen: Floats  # 5 bend_count: where a step begins, at its stages, and room
+    bend_side: Floats  # bend_count: on which side of all bends the Jacobian was taken
     # where it stands
     time: float
     stop: float
@@ -75,6 +76,7 @@ class Stepper(Record):
     known: int  # whether there is a Jacobian
     factorised: int
     factorised_size: float
+    negative: int  # whether the determinant of the real matrix is; 0 where it is sparse
     jacobian: Floats  # entry_count
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
@@ -119,7 +121,8 @@ class Stepper(Record):
     new: Floats  # n
     error: Floats  # n: of the last step, in units of its tolerance
     rest: Floats  # n
-    norms: Floats  # STUBBORN
+    norms: Floats  # STUBBORN: of the last rejected tries
+    sizes: Floats  # STUBBORN
     # what is reported
     instants: Floats
     instant_count: int

@@ -7,27 +7,28 @@ A pair pushes or pulls: one of its two inputs is zero, the other is the root of 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import RunFailed, UsageError
-from .equilibrium import stability, units_of
-from .operating_point import OperatingPoint
-from .sensitivity import balanced_step
-from .told import named, with_units
+from ...errors import RunFailed, UsageError
+from ..equilibrium import stability, units_of
+from ..operating_point import OperatingPoint
+from ..sensitivity import balanced_step
+from ..told import named, with_units
+from .drives import PROBE, Drive
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ...model import Model
 
 SCHEMA = "bondgraph-inversion/1"
 ITERATIONS = 30
 CLOSE = 1e-14  # of the magnitudes
 ENOUGH = 1e-9
 STAGES = 64  # at most, from where it is to the targets
-PROBE = 1e-3  # SI: where the slope of a square is taken at zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,45 +61,22 @@ class Inversion:
 
     def summary(self) -> str:
         """A table for terminals."""
-        from ..views.analyses import inversion_text
+        from ...views.analyses import inversion_text
 
         return inversion_text(self)
 
 
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """One unknown: an input, or two of which one is zero. `power` 2: the unknown is the square of what is set."""
-
-    push: str
-    pull: str | None
-    power: int = 1
-
-    def settings(self, strength: float) -> dict[str, float]:
-        """The values of the inputs."""
-        size = math.sqrt(abs(strength)) if self.power == 2 else abs(strength)
-        if self.pull is None:
-            return {self.push: strength}
-        return {self.push: size, self.pull: 0.0} if strength >= 0 else {self.push: 0.0, self.pull: size}
-
-    def slope(self, strength: float, columns: Mapping[str, Any]) -> Any:
-        """By the unknown, from the slopes by the inputs."""
-        if self.pull is None:
-            return columns[self.push]
-        column = columns[self.push] if strength >= 0 else -columns[self.pull]
-        return column / (2 * math.sqrt(abs(strength))) if self.power == 2 else column
-
-
-def drives_of(names: Sequence[str]) -> tuple[Drive, ...]:
-    """`push1/pull1` is a pair, `fx` a single input."""
-    return tuple(Drive(push.strip(), pull.strip() or None) for push, _, pull in (n.partition("/") for n in names))
-
-
 def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:
     """From a state of rest. Raises `UsageError`, `RunFailed`."""
+    return _told(rest_with(point, targets, drives), targets)
+
+
+def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Search:
+    """At rest with the outputs at their targets. Raises `UsageError`, `RunFailed`."""
     outputs = point.program.outputs.names
     if len(drives) != len(targets):
         raise UsageError(f"{len(targets)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")
-    search = _Search(point, [outputs.index(name) for name in targets], drives)
+    search = Search(point, [outputs.index(name) for name in targets], drives)
     wanted = np.array(list(targets.values()), dtype=float)
     begun = search.point.outputs[search.rows]
     reached, step = 0.0, 1.0
@@ -115,10 +93,12 @@ def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence
             continue
         search.point, search.strengths = found
         reached, step = reached + step, 2 * step
-    return _told(search, targets)
+    return search
 
 
-class _Search:
+class Search:
+    """States and strengths, moved to where the outputs are what they should be."""
+
     def __init__(self, point: OperatingPoint, rows: Sequence[int], drives: Sequence[Drive]) -> None:
         self.point, self.rows = point, list(rows)
         self.drives = [self._with_power(point, d) for d in drives]
@@ -225,7 +205,7 @@ class _Search:
         return change, moved, norm
 
 
-def _told(search: _Search, targets: Mapping[str, float]) -> Inversion:
+def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
     point, program = search.point, search.point.program
     units = units_of(point)
     return Inversion(
@@ -236,10 +216,13 @@ def _told(search: _Search, targets: Mapping[str, float]) -> Inversion:
 
 def asked_for(model: Model, targets: Mapping[str, str | float], experiment: str | None) -> dict[str, float]:
     """Targets in SI. Raises `UsageError` for what is no output."""
-    from ..quantities import quantity
+    from ...quantities import quantity
 
     outputs = model.compilation(model.scene(experiment)).whole_graph.outputs
     unknown = [n for n in targets if n not in outputs]
     if unknown or not targets:
         raise UsageError(f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")
+    for name, value in targets.items():
+        if isinstance(value, str) and re.search(r"\btime\b", value):
+            raise UsageError(f"what is wanted of `{name}` goes with time: say until when (`--to`, in Python `to=`)")
     return {n: quantity(v, outputs[n].unit, n) if isinstance(v, str) else float(v) for n, v in targets.items()}

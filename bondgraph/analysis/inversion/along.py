@@ -1,0 +1,221 @@
+"""Inputs that lead outputs along a path: the path is looked at, rest is found at its ends, the equations are solved between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed, UsageError
+from ...quantities import behind
+from ..equilibrium import units_of
+from ..operating_point import Asked, OperatingPoint
+from ..told import named
+from .drives import Drive, drives_of
+from .equations import Equations
+from .feed_forward import NEAR, FeedForward, within_limits
+from .motion import Ends, motion
+from .path import Path, path_of
+from .static import Search, rest_with
+
+if TYPE_CHECKING:
+    from ...model import Model
+
+MOST_POINTS = 200_000
+SCHEME = "smoothstep9"
+SHOWN = 4  # eigenvalues
+HELD = 1e-6  # of the largest of its unit: a start that is not at rest
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """From `start` to `stop` (s) in `points` instants. `moving`: the model need not be at rest in the beginning. `limits`: by how much, in SI."""
+
+    start: float
+    stop: float
+    points: int = 501
+    moving: bool = False
+    limits: Mapping[str, float] | None = None
+
+
+def invert_along(
+    model: Model, wanted: Mapping[str, str | float], inputs: Sequence[str], asked: Asked, along: Along
+) -> FeedForward:  # fmt: skip
+    """Raises `UsageError` for what makes no sense or is not smooth enough, `RunFailed`, `CompilationFailed`."""
+    if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
+        raise UsageError(f"a path goes from one instant to a later one, at 2 to {MOST_POINTS} points")
+    path = path_of(model, wanted, along.start, along.stop)
+    drives = drives_of(inputs)
+    if len(drives) != len(path.names):
+        raise UsageError(f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")
+    names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
+    state = "start" if along.moving else "equilibrium"
+    asked = replace(asked, outputs=path.names, by=names, time=along.start, state=state)
+    point = model.operating_point(asked)
+    _refuse_jumps(point, along)
+    search = Search(point, [point.program.outputs.names.index(n) for n in path.names], drives)
+    if not along.moving:
+        search = rest_with(point, path.first, drives)
+    equations = Equations(search.point, path.names, search.drives)
+    notes = _smooth_enough(path, equations, along)
+    times = np.linspace(along.start, along.stop, along.points)
+    degree = max(equations.degrees)
+    found = motion(equations, times, lambda t: path.derivatives(t, degree), _ends(search, path, equations, along))
+    return _told(search, equations, path, wanted, asked, found, along, notes, model)
+
+
+def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
+    """The model itself must not change on the way."""
+    from ...simulation.segments import segments
+
+    with np.errstate(all="ignore"):
+        stretches = segments(point.program, point.constants, along.start, along.stop)
+    for before, after in pairwise(stretches):
+        if (np.asarray(before.mode) != np.asarray(after.mode)).any():
+            raise UsageError(
+                f"something in the model itself jumps at t = {after.start:.6g} s: invert it before and after that"
+            )
+
+
+def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
+    """What jumps and is asked for. Raises `UsageError` where an inverse would need impulses."""
+    notes = []
+    for jump in path.jumps(equations.degrees, along.moving):
+        degree = equations.degrees[path.names.index(jump.output)]
+        if jump.order < degree:
+            raise UsageError(
+                f"{jump}: an exact inverse takes {degree} derivatives of `{jump.output}`, all but the last continuous, as its inputs show in no lower one. "
+                f"Let it go by `{SCHEME}`, begin later, or say that the model begins in motion"
+            )
+        notes.append(f"{jump}, and the inputs with it: a table of them is not exact there")
+    return notes
+
+
+def _ends(search: Search, path: Path, equations: Equations, along: Along) -> Ends:
+    first = np.concatenate([search.point.state, search.strengths])
+    if not equations.free:
+        return Ends(first, None)
+    end = path.derivatives(np.array([along.stop]), max(equations.degrees))[:, 1:, 0]
+    largest = np.abs(path.derivatives(np.linspace(along.start, along.stop, 65), max(equations.degrees)))[:, 1:].max(
+        axis=2
+    )
+    if (np.abs(end) > HELD * largest).any():
+        return Ends(first, None)
+    try:
+        last = rest_with(search.point, path.last, search.drives)
+    except RunFailed:
+        return Ends(first, None)
+    return Ends(first, np.concatenate([last.point.state, last.strengths]))
+
+
+def _told(
+    search: Search, equations: Equations, path: Path, wanted: Mapping[str, str | float], asked: Asked, found: Any, along: Along,
+    notes: list[str], model: Model,
+) -> FeedForward:  # fmt: skip
+    point, program = search.point, search.point.program
+    n, size, times, drives = equations.count, equations.all, found.times, search.drives
+    units, strengths = units_of(point), found.unknowns[size:]
+    inputs = _inputs(drives, strengths)
+    within_limits(inputs, times, along.limits or {}, units)
+    notes += _left(point, found.unknowns[:size], times, inputs)
+    start, begins = _start(point, found.unknowns[:n, 0]), point.program.name
+    if len(found.internal):
+        notes += _inside(found.internal, search, found.unknowns[:n, 0], units)
+    settings = {k: _number(model, asked, k, v) for k, v in (asked.settings or {}).items() if k not in inputs}
+    return FeedForward(
+        begins, point.made.plan.experiment, {n: str(v) for n, v in wanted.items()}, settings, times, inputs,
+        dict(zip(path.names, path.derivatives(times, 0)[:, 0], strict=True)), dict(zip(program.states.names, found.unknowns[:n], strict=True)),
+        {d.push if d.pull is None else f"{d.push}/{d.pull}": s for d, s in zip(drives, strengths, strict=True)}, tuple(drives),
+        dict(zip(path.names, equations.degrees, strict=True)), tuple(complex(v) for v in found.internal), start, units, tuple(notes),
+        model.source.path,
+    )  # fmt: skip
+
+
+def _number(model: Model, asked: Asked, name: str, value: str | float) -> float:
+    if not isinstance(value, str):
+        return float(value)
+    known = model.compilation(model.scene(asked.experiment, asked.settings)).whole_graph.quantities[name]
+    if known.value is None:
+        raise UsageError(f"`{name}` moves with time; a path is found with values that hold")
+    return known.value
+
+
+def _inputs(drives: Sequence[Drive], strengths: Any) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for drive, strength in zip(drives, strengths, strict=True):
+        if drive.pull is None:
+            found[drive.push] = np.array(strength)
+            continue
+        size = np.sqrt(np.abs(strength)) if drive.power == 2 else np.abs(strength)
+        found[drive.push] = np.where(strength >= 0, size, 0.0)
+        found[drive.pull] = np.where(strength < 0, size, 0.0)
+    return found
+
+
+def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, Any]) -> list[str]:
+    """Where the model does not hold on the way. Raises `RunFailed` where a table ends, or a condition on states changes."""
+    program, notes = point.program, []
+    told: set[int] = set()
+    for i, time in enumerate(times):
+        here = point.inputs.copy()
+        for name, values in inputs.items():
+            role, place = point.set_at(name)
+            if role == "input":
+                here[place] = values[i]
+        state = states[:, i]
+        mode = np.asarray(program.mode_at(time, state, here, point.constants))
+        if program.hybrid is not None and len(mode) and (mode != np.asarray(point.mode)).any():
+            raise RunFailed(
+                f"a condition on states changes before t = {time:.6g} s: the equations are others from there on"
+            )
+        if not program.limits:
+            continue
+        holds = np.asarray(program.holds(time, state, here, point.constants, point.mode))
+        for k in np.flatnonzero(holds == 0):
+            limit = program.limits[k]
+            if limit.kind == "table":
+                raise RunFailed(
+                    f"at t = {time:.6g} s the path leads out of the table `{limit.words}` of `{limit.owner}`"
+                )
+            if k not in told:
+                told.add(int(k))
+                notes.append(
+                    f"from t = {time:.6g} s on `{limit.words}` does not hold{f' ({limit.text})' if limit.text else ''}"
+                )
+    return notes
+
+
+def _start(point: OperatingPoint, states: Any) -> dict[str, float]:
+    """The states in which the path begins, if they are not those in which the model does."""
+    program, n = point.program, point.count
+    own = np.asarray(program.start(point.constants), dtype=float)[:n]
+    units = program.states.units
+    size = np.maximum(np.abs(own), np.abs(states))
+    largest = np.array([max(x for x, u in zip(size, units, strict=True) if u == unit) for unit in units])
+    if (np.abs(states - own) <= np.maximum(NEAR * largest, 1e-18)).all():
+        return {}
+    return named(program.states.names, states)
+
+
+def _inside(eigenvalues: Any, search: Search, first: Any, units: Mapping[str, str]) -> list[str]:
+    """What is told of internal dynamics."""
+    kept, shown = int((eigenvalues == 0).sum()), [v for v in eigenvalues if v != 0]
+    told = []
+    if shown:
+        some = ", ".join(f"{v.real:.4g}" if v.imag == 0 else f"{v:.4g}" for v in shown[:SHOWN])
+        more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
+        told.append(
+            f"the outputs leave {len(shown) + kept} coordinates to move by themselves, with eigenvalues {some}{more} in 1/s"
+        )
+    if eigenvalues.real.max() > 0:
+        rest, names = search.point.state[: len(first)], search.point.program.states.names
+        away = np.abs(first - rest)
+        worst = int(away.argmax())
+        told.append(
+            f"some of that grows, so the inputs begin before the outputs do: in the beginning `{names[worst]}` is {away[worst]:.3g}"
+            f"{behind(units.get(names[worst], '1'))} from rest; a path that rests longer before it moves has less of that"
+        )
+    return told

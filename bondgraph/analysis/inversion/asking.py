@@ -1,0 +1,47 @@
+"""What a caller asks of an inversion, in quantities; at rest or along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ...quantities import quantity
+from ..operating_point import Asked
+from ..sensitivity import independent
+from .along import Along, invert_along
+from .drives import drives_of
+from .feed_forward import FeedForward
+from .static import Inversion, asked_for, invert
+
+if TYPE_CHECKING:
+    from ...model import Model
+
+    Quantity = str | float
+    Told = tuple[Quantity, Quantity, int, bool, Mapping[str, Quantity]]  # start, stop, points, moving, limits
+
+
+def inverted(
+    model: Model, targets: Mapping[str, Quantity], inputs: Sequence[str], experiment: str | None, settings: Mapping[str, Quantity],
+    along: Told | None,
+) -> Inversion | FeedForward:  # fmt: skip
+    """As `Model.invert`."""
+    drives = drives_of(inputs)
+    names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
+    _, fixed = independent(model, names, experiment, settings)
+    if along is None:
+        wanted = asked_for(model, targets, experiment)
+        return invert(model.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+    start, stop, points, moving, limits = along
+    known = model.compilation(model.scene(experiment, fixed)).whole_graph.quantities
+    most = {
+        n: quantity(v, known[n].unit, n) if isinstance(v, str) else float(v) for n, v in limits.items() if n in known
+    }
+    most |= {n: 0.0 for n in limits if n not in known}  # which is refused by name
+    path = Along(_seconds(start), _seconds(stop), points, moving, most)
+    return invert_along(model, targets, inputs, Asked(experiment, fixed), path)
+
+
+def _seconds(time: Quantity) -> float:
+    from ...simulation.run import seconds
+
+    return seconds(time) if isinstance(time, str) else float(time)

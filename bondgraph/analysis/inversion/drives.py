@@ -1,0 +1,38 @@
+"""What is found: an input by itself, or a pair of which one is zero and which pushes or pulls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+PROBE = 1e-3  # SI: where the slope of a square is taken at zero
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One unknown: an input, or two of which one is zero. `power` 2: the unknown is the square of what is set."""
+
+    push: str
+    pull: str | None
+    power: int = 1
+
+    def settings(self, strength: float) -> dict[str, float]:
+        """The values of the inputs."""
+        size = math.sqrt(abs(strength)) if self.power == 2 else abs(strength)
+        if self.pull is None:
+            return {self.push: strength}
+        return {self.push: size, self.pull: 0.0} if strength >= 0 else {self.push: 0.0, self.pull: size}
+
+    def slope(self, strength: float, columns: Mapping[str, Any]) -> Any:
+        """By the unknown, from the slopes by the inputs."""
+        if self.pull is None:
+            return columns[self.push]
+        column = columns[self.push] if strength >= 0 else -columns[self.pull]
+        return column / (2 * math.sqrt(abs(strength))) if self.power == 2 else column
+
+
+def drives_of(names: Sequence[str]) -> tuple[Drive, ...]:
+    """`push1/pull1` is a pair, `fx` a single input."""
+    return tuple(Drive(push.strip(), pull.strip() or None) for push, _, pull in (n.partition("/") for n in names))

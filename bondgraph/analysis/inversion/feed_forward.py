@@ -1,0 +1,134 @@
+"""What an inverse along a path gives: inputs over time, as numbers, as a table, as a model that can be run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed, UsageError
+from ...quantities import behind
+from ..told import finite, pair
+from .drives import Drive
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SCHEMA = "bondgraph-feed-forward/1"
+NEAR = 1e-12  # of the largest of its unit: a start that is the model's own
+
+
+@dataclass(frozen=True, eq=False)
+class FeedForward:
+    """`inputs` with which `outputs` follow what was `wanted`, at `time` (N,), name -> (N,) in SI.
+
+    `strengths`: of each input, or of each pair the signed value (`powers` 1) or square (2), which is smooth where the pair changes sides.
+    `degrees`: how many derivatives of each output the inverse takes. `internal`: eigenvalues (1/s) of what the outputs leave to move by
+    itself, none if they say everything. `start`: states in which it begins, where these are not the model's own. `notes` say
+    where inputs jump.
+    """
+
+    model: str
+    experiment: str | None
+    wanted: Mapping[str, str]
+    settings: Mapping[str, float]
+    time: Array
+    inputs: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    states: Mapping[str, Array]
+    strengths: Mapping[str, Array]
+    drives: tuple[Drive, ...]
+    degrees: Mapping[str, int]
+    internal: tuple[complex, ...]
+    start: Mapping[str, float]
+    units: Mapping[str, str]
+    notes: tuple[str, ...]
+    file: Path | None = None
+
+    def __getitem__(self, name: str) -> Array:
+        """An input, output or state over time. Raises KeyError."""
+        for values in (self.inputs, self.outputs, self.states):
+            if name in values:
+                return values[name]
+        raise KeyError(f"there is no `{name}` here; there is {', '.join((*self.inputs, *self.outputs, *self.states))}")
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-feed-forward/1`: {schema, model, experiment, wanted, time, inputs, outputs: {name: {unit, values}}, degrees,
+        internal: [{re, im}], start: {name: {value, unit}}, notes}, in SI."""
+        told: dict[str, Any] = {
+            "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "wanted": dict(self.wanted),
+            "time": {"unit": "s", "values": self.time.tolist()},
+        }  # fmt: skip
+        for word in ("inputs", "outputs"):
+            some: Mapping[str, Array] = getattr(self, word)
+            told[word] = {n: {"unit": self.units.get(n, "1"), "values": v.tolist()} for n, v in some.items()}
+        told |= {"degrees": dict(self.degrees), "internal": [pair(v) for v in self.internal]}
+        start = {n: {"value": finite(v), "unit": self.units.get(n, "1")} for n, v in self.start.items()}
+        return {**told, "start": start, "notes": list(self.notes)}
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Time, inputs and what the outputs do, in SI, with the units in the header; whole or not at all."""
+        columns = {**self.inputs, **self.outputs}
+        heads = ["time [s]", *(_head(name, self.units.get(name, "1")) for name in columns)]
+        _write_columns(path, heads, [self.time, *columns.values()])
+
+    def to_model(self, path: str | os.PathLike[str]) -> None:
+        """A model (.bg) of the manipulator with its controller, and the controller's table (.csv) beside it; both whole or not at all.
+
+        Raises `UsageError` if the model is no file, or if the new one would lie outside of its project folder.
+        """
+        from .writing import model_text, table_of
+
+        target = Path(path)
+        text = model_text(self, target)
+        heads, columns = table_of(self)
+        _write_columns(target.with_suffix(".csv"), heads, columns)
+        from ...files import write_text
+
+        write_text(target, text)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Inputs and outputs over time (.png, .svg or .pdf)."""
+        from ...views.feed_forward import plot_feed_forward
+
+        plot_feed_forward(self, path)
+
+    def summary(self) -> str:
+        """A table for terminals."""
+        from ...views.feed_forward import feed_forward_text
+
+        return feed_forward_text(self)
+
+
+def _head(name: str, unit: str) -> str:
+    text = name if unit == "1" else f"{name} [{unit}]"
+    return '"' + text.replace('"', '""') + '"' if "," in text or '"' in text else text
+
+
+def _write_columns(path: str | os.PathLike[str], heads: Sequence[str], columns: Sequence[Any]) -> None:
+    from ...files import write_text
+
+    rows = [",".join(f"{x:.17g}" for x in row) for row in np.column_stack(columns).tolist()]
+    write_text(path, "\n".join([", ".join(heads), *rows]) + "\n")
+
+
+def within_limits(
+    found: Mapping[str, Array], times: Array, limits: Mapping[str, float], units: Mapping[str, str]
+) -> None:
+    """Raises `RunFailed` where an input is larger than it may be."""
+    for name, limit in limits.items():
+        if name not in found:
+            raise UsageError(f"`{name}` is none of the inputs that are looked for: {', '.join(found)}")
+        size = np.abs(found[name])
+        worst = int(size.argmax())
+        if size[worst] > limit:
+            unit = behind(units.get(name, "1"))
+            raise RunFailed(
+                f"the path needs {size[worst]:.6g}{unit} of `{name}` at t = {times[worst]:.6g} s; it may have {limit:.6g}{unit}"
+            )

@@ -1,0 +1,302 @@
+"""States and inputs along a path: Newton's method on the equations of all instants at once.
+
+Where the outputs say everything, each instant stands by itself. Else what they leave (the internal dynamics) is integrated along with them by
+the Radau IIA method of order 5 (Hairer and Wanner, Solving ODEs II, 1996, IV.5), all steps in one sparse system, which also takes
+what grows: that part is given at the end instead of the beginning, so that it stays bounded (Devasia, Chen and Paden, IEEE Trans. Autom. Control
+41, 1996). Inputs then begin before the outputs do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import RunFailed
+from .equations import Equations, Evaluated, never_apart
+
+ITERATIONS = 25
+CLOSE = 1e-13  # of the magnitudes: a last step
+ENOUGH = 1e-8  # the same, where rounding lets it come no closer
+PATIENCE = 4  # steps that may grow
+STAGES = 32  # at most, from rest to the whole path
+SINGULAR = 1e-13  # of the largest singular value, scaled
+STILL = 1e-9  # of the fastest internal rate, or over the whole path: what neither decays nor grows
+LARGEST_STEP = 3.0  # growth times step: beyond, a step of the method makes of growth a decay
+ROOT = math.sqrt(6.0)
+NODES = np.array([(4 - ROOT) / 10, (4 + ROOT) / 10, 1.0])
+WEIGHTS = np.array(
+    [
+        [(88 - 7 * ROOT) / 360, (296 - 169 * ROOT) / 1800, (-2 + 3 * ROOT) / 225],
+        [(296 + 169 * ROOT) / 1800, (88 + 7 * ROOT) / 360, (-2 - 3 * ROOT) / 225],
+        [(16 - ROOT) / 36, (16 + ROOT) / 36, 1 / 9],
+    ]
+)
+
+Wanted = Callable[[Any], Any]  # times (N,) -> (outputs, degree + 1, N)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """`unknowns` (columns, N) at `times` (N,): states, unknowns of loops, strengths. `internal`: eigenvalues of what the outputs leave to
+    move by itself, at the beginning, in 1/s."""
+
+    times: Any
+    unknowns: Any
+    internal: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Rest at the first and the last instant, (columns,) each; the last may be unknown."""
+
+    first: Any
+    last: Any | None
+
+
+def motion(equations: Equations, times: Any, wanted: Wanted, ends: Ends) -> Motion:
+    """The states and strengths at `times` with which the outputs do what is `wanted`. Raises `RunFailed`."""
+    solver = _Solver(equations, np.asarray(times, dtype=float), wanted, ends)
+    found = solver.solve()
+    keep = slice(None) if solver.steps is None else slice(0, None, len(NODES))
+    return Motion(solver.times[keep], found[:, keep], solver.internal)
+
+
+class _Solver:
+    def __init__(self, equations: Equations, times: Any, wanted: Wanted, ends: Ends) -> None:
+        self.equations, self.ends = equations, ends
+        self.steps = None if equations.free == 0 else np.diff(times)
+        if self.steps is not None:
+            between = times[:-1, None] + self.steps[:, None] * NODES
+            times = np.concatenate([times[:1], between.ravel()])
+        self.times, self.wanted = times, wanted(times)
+        self.begun = np.repeat(ends.first[:, None], len(times), axis=1)
+        self.internal, self.held = np.zeros(0, dtype=complex), (np.zeros((0, 0)), np.zeros((0, 0)))
+        if self.steps is not None:
+            self._look_inside()
+
+    # ------------------------------------------------------------ what the outputs leave
+    def _look_inside(self) -> None:
+        """The internal dynamics at both ends: what decays is at rest at the beginning, what grows at the end."""
+        eigenvalues, decaying, _ = self._internal(0, self.ends.first)
+        self.internal = eigenvalues
+        growth = float(eigenvalues.real.max(initial=0.0))
+        growing = np.zeros((0, decaying.shape[1]))
+        if growth > self._still(eigenvalues):
+            assert self.steps is not None
+            if growth * self.steps.max() > LARGEST_STEP:
+                least = math.ceil((self.times[-1] - self.times[0]) * growth / LARGEST_STEP) + 1
+                raise RunFailed(
+                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s: the steps are too long for that, "
+                    f"ask for {least} points or more, or for other outputs"
+                )
+            if self.ends.last is None:
+                raise RunFailed(
+                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s, so the path has to end at rest: let it stay there for a while"
+                )
+            growing = self._internal(-1, self.ends.last)[2]
+        self.held = decaying, growing
+        if len(decaying) + len(growing) != self.equations.free:
+            raise RunFailed(
+                "what the outputs leave to move by itself grows at one end of the path and decays at the other"
+            )
+
+    def _internal(self, at: int, unknowns: Any) -> tuple[Any, Any, Any]:
+        """Eigenvalues, and the conditions on the states (k, n) that keep what decays, and what grows, at rest."""
+        from scipy.linalg import schur
+
+        place = slice(at, at + 1) if at >= 0 else slice(len(self.times) - 1, None)
+        found = self.equations(self.times[place], unknowns[:, None], self._at_rest(place))
+        n, scale = self.equations.count, self._magnitudes(np.abs(unknowns)[:, None])
+        space = _free_space(found.jacobian[0] * scale, self.equations.free) * scale[:, None]
+        inside = np.linalg.pinv(space[:n] / scale[:n, None]) / scale[:n]
+        matrix = inside @ (found.rate_slopes[0] @ space)
+        eigenvalues = np.linalg.eigvals(matrix)
+        least = self._still(eigenvalues)
+        parts = []
+        for chosen in (lambda re, im: re <= least, lambda re, im: re > least):
+            _, basis, count = schur(matrix.T, output="real", sort=chosen)
+            parts.append(basis[:, :count].T @ inside)
+        quiet = np.abs(eigenvalues) <= least
+        return np.where(quiet, 0.0, eigenvalues)[np.argsort(-eigenvalues.real)], parts[0], parts[1]
+
+    def _still(self, eigenvalues: Any) -> float:
+        """A growth that is none: of rounding, or by nothing as long as the path lasts."""
+        return STILL * max(float(np.abs(eigenvalues).max(initial=0.0)), 1.0 / float(self.times[-1] - self.times[0]))
+
+    def _at_rest(self, place: slice) -> Any:
+        wanted = np.zeros_like(self.wanted[:, :, place])
+        wanted[:, 0] = self.wanted[:, 0, place]
+        return wanted
+
+    # ------------------------------------------------------------ Newton's method, in stages
+    def solve(self) -> Any:
+        """(columns, instants)."""
+        unknowns, start = self.begun, self._resting()
+        reached, step = 0.0, 1.0
+        while reached < 1.0:
+            step = min(step, 1.0 - reached)
+            share = reached + step
+            found, worst = self._newton(unknowns, start + share * (self.wanted - start))
+            if found is None:
+                step *= 0.5
+                if step < 1.0 / STAGES:
+                    raise RunFailed(self._lost(reached, worst))
+                continue
+            unknowns, reached, step = found, share, 2 * step
+        return unknowns
+
+    def _resting(self) -> Any:
+        """What the outputs do where everything stays at rest as it is in the beginning."""
+        rest = np.zeros_like(self.wanted)
+        zero = np.zeros((len(self.wanted), self.wanted.shape[1], 1))
+        found = self.equations(self.times[:1], self.begun[:, :1], zero)
+        row = 0
+        for output, degree in enumerate(self.equations.degrees):
+            rest[output, 0] = found.missed[0, row]
+            row += degree + 1
+        return rest
+
+    def _lost(self, reached: float, worst: int) -> str:
+        names = ", ".join(f"`{n}`" for n in self.equations.outputs)
+        return (
+            f"no inputs were found that lead {names} along the path: Newton's method fails at t = {self.times[worst]:.6g} s, "
+            f"at {100 * reached:.3g} % of the way from rest"
+        )
+
+    def _newton(self, unknowns: Any, wanted: Any) -> tuple[Any | None, int]:
+        before = math.inf
+        for number in range(ITERATIONS):
+            found = self.equations(self.times, unknowns, wanted)
+            good = np.isfinite(found.missed).all(axis=1) & np.isfinite(found.jacobian).all(axis=(1, 2))
+            if not good.all():
+                return None, int(np.argmin(good))
+            scale = self._magnitudes(np.abs(unknowns))
+            step = self._alone(found, scale) if self.steps is None else self._together(found, unknowns, scale)
+            if step is None:
+                return None, 0
+            size = np.abs(step) / scale[:, None]
+            norm = float(size.max(initial=0.0))
+            if not math.isfinite(norm) or (number > PATIENCE and norm > 2 * before):
+                return None, int(np.argmax(size.max(axis=0)))
+            unknowns = unknowns + step
+            if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
+                return unknowns, 0
+            before = norm
+        return None, int(np.argmax(size.max(axis=0)))
+
+    def _magnitudes(self, size: Any) -> Any:
+        """Of the unknowns, (columns,): those of one unit share the largest."""
+        largest = size.max(axis=1)
+        units = self.equations.units
+        shared = np.array([max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units])
+        return np.where(shared > 0, shared, 1.0)
+
+    def _alone(self, found: Evaluated, scale: Any) -> Any:
+        """The step of each instant by itself."""
+        matrix = found.jacobian * scale
+        rows = np.abs(matrix).max(axis=2, keepdims=True)
+        rows = np.where(rows > 0, rows, 1.0)
+        matrix = matrix / rows
+        columns = np.abs(matrix).max(axis=1, keepdims=True)
+        columns = np.where(columns > 0, columns, 1.0)
+        self._refuse_singular(matrix[0] / columns[0])
+        try:
+            step = np.linalg.solve(matrix / columns, (found.missed[:, :, None] / rows))[:, :, 0]
+        except np.linalg.LinAlgError:
+            return None
+        return -(step / columns[:, 0]).T * scale[:, None]
+
+    def _refuse_singular(self, matrix: Any) -> None:
+        sizes = np.linalg.svd(matrix, compute_uv=False)
+        if sizes[-1] < SINGULAR * sizes[0]:
+            raise RunFailed(never_apart(self.equations.outputs, self.equations.degrees))
+
+    def _together(self, found: Evaluated, unknowns: Any, scale: Any) -> Any:
+        """One sparse system: the equations of all instants, the steps of what is left, and its ends."""
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import splu
+
+        builder = _Blocks(self.equations.columns)
+        builder.diagonal(found.jacobian, found.missed)
+        self._step_rows(builder, found, unknowns, scale)
+        last = len(self.times) - 1
+        for at, held, rest in ((0, self.held[0], self.ends.first), (last, self.held[1], self.ends.last)):
+            if len(held) and rest is not None:
+                n = self.equations.count
+                wide = np.concatenate([held, np.zeros((len(held), self.equations.columns - n))], axis=1)
+                builder.row([(at, wide)], held @ (unknowns[:n, at] - rest[:n]))
+        rows, columns, values, right = builder.done()
+        matrix = csc_matrix((values, (rows, columns)))
+        across = np.tile(scale, len(self.times))
+        matrix = matrix.multiply(across[None]).tocsr()
+        sizes = np.abs(matrix).max(axis=1).toarray().ravel()
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        matrix = matrix.multiply(1.0 / sizes[:, None]).tocsc()
+        try:
+            step = -splu(matrix).solve(right / sizes) * across
+        except RuntimeError:
+            return None
+        return step.reshape(len(self.times), -1).T
+
+    def _step_rows(self, builder: _Blocks, found: Evaluated, unknowns: Any, scale: Any) -> None:
+        """x_j - x_0 - h sum of a_jl f_l, in the directions that the outputs leave free."""
+        assert self.steps is not None
+        n, width, stages = self.equations.count, self.equations.columns, len(NODES)
+        picked = np.eye(n, width)
+        for number, h in enumerate(self.steps):
+            first = number * stages
+            free = _free_space(found.jacobian[first] * scale, self.equations.free)[:n].T / scale[:n]
+            for j in range(stages):
+                at = first + 1 + j
+                blocks = [(first, -free @ picked)]
+                defect = unknowns[:n, at] - unknowns[:n, first]
+                for i in range(stages):
+                    weight = h * WEIGHTS[j, i]
+                    block = -weight * (free @ found.rate_slopes[first + 1 + i])
+                    if i == j:
+                        block = block + free @ picked
+                    blocks.append((first + 1 + i, block))
+                    defect = defect - weight * found.rates[first + 1 + i]
+                builder.row(blocks, free @ defect)
+
+
+class _Blocks:
+    """A sparse matrix and its right side, put together from blocks of `width` columns for each instant."""
+
+    def __init__(self, width: int) -> None:
+        self.width, self.next = width, 0
+        self.parts: list[tuple[Any, Any, Any]] = []
+        self.right: list[Any] = []
+
+    def diagonal(self, blocks: Any, right: Any) -> None:
+        """(instants, rows, width) and (instants, rows)."""
+        count, rows, width = blocks.shape
+        down = np.repeat(np.arange(count * rows), width)
+        across = np.tile(np.arange(width), count * rows) + width * np.repeat(np.arange(count), rows * width)
+        self.parts.append((down, across, blocks.ravel()))
+        self.right.append(right.ravel())
+        self.next = count * rows
+
+    def row(self, blocks: list[tuple[int, Any]], right: Any) -> None:
+        """Rows with a block at each of some instants."""
+        for at, block in blocks:
+            down = self.next + np.repeat(np.arange(len(block)), self.width)
+            self.parts.append((down, np.tile(np.arange(self.width), len(block)) + self.width * at, block.ravel()))
+        self.right.append(np.atleast_1d(right))
+        self.next += len(np.atleast_1d(right))
+
+    def done(self) -> tuple[Any, Any, Any, Any]:
+        """Rows, columns, values, right side."""
+        down, across, values = (np.concatenate([p[i] for p in self.parts]) for i in range(3))
+        return down, across, values, np.concatenate(self.right)
+
+
+def _free_space(jacobian: Any, free: int) -> Any:
+    """An orthonormal basis (columns, free) of what the equations leave, in the scaled unknowns."""
+    rows = np.abs(jacobian).max(axis=1, keepdims=True)
+    _, _, right = np.linalg.svd(jacobian / np.where(rows > 0, rows, 1.0), full_matrices=True)
+    return right[len(right) - free :].T

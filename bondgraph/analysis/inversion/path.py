@@ -1,0 +1,145 @@
+"""What outputs are wanted to do: expressions of time in the language, with all derivatives that an inverse takes.
+
+Derivatives are those of the expression's power series in time, no differences. Before a path begins it rests where it begins, unless
+it is said to begin in motion; so a path that starts off too suddenly shows as a jump at its first instant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...door import Leaf, Series
+from ...errors import UsageError
+
+if TYPE_CHECKING:
+    from ...model import Model
+    from ...simulation.segments import Segment
+
+BESIDE = 1e-9  # of the path's length: so close to an instant its two sides are compared
+JUMP = 1e-5  # of the largest value of a derivative: what is a jump, and no rounding
+ORDINALS = ("value", "first derivative", "second derivative", "third derivative", "fourth derivative")
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """Where a derivative of what is wanted (order 0: the value itself) jumps, in SI."""
+
+    output: str
+    order: int
+    time: float
+    before: float
+    after: float
+
+    def __str__(self) -> str:
+        word = ORDINALS[self.order] if self.order < len(ORDINALS) else f"derivative of order {self.order}"
+        return (
+            f"the {word} of `{self.output}` jumps at t = {self.time:.6g} s from {self.before:.6g} to {self.after:.6g}"
+        )
+
+
+class Path:
+    """`derivatives(times, order)` of all outputs over [start, stop], and where they jump."""
+
+    def __init__(self, names: Sequence[str], model: Model, start: float, stop: float) -> None:
+        from ...simulation.segments import segments
+
+        made = model.prepared(model.scene(None), True, "numpy")
+        program, lowered = made.program, made.compilation.lowered
+        self.names, self.start, self.stop = tuple(names), start, stop
+        self._parameters = np.array(program.defaults, dtype=float)
+        with np.errstate(all="ignore"):
+            self.stretches: list[Segment] = segments(program, program.constants(self._parameters), start, stop)
+        self._series = Series(list(lowered.outputs.values()), frozenset({"time"}))
+        self._program = program
+
+    @property
+    def first(self) -> dict[str, float]:
+        """Where it begins."""
+        return self._at(self.start)
+
+    @property
+    def last(self) -> dict[str, float]:
+        """Where it ends."""
+        return self._at(self.stop)
+
+    def _at(self, time: float) -> dict[str, float]:
+        return dict(zip(self.names, self.derivatives(np.array([time]), 0)[:, 0, 0].tolist(), strict=True))
+
+    def derivatives(self, times: Any, order: int) -> Any:
+        """(outputs, order + 1, instants), in SI. Raises `UsageError` where there is none."""
+        times = np.asarray(times, dtype=float)
+        found = np.zeros((len(self.names), order + 1, len(times)))
+        owner = np.searchsorted([s.start for s in self.stretches], times, side="right") - 1
+        for number in np.unique(np.clip(owner, 0, None)):
+            here = np.flatnonzero(np.clip(owner, 0, None) == number)
+            found[:, :, here] = self._derivatives(times[here], order, self.stretches[number].mode)
+        bad = np.argwhere(~np.isfinite(found))
+        if len(bad):
+            output, k, at = bad[0]
+            what = "value" if k == 0 else f"derivative of order {k}"
+            raise UsageError(f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s")
+        return found
+
+    def _derivatives(self, times: Any, order: int, mode: Any) -> Any:
+        given = {Leaf("time", 0): times[None]}
+        given |= {Leaf("parameter", i): np.array([[v]]) for i, v in enumerate(self._parameters)}
+        given |= {Leaf("mode", i): np.array([[v]]) for i, v in enumerate(np.atleast_1d(mode))}
+        expansion = self._series.expand(given)
+        found = np.zeros((len(self.names), order + 1, len(times)))
+        for k in range(order + 1):
+            if k:
+                expansion.advance({Leaf("time", 0): np.ones((1, 1)) if k == 1 else None})
+            for row in range(len(self.names)):
+                coefficient = expansion[row]
+                if coefficient is not None:
+                    found[row, k] = math.factorial(k) * coefficient[0]
+        return found
+
+    def jumps(self, orders: Sequence[int], moving: bool) -> list[Jump]:
+        """Of each output its derivatives up to an order, at all instants where one jumps; the lowest order of each instant."""
+        highest = max(orders)
+        sizes = np.abs(self.derivatives(np.linspace(self.start, self.stop, 257), highest)).max(axis=2)
+        step = BESIDE * (self.stop - self.start)
+        found: list[Jump] = []
+        for number, stretch in enumerate(self.stretches):
+            after = self._derivatives(np.array([stretch.start + step]), highest, stretch.mode)[:, :, 0]
+            if number:
+                earlier = self.stretches[number - 1]
+                before = self._derivatives(np.array([earlier.stop - step]), highest, earlier.mode)[:, :, 0]
+            else:
+                before = np.zeros_like(after)
+                before[:, 0] = after[:, 0]
+                if moving:
+                    continue
+            for row, name in enumerate(self.names):
+                for k in range(orders[row] + 1):
+                    allowed = JUMP * max(sizes[row, k], 1e-300)
+                    if abs(after[row, k] - before[row, k]) > allowed:
+                        found.append(Jump(name, k, stretch.start, float(before[row, k]), float(after[row, k])))
+                        break
+        return found
+
+
+def path_of(model: Model, wanted: Mapping[str, str | float], start: float, stop: float) -> Path:
+    """From texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, or numbers in SI. Raises `UsageError`, `CompilationFailed`."""
+    from ... import door
+    from ...model import Model
+
+    outputs = model.compilation(model.scene(None)).whole_graph.outputs
+    unknown = [n for n in wanted if n not in outputs]
+    if unknown or not wanted:
+        raise UsageError(f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")
+    lines = ["model Wanted {"]
+    for number, (name, value) in enumerate(wanted.items(), 1):
+        unit = outputs[name].unit
+        if isinstance(value, str):
+            door.parse_expression(door.Source(f"what is wanted of {name}", value))
+        text = value if isinstance(value, str) else f"{float(value)!r}{'' if unit == '1' else f' [{unit}]'}"
+        lines.append(f"  output wanted_{number}{'' if unit == '1' else f': {unit}'} = {' '.join(text.split())}")
+    text = "\n".join([*lines, "}"])
+    return Path(tuple(wanted), Model(door.Source("what is wanted", text)), start, stop)

@@ -1,0 +1,22 @@
+"""`bondgraph report`."""
+
+from __future__ import annotations
+
+import click
+
+from .options import check_target, file_argument, load, model_option
+from .telling import problems_told
+
+
+@click.command("report")
+@file_argument
+@click.option("-o", "--out", required=True, metavar="PAGE.html", help="The file to write.")
+@model_option
+def command(file: str, out: str, model: str | None) -> None:
+    """Write a page of a model: its text, its bond graph, equations, and all its runs, to look at in a browser."""
+    with problems_told():
+        from ..files import write_text
+        from ..page import report_text
+
+        check_target(out, (".html", ".htm"), "--out")
+        write_text(out, report_text(load(file, model)))

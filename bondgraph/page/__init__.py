@@ -1,0 +1,18 @@
+"""A model as a page: its text, its bond graph, equations, runs that move, in one HTML file that asks nobody for anything."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .document import document_of
+from .shell import page_text
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+__all__ = ["document_of", "page_text", "report_text"]
+
+
+def report_text(model: Model) -> str:
+    """The page of a model with all its experiments and modes, as the text of an HTML file. Raises `CompilationFailed`."""
+    return page_text(document_of(model))

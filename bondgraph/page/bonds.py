@@ -1,0 +1,143 @@
+"""What a run must report so that effort and flow of every bond are known, and how they follow from it.
+
+An element's port can be read by name, and so can a mechanism's. What only joins junctions follows: they share an effort or a flow, and
+balance the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..door import Element, Junction, Kind, MechanismNode
+
+if TYPE_CHECKING:
+    from ..door import BondGraph, GraphNode
+
+MOST = 400  # bonds: beyond, a page would carry more numbers than anybody looks at
+EFFORT, FLOW = "e", "f"
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """A column that is a sum of columns before it, each with its sign."""
+
+    terms: tuple[tuple[float, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BondColumns:
+    """`columns`: names that a run reports, and balances. `places`: the columns of each bond's effort and flow, None if not known."""
+
+    columns: tuple[str | Balance, ...]
+    places: tuple[tuple[int | None, int | None], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What a run must report."""
+        return tuple(c for c in self.columns if isinstance(c, str))
+
+    def values(self, read: Mapping[str, Any], length: int) -> Any:
+        """All columns, shape (columns, length), from what a run reports, by name."""
+        import numpy as np
+
+        kind = complex if any(np.iscomplexobj(read[n]) for n in self.names) else float
+        found = np.zeros((len(self.columns), length), dtype=kind)
+        for place, column in enumerate(self.columns):
+            found[place] = read[column] if isinstance(column, str) else sum(s * found[c] for s, c in column.terms)
+        return found
+
+
+def bond_columns(graph: BondGraph) -> BondColumns:
+    """How the effort and the flow of each bond are found; nothing for a graph of too many bonds."""
+    if len(graph.bonds) > MOST:
+        return BondColumns((), ((None, None),) * len(graph.bonds))
+    return _Search(graph).found()
+
+
+class _Search:
+    """What is known so far: the column of each bond's effort and flow."""
+
+    def __init__(self, graph: BondGraph) -> None:
+        self.graph = graph
+        self.columns: list[str | Balance] = []
+        self.known: dict[tuple[int, str], int] = {}
+
+    def found(self) -> BondColumns:
+        bonds = range(len(self.graph.bonds))
+        for bond in bonds:
+            for variable in (EFFORT, FLOW):
+                if (bond, variable) not in self.known:
+                    self._read(bond, variable)
+        while any(self._balance(number, node) for number, node in enumerate(self.graph.nodes)):
+            pass
+        return BondColumns(
+            tuple(self.columns), tuple((self.known.get((b, EFFORT)), self.known.get((b, FLOW))) for b in bonds)
+        )
+
+    def _read(self, bond: int, variable: str) -> None:
+        """A bond's variable by the name of one of its ends, if one has a name for it."""
+        ends = self.graph.bonds[bond]
+        for end in (ends.tail, ends.head):
+            node = self.graph.nodes[end.node]
+            name = _name(node, end.port, variable)
+            several = sum(end in (b.tail, b.head) for b in (self.graph.bonds[i] for i in self.graph.incident[end.node]))
+            if not name or (isinstance(node, MechanismNode) and several > 1):
+                continue
+            if isinstance(node, MechanismNode) and variable == EFFORT and end == ends.tail:
+                self.columns.append(name)  # a mechanism tells what pushes it, and this bond pushes what hangs on it
+                self._learn(bond, variable, Balance(((-1.0, len(self.columns) - 1),)))
+            else:
+                self._learn(bond, variable, name)
+            return
+
+    def _learn(self, bond: int, variable: str, column: str | Balance) -> None:
+        """A new column, and what shares it across junctions."""
+        self.columns.append(column)
+        waiting = [bond]
+        while waiting:
+            here = waiting.pop()
+            self.known[here, variable] = len(self.columns) - 1
+            for end in (self.graph.bonds[here].tail, self.graph.bonds[here].head):
+                if self.graph.nodes[end.node].kind is (Kind.ZERO if variable == EFFORT else Kind.ONE):
+                    waiting += [b for b in self.graph.incident[end.node] if (b, variable) not in self.known]
+
+    def _balance(self, number: int, node: GraphNode) -> bool:
+        """Whether a junction told the only variable at it that was not known."""
+        if not isinstance(node, Junction):
+            return False
+        variable = FLOW if node.kind is Kind.ZERO else EFFORT
+        around = self.graph.incident[number]
+        missing = [b for b in around if (b, variable) not in self.known]
+        if len(missing) != 1 or around.count(missing[0]) > 1:
+            return False
+        (bond,) = missing
+        own = self._sign(bond, number)
+        terms = ((-own * self._sign(b, number), self.known[b, variable]) for b in around if b != bond)
+        self._learn(bond, variable, Balance(tuple(terms)))
+        return True
+
+    def _sign(self, bond: int, node: int) -> float:
+        """1 for a bond to a node, -1 for one away from it."""
+        return 1.0 if self.graph.bonds[bond].head.node == node else -1.0
+
+
+def _name(node: GraphNode, port: int, variable: str) -> str:
+    """How the text would read a variable of a port; empty if it cannot."""
+    if isinstance(node, Element):
+        if len(node.ports) == 1:
+            return f"{node.name}.{variable}"
+        name = node.ports[port].name
+        return f"{node.name}.{variable}{name}" if name.isdigit() else f"{node.name}.{name}.{variable}"
+    if isinstance(node, MechanismNode):
+        return f"{node.name}.{node.ports[port].name}.{variable}"
+    return ""
+
+
+def powers(graph: BondGraph) -> Iterator[tuple[str, str, tuple[tuple[int, float], ...]]]:
+    """What each element and mechanism takes: its name, its letter, and its bonds with 1 where they bring power and -1 where they fetch it."""
+    for number, node in enumerate(graph.nodes):
+        if not isinstance(node, Junction):
+            around = tuple((b, 1.0 if graph.bonds[b].head.node == number else -1.0) for b in graph.incident[number])
+            yield node.name, str(node.kind.value), around

@@ -1,0 +1,108 @@
+"""The experiments of a model as data: those that are one run are plotted over time, others over what they sweep, or told in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..door import CompilationFailed, Experiment
+from ..errors import MissingPackage, RunFailed, UsageError
+from ..prepared import many_runs
+from ..views.tables import short, visible
+from .markup import Html, table, tag
+from .numbers import packed
+from .runs import OUTPUTS, Watched, run_data
+
+if TYPE_CHECKING:
+    from ..analysis.outcome import Outcome
+    from ..results import EnergyBalance
+
+PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
+
+
+def experiment_names(watched: Watched) -> tuple[str, ...]:
+    """The experiments of the model, in the order of the text."""
+    model = watched.model.compilation().tree.models[watched.graph.name]
+    return tuple(dict.fromkeys(s.name for s in model.statements if isinstance(s, Experiment)))
+
+
+def one_run(watched: Watched, name: str) -> bool:
+    """Whether an experiment is a single run over time."""
+    scene = watched.model.scene(name)
+    plan = watched.model.compilation(scene).plan
+    return many_runs(plan, scene) is None and plan.stop is not None
+
+
+def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """An experiment as data; what goes wrong in it is told in its place."""
+    try:
+        if one_run(watched, name):
+            result = watched.simulate(name, settings, energy=True)
+            told = _balance(result.energy) if result.energy is not None else ""
+            return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
+        outcome = watched.model.run(name, settings)
+        return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(outcome)}
+    except PROBLEMS as problem:
+        return {"name": name, "kind": "failed", "told": _pre(visible_lines(str(problem)))}
+
+
+def visible_lines(words: str) -> str:
+    """Words of several lines without what would turn the reading direction."""
+    return "\n".join(map(visible, words.split("\n")))
+
+
+def _pre(words: str) -> Html:
+    return tag("pre", words)
+
+
+def _balance(balance: EnergyBalance) -> Html:
+    """What sources gave, what was stored and what dissipated, element by element."""
+    rows = [
+        (e.name, e.kind, *(f"{v:.4g}" if v else "" for v in (e.supplied, e.stored, e.dissipated)))
+        for e in balance.elements[:200]
+    ]
+    rows.append(("sum", "", *(f"{v:.6g}" for v in (balance.supplied, balance.stored, balance.dissipated))))
+    summary = tag("summary", f"energy balance of the whole run; what it leaves unexplained: {balance.residual:.3g} J")
+    return tag("details", summary, table(rows, ("element", "", "supplied, J", "stored, J", "dissipated, J")))
+
+
+def _plotted(outcome: Outcome) -> dict[str, Any]:
+    """A sweep over one name as curves over it, or the runs of its points over time."""
+    if len(outcome.swept) != 1 or len(outcome.points) < 2:
+        return {}
+    ((swept, unit),) = outcome.swept.items()
+    curves = list(_runs(outcome, swept)) or list(_values(outcome, swept))
+    if not curves:
+        return {}
+    first = outcome.points[0].run
+    axis = ("time", "s") if first is not None else (short(swept), visible(unit))
+    over = first.time if first is not None else outcome(swept)
+    return {
+        "plot": {
+            "axis": {"name": axis[0], "unit": "" if axis[1] == "1" else axis[1]},
+            "time": packed(over, single=False),
+            "outputs": [{"name": n, "unit": "" if u == "1" else u} for n, u, _ in curves],
+            "values": packed([v for _, _, v in curves], single=False),
+        }
+    }
+
+
+def _runs(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
+    """Each output of each run over time, as far as they are few and of equal instants."""
+    runs = [(p.settings[swept], p.run) for p in outcome.points if p.run is not None]
+    if not runs or any(len(r.time) != len(runs[0][1].time) for _, r in runs):
+        return
+    for item, _ in runs[0][1].shown()[: max(1, OUTPUTS // len(runs))]:
+        for value, run in runs[:OUTPUTS]:
+            yield (
+                f"{short(item.name, 30)} at {value:.4g}",
+                visible(item.unit),
+                run[item.name] * item.scale + item.offset,
+            )
+
+
+def _values(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
+    units = outcome.units
+    for name in [n for n in outcome.names if n != swept][:OUTPUTS]:
+        unit, scale, offset = outcome.shown.get(name, (units[name], 1.0, 0.0))
+        yield short(name), visible(unit), outcome(name) * scale + offset

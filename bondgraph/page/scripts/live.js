@@ -1,0 +1,103 @@
+// The live page: asks its server for runs, and follows the file. One run is on its way at a time; of those that wait the last is made.
+
+function live() {
+  const token = document.querySelector('meta[name="token"]').content;
+  const ask = async (path, body) => {
+    const answer = await fetch(path, { method: body ? "POST" : "GET", headers: { "X-Bondgraph-Token": token, ...(body && { "Content-Type": "application/json" }) }, body: body && JSON.stringify(body), cache: "no-store" });
+    if (!answer.ok) throw new Error(`${answer.status}`);
+    return answer.json();
+  };
+  const state = { busy: false, wanted: null, version: page.data.version, shown: null };
+  const known = new Set();  // experiments that have been compiled
+  const banner = document.getElementById("problems");
+  const note = (words) => { const host = document.getElementById("told"); if (host) host.replaceChildren(html("p", { class: "note" }, words)); };
+
+  async function run(name) {
+    state.wanted = name;
+    if (state.busy) {
+      if (performance.now() - state.began > 800 && !state.first) { state.began = performance.now(); ask("/stop", {}).catch(() => {}); }
+      return;
+    }
+    state.busy = true;
+    document.body.classList.add("busy");
+    while (state.wanted !== null) {
+      const wanted = state.wanted, version = state.version;
+      state.wanted = null;
+      state.began = performance.now();
+      state.first = !known.has(wanted);
+      try {
+        const found = await ask("/run", { experiment: wanted, settings: page.sliders ? page.sliders.values : {} });
+        known.add(wanted);
+        if (version === state.version && wanted === page.chosen && page.swinging === undefined) put(found);
+      } catch (problem) { note(`The server does not answer (${problem.message}).`); }
+    }
+    state.busy = false;
+    document.body.classList.remove("busy");
+  }
+
+  function put(found) {
+    const again = found.run && state.shown === found.name && page.view && refresh(found.run);
+    if (!again) show(found);
+    else { const told = document.getElementById("told"); told.replaceChildren(...found.run.notes.map((n) => html("p", { class: "note" }, n))); }
+    state.shown = found.run ? found.name : null;
+    requestAnimationFrame(() => {
+      if (performance.getEntriesByName("slider moved").length) { performance.measure("slider", "slider moved"); performance.clearMarks("slider moved"); }
+      performance.mark("drawn");
+    });
+  }
+
+  function arm() {
+    state.shown = null;
+    const host = document.getElementById("sliders");
+    const before = page.sliders ? page.sliders.values : {};
+    page.sliders = host && page.data.parameters ? new Sliders(host, page.data.parameters, () => { if (page.swinging !== undefined) choose(Math.max(0, page.data.experiments.findIndex((e) => e.name === page.chosen))); else run(page.chosen); }) : null;
+    if (page.sliders) {
+      for (const p of page.data.parameters) if (p.name in before) page.sliders.values[p.name] = before[p.name];
+      for (const put of page.sliders.puts) put();
+    }
+    if (page.chosen && page.data.experiments.length) run(page.chosen);
+    if (!page.data.modes.length) ask("/modes").then((found) => { if (found.version === state.version && found.modes.length) addModes(found.modes); }).catch(() => {});
+  }
+
+  function addModes(modes) {
+    const choice = document.getElementById("choice");
+    if (!choice) return;
+    page.data.modes = modes;
+    page.modes = modeChoice(modes);
+    choice.append(html("label", {}, "mode ", page.modes));
+  }
+
+  function follow(change) {
+    banner.innerHTML = change.problems;
+    banner.classList.toggle("wrong", Boolean(change.problems));
+    state.version = change.version;
+    if (!change.data) return;
+    known.clear();
+    const [x, y] = [scrollX, scrollY], text = document.getElementById("text"), down = text && text.scrollTop;
+    document.getElementById("page").innerHTML = change.sections;
+    document.title = change.title;
+    load(change.data);
+    arm();
+    const now = document.getElementById("text");
+    if (now) now.scrollTop = down;
+    scrollTo(x, y);
+  }
+
+  async function changes() {
+    for (;;) {
+      try {
+        const change = await ask(`/changes?since=${state.version}`);
+        banner.classList.remove("away");
+        if (change.version !== state.version) follow(change);
+      } catch (problem) {
+        banner.classList.add("away");
+        await new Promise((done) => setTimeout(done, 1500));
+      }
+    }
+  }
+
+  page.asked = (name) => run(name);
+  arm();
+  if (page.data.problems) { banner.innerHTML = page.data.problems; banner.classList.add("wrong"); }
+  changes();
+}

@@ -1,0 +1,185 @@
+// The page: what is chosen among experiments and modes, its plots, and everything that follows the time.
+
+const page = {};
+const FRAMES = 96;  // of one cycle of a mode
+
+function start() {
+  page.player = new Player((share) => follow(share));
+  document.addEventListener("click", (event) => {
+    const link = event.target.closest && event.target.closest("a[data-to]");
+    if (link) { event.preventDefault(); toLine(link.dataset.to); }
+  });
+  document.addEventListener("keydown", (event) => {
+    const busy = event.target.closest && event.target.closest("input,select,button,summary,a,[tabindex]:not(.sheet):not(.wide)");
+    if (event.key === " " && !busy) { event.preventDefault(); page.player.play(!page.player.playing); }
+  });
+  load(JSON.parse(document.getElementById("data").textContent));
+  performance.mark("interactive");
+  if (typeof live === "function") live();
+}
+
+function load(data) {
+  page.data = data;
+  page.diagram = new Diagram(data);
+  page.plots = [];
+  page.view = null;
+  const stages = document.getElementById("stages");
+  page.stages = stages ? data.scenes.map((scene) => new Stage(stages, scene)) : [];
+  const choice = document.getElementById("choice");
+  if (!choice) { page.player.load(null); return; }
+  page.buttons = data.experiments.map((experiment, i) => {
+    const button = html("button", { type: "button", "aria-pressed": "false" }, experiment.name);
+    button.addEventListener("click", () => choose(i));
+    return button;
+  });
+  page.modes = modeChoice(data.modes);
+  choice.replaceChildren(...page.buttons, ...(data.modes.length ? [html("label", {}, "mode ", page.modes)] : []));
+  const before = data.experiments.findIndex((e) => e.name === page.chosen);
+  if (data.experiments.length) choose(Math.max(0, before)); else if (data.modes.length) { page.modes.value = "0"; swing(data.modes[0]); } else page.player.load(null);
+}
+
+function choose(place) {
+  const experiment = page.data.experiments[place];
+  const same = page.chosen === experiment.name && page.swinging === undefined;
+  page.chosen = experiment.name;
+  page.swinging = undefined;
+  page.buttons.forEach((button, i) => button.setAttribute("aria-pressed", String(i === place)));
+  if (page.modes) page.modes.value = "";
+  if (page.asked) { page.asked(experiment.name); return; }
+  show(experiment, same);
+}
+
+// An experiment: its plots, what is told of it, and whatever moves along it.
+function show(experiment) {
+  const told = document.getElementById("told");
+  told.innerHTML = experiment.told || "";
+  const run = experiment.run, plots = document.getElementById("plots");
+  if (!run) {
+    clear(plots);
+    if (experiment.plot) draw(plots, { ...experiment.plot, along: null });
+    along(null);
+    return;
+  }
+  for (const note of run.notes) told.prepend(html("p", { class: "note" }, note));
+  clear(plots);
+  draw(plots, run);
+  along(run.along);
+}
+
+function clear(plots) { plots.replaceChildren(); page.plots = []; page.view = null; }
+
+// One panel for each unit.
+function draw(plots, run) {
+  const times = unpack(run.time), values = unpack(run.values);
+  if (!times.length) return;
+  const [low, high] = extent([times]);
+  page.view = new View(low, high);
+  const [unit, factor] = run.axis ? [run.axis.unit, 1] : timeUnit(Math.max(Math.abs(low), Math.abs(high)));
+  const axis = { words: run.axis ? `${run.axis.name}${unit && `, ${unitWords(unit)}`}` : `time, ${unit}`, factor, values: times };
+  const chosen = (instant, hovering) => { if (!hovering || !page.player.playing) { if (!hovering) page.player.play(false); page.player.put((instant - low) / (high - low)); } };
+  for (const group of panels(run, values, times.length)) page.plots.push(new Plot(plots, group.title, group.unit, group.curves, { ...axis }, page.view, chosen));
+  if (run.along) energyPlot(plots, run.along, axis, chosen);
+}
+
+function panels(run, values, count) {
+  const groups = new Map();
+  run.outputs.forEach((output, i) => {
+    if (!groups.has(output.unit)) groups.set(output.unit, { unit: output.unit, title: "", curves: [] });
+    groups.get(output.unit).curves.push({ name: output.name, values: row(values, i, count) });
+  });
+  return groups.values();
+}
+
+function energyCurves(energy, count) {
+  return ["supplied", "dissipated", "stored"].map((name, i) => ({ name, values: row(energy, i, count) }));
+}
+
+function energyPlot(plots, told, axis, chosen) {
+  const times = unpack(told.time), energy = unpack(told.energy);
+  if (!energy.some((v) => v)) return;
+  page.energy = new Plot(plots, "energy since the start", "J", energyCurves(energy, times.length), { ...axis, values: times }, page.view, chosen);
+  page.plots.push(page.energy);
+}
+
+// The same experiment with other values: the curves change where they stand.
+function refresh(run) {
+  const times = unpack(run.time), values = unpack(run.values), groups = [...panels(run, values, times.length)];
+  if (page.energy && page.plots.includes(page.energy)) groups.push({ curves: energyCurves(unpack(run.along.energy), unpack(run.along.time).length), times: unpack(run.along.time) });
+  if (groups.length !== page.plots.length) return false;
+  groups.forEach((group, i) => page.plots[i].replace(group.curves, group.times || times));
+  along(run.along, true);
+  return true;
+}
+
+// What moves along a run: the diagram and the mechanisms.
+function along(told) {
+  if (!told) { page.along = null; page.diagram.load(null); page.diagram.show(0); hideStages(true); page.player.load(page.view ? (share) => at(share) : null, false); return; }
+  const times = unpack(told.time), count = times.length;
+  page.along = { times, count, bonds: unpack(told.bonds), poses: unpack(told.poses) };
+  page.diagram.load(page.along);
+  hideStages(false);
+  for (const stage of page.stages) stage.load(page.along.poses, count, false);
+  page.player.load((share) => at(share), false);
+}
+
+function at(share) {
+  const [low, high] = page.view.whole, instant = low + share * (high - low);
+  const [unit, factor] = timeUnit(Math.max(Math.abs(low), Math.abs(high)));
+  return `${digits(instant * factor)} ${unit}`;
+}
+
+function hideStages(hidden) { const stages = document.getElementById("stages"); if (stages) stages.hidden = hidden || !page.stages.length; }
+
+// Everything goes to a share of the run.
+function follow(share) {
+  if (page.view) { const [low, high] = page.view.whole; for (const plot of page.plots) plot.point(low + share * (high - low)); }
+  if (!page.along) return;
+  const { times, count } = page.along;
+  const place = page.swinging === undefined ? placeOf(times, times[0] + share * (times[count - 1] - times[0])) : share * (count - 1);
+  page.diagram.show(place);
+  for (const stage of page.stages) stage.show(place);
+}
+
+// ---------------------------------------------------------------- modes
+
+function modeWords(mode, place) {
+  const damping = mode.damping === null ? "" : `, damping ${digits(mode.damping, 3)}`;
+  return `${place + 1}: ${quantity(mode.frequency, "Hz")}${damping}`;
+}
+
+function modeChoice(modes) {
+  const made = html("select", { "aria-label": "mode" }, html("option", { value: "" }, "none"), ...modes.map((mode, i) => html("option", { value: i }, modeWords(mode, i))));
+  made.addEventListener("change", () => { if (made.value === "") choose(0); else swing(modes[Number(made.value)]); });
+  return made;
+}
+
+// A mode goes round: amplitudes turn through one cycle about the state of rest.
+function swing(mode) {
+  const place = page.data.modes.indexOf(mode);
+  page.swinging = place;
+  page.buttons.forEach((button) => button.setAttribute("aria-pressed", "false"));
+  const plots = document.getElementById("plots"), told = document.getElementById("told");
+  clear(plots);
+  told.replaceChildren();
+  const shares = mode.energy.map(([name, share]) => html("li", {}, html("span", {}, name), html("meter", { min: 0, max: 1, value: Math.max(0, share) }), ` ${digits(100 * share, 3)} %`));
+  plots.append(html("figure", { class: "panel" }, html("figcaption", {}, `mode ${modeWords(mode, place)}`), html("p", {}, "where its energy is:"), html("ul", { class: "shares" }, ...shares)));
+  const poses = cycle(unpack(mode.poses.re), unpack(mode.poses.im), unpack(mode.rest));
+  page.along = { times: Float64Array.from({ length: FRAMES }, (_, i) => i), count: FRAMES, bonds: cycle(unpack(mode.bonds.re), unpack(mode.bonds.im), null), poses };
+  page.diagram.load(page.along);
+  hideStages(false);
+  for (const stage of page.stages) stage.load(page.along.poses, FRAMES, true);
+  page.player.load((share) => `${Math.round(360 * share)}° of the cycle`, true);
+  page.player.put(page.player.share);
+}
+
+// One cycle of complex amplitudes, row by row. Those about a state of rest are made small, so that pictures, which enlarge them, stay linear.
+function cycle(re, im, rest) {
+  const largest = rest ? Math.max(1e-300, ...re.map(Math.abs), ...im.map(Math.abs)) * 1e3 : 1;
+  const found = new Float64Array(re.length * FRAMES);
+  for (let k = 0; k < re.length; k++)
+    for (let i = 0; i < FRAMES; i++) {
+      const phase = 2 * Math.PI * i / (FRAMES - 1);
+      found[k * FRAMES + i] = (rest ? rest[k] : 0) + (re[k] * Math.cos(phase) - im[k] * Math.sin(phase)) / largest;
+    }
+  return found;
+}

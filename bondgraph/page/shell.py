@@ -1,0 +1,82 @@
+"""A document as one file: its style and scripts stand in it, and the browser is told to run no others and to ask nobody for anything.
+
+Style and scripts are named by their hashes, so that nothing that came in with a model's text could run even if it were not escaped.
+"""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from ..diagram.svg import style_rules
+from .document import Document
+from .markup import Html, tag
+
+HERE = Path(__file__).parent
+STYLES = ("page", "text", "diagram", "runs", "live")
+SCRIPTS = ("numbers", "plot", "mechanism", "diagram", "player", "sliders", "page")
+LIVE = ("live",)
+
+
+def page_text(document: Document, token: str = "") -> str:
+    """The text of an HTML file. With a `token` the page is a live one, which talks to the server that it came from."""
+    style, script = _style(), _script(bool(token))
+    policy = (
+        f"default-src 'none'; style-src {_hashed(style)}; script-src {_hashed(script)}; img-src data:; base-uri 'none'; form-action 'none'"
+        + ("; connect-src 'self'" if token else "")
+    )
+    head = [
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=policy),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("meta", name="referrer", content="no-referrer"),
+        *([tag("meta", name="token", content=token)] if token else []),
+        tag("title", document.title),
+        Html(f"<style>{style}</style>"),
+    ]
+    player = Html((HERE / "player.html").read_text(encoding="utf-8"))
+    body = [
+        tag("div", id="problems", role="alert"),
+        tag("main", document.sections, id="page"),
+        player,
+        Html(f'<script type="application/json" id="data">{data_text(document.data)}</script>'),
+        Html(f"<script>{script}</script>"),
+    ]
+    return f"<!DOCTYPE html>\n{tag('html', tag('head', *head), tag('body', *body), lang='en')}\n"
+
+
+def data_text(data: Any) -> str:
+    """JSON in which no letter could end the element that it stands in. What is no finite number is null."""
+    told = json.dumps(_finite(data), ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+    return told.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, float):
+        return data if abs(data) < float("inf") else None
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    return [_finite(item) for item in data] if isinstance(data, list | tuple) else data
+
+
+def _hashed(text: str) -> str:
+    return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode('ascii')}'"
+
+
+@cache
+def _style() -> str:
+    own = "\n".join((HERE / "styles" / f"{name}.css").read_text(encoding="utf-8") for name in STYLES)
+    return f"{own}\n{style_rules()}"
+
+
+@cache
+def _script(live: bool) -> str:
+    """The scripts one after the other, in one scope of their own."""
+    names = (*SCRIPTS, *LIVE) if live else SCRIPTS
+    parts = "\n".join((HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in names)
+    return f'"use strict";\n(() => {{\n{parts}\nstart();\n}})();\n'

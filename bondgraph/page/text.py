@@ -1,0 +1,57 @@
+"""The model's text as markup: a line each, numbered, its words coloured by what they are; the diagram is linked with the lines."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from ..door import ELEMENT_KINDS
+from .markup import Html, joined, tag
+
+if TYPE_CHECKING:
+    from ..door import Source
+
+WORDS = frozenset((
+    "model", "plain", "parameter", "constant", "input", "output", "signal", "port", "import", "from", "for", "in", "function", "multibody",
+    "body", "frame", "mode", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", "equilibrium", "modes", "response",
+    "require", "integral", "delay", "if", "else", "and", "or", "not", "true", "false", "time", "pi", "ground", "to", "over",
+))  # fmt: skip
+_PIECES = re.compile(
+    r'(?P<remark>#.*)|(?P<words>"[^"]*"?)|(?P<number>\b\d[\d.]*(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<arrow>->|=>)'
+)
+LONGEST = 4000  # lines of one file
+
+
+def text_markup(sources: Sequence[Source]) -> Html:
+    """All files that a model is of, the model's own first and open."""
+    return joined(_file(number, source) for number, source in enumerate(sources))
+
+
+def _file(number: int, source: Source) -> Html:
+    lines = source.text.split("\n")
+    if lines and not lines[-1]:
+        lines.pop()
+    listing = tag("ol", *(_line(number, i, line) for i, line in enumerate(lines[:LONGEST], 1)), class_="listing")
+    more = [tag("p", f"and {len(lines) - LONGEST} lines more")] if len(lines) > LONGEST else []
+    name = PurePath(source.name).name
+    return tag("details", tag("summary", tag("code", name)), listing, *more, open=number == 0, class_="file")
+
+
+def _line(file: int, number: int, line: str) -> Html:
+    return tag("li", tag("code", *_pieces(line)), data_at=f"{file}:{number}")
+
+
+def _pieces(line: str) -> Iterator[str]:
+    """The line in parts; what is neither word, number, remark nor arrow is as it stands."""
+    done = 0
+    for found in _PIECES.finditer(line):
+        kind = found.lastgroup or ""
+        if kind == "name":
+            kind = "word" if found[0] in WORDS else "kind" if found[0] in ELEMENT_KINDS else ""
+        if kind:
+            yield line[done : found.start()]
+            yield tag("span", found[0], class_=kind)
+            done = found.end()
+    yield line[done:]

@@ -1,0 +1,55 @@
+"""Effort and flow of every bond along a run: power is lost in no junction, and what sources give is stored or dissipated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.door import Junction
+from bondgraph.page.bonds import bond_columns
+from bondgraph.page.runs import Watched, energies
+from tests.compiling import MODELS
+
+FILES = sorted(p for p in MODELS.glob("*.bg") if p.name != "mems.bg")
+# Ones, zeros, junctions beside junctions, transformers, a mechanism that bonds enter and leave.
+RUN = ["oscillator", "dc_motor", "quarter_car", "four_bar"]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.stem))
+def test_every_bond_is_known(path) -> None:
+    found = Watched(bondgraph.load(path)).bonds
+    assert all(None not in place for place in found.places)
+
+
+@pytest.mark.parametrize("name", RUN)
+def test_no_junction_keeps_power(name: str) -> None:
+    watched = Watched(bondgraph.load(MODELS / f"{name}.bg"))
+    result = watched.simulate("")
+    columns = watched.bonds.values(result.to_numpy(), len(result.time))
+    graph = watched.graph
+    power = [columns[e] * columns[f] for e, f in watched.bonds.places]
+    for number, node in enumerate(graph.nodes):
+        if isinstance(node, Junction):
+            around = graph.incident[number]
+            total = sum(power[b] * (1 if graph.bonds[b].head.node == number else -1) for b in around)
+            assert np.abs(total).max() <= 1e-9 * max(np.abs(power[b]).max() for b in around)
+    supplied, dissipated, stored = energies(watched, result.time, columns)
+    assert np.abs(power).max() > 0
+    assert np.abs(supplied - dissipated - stored).max() <= 1e-9 * np.abs(power).max() * result.time[-1]
+
+
+def test_the_energy_is_that_of_the_balance() -> None:
+    watched = Watched(bondgraph.load(MODELS / "oscillator.bg"))
+    result = watched.simulate("", energy=True)
+    columns = watched.bonds.values(result.to_numpy(), len(result.time))
+    found = energies(watched, result.time, columns)[:, -1]
+    balance = result.energy
+    assert found == pytest.approx([balance.supplied, balance.dissipated, balance.stored], rel=0.02, abs=2e-4)
+
+
+def test_graphs_too_large_for_a_page_have_no_columns() -> None:
+    parts = "\n".join(f"  1 a{i}; R r{i} : F = 1 [N*s/m]*v; a{i} -> r{i}" for i in range(401))
+    model = bondgraph.load(f"model M {{\n{parts}\n}}")
+    graph = Watched(model).model.compilation(model.scene(None, free=("*",))).causal.graph
+    assert bond_columns(graph).columns == ()
