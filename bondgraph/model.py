@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .studies.measured import Measurements
     from .studies.sharing import Sharing
     from .studies.tolerances import MonteCarlo
+    from .views.equations import Equations
 
 LIBRARY = Path(__file__).with_name("library")
 MOST_KEPT = 64  # scenes of which stages and programs are kept
@@ -189,25 +190,34 @@ class Model:
         name: str | None = None,
         experiment: str | None = "",
         at: str | float | None = None,
+        modes: int = 0,
     ) -> Figure:
         """A mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
 
-        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s).
-        Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
+        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s), or as
+        its first `modes` move it from rest. Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
         """
-        from .diagram import mechanism_of, write_figure
+        from .diagram import mechanism_of, shapes_of, write_figure
 
-        figure = mechanism_of(self, name, experiment, at)
+        figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
             write_figure(figure, path)
         return figure
 
-    def _repr_svg_(self) -> str:
-        """The diagram, for notebooks."""
-        return self.draw()._repr_svg_()
+    def _repr_html_(self) -> str:
+        """Certificate, bond graph and names, for notebooks; or what is wrong."""
+        from .page.notebook import model_html
+
+        return model_html(self)
+
+    def _repr_svg_(self) -> str | None:
+        """The bond graph, for notebooks; None of one that is too large to be drawn unasked."""
+        from .page.notebook import picture
+
+        return picture(self) or None
 
     # ------------------------------------------------------------ equations and stages
-    def state_equations(self) -> Any:
+    def state_equations(self) -> Equations:
         """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs.
 
         Linear loops are solved symbolically. Unknowns of nonlinear loops stay, and `algebraic_equations` binds them.
@@ -217,7 +227,7 @@ class Model:
         with door.uncollected():
             return state_equations(self._with_inputs().state_space)
 
-    def algebraic_equations(self) -> Any:
+    def algebraic_equations(self) -> Equations:
         """The equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
         from .views.equations import algebraic_equations
 
@@ -349,10 +359,10 @@ class Model:
 
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None, branches: bool = False,
     ) -> Branch:  # fmt: skip
         """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
-        or has `most` points; `points` is the range over the first step. Raises as `operating_point`."""
+        or has `most` points; `points` is the range over the first step. `branches`: those that cross it too. Raises as `operating_point`."""
         from .analysis.branch import follow
         from .analysis.operating_point import Asked
         from .analysis.sensitivity import independent
@@ -362,7 +372,7 @@ class Model:
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
-        return follow(self.operating_point(asked), parameter, first, last, points, most)
+        return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 
     @overload
     def invert(

@@ -159,6 +159,12 @@ class Result:
     def __repr__(self) -> str:
         return f"<Result of {self.title}: {len(self.time)} instants of {', '.join(self.names) or 'nothing'}>"
 
+    def _repr_html_(self) -> str:
+        """A table with little curves, for notebooks."""
+        from .page.notebook import result_html
+
+        return result_html(self)
+
     @property
     def title(self) -> str:
         """Model and experiment, as headings name them."""
@@ -328,11 +334,16 @@ class Result:
             told["energy"] = _energy_json(self.energy)
         return told
 
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw the outputs over time into a .png, .svg or .pdf file, one panel for each unit; see `views.plots`.
+    def plot(self, path: str | os.PathLike[str], over: str | None = None) -> None:
+        """Draw the outputs over time, or `over` one of them, into a .png, .svg or .pdf file; see `views.plots`, `views.phase`.
 
         Raises MissingPackage without matplotlib, UsageError for another ending, OSError.
         """
+        if over is not None:
+            from .views.phase import plot_phase
+
+            plot_phase(self, over, path)
+            return
         from .views.plots import plot_result
 
         plot_result(self, path)

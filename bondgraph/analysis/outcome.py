@@ -47,6 +47,8 @@ class Point:
         if self.modes is not None:
             moving = [m for m in self.modes if m.frequency > 0]
             found |= {f"frequency {i}": m.frequency for i, m in enumerate(moving[:MODES], 1)}
+        for response in self.responses:
+            found |= {f"peak of {given} to {seen}": at for given, seen, at in response.peaks()}
         if self.run is not None:
             found |= {n: self.run.final(n) for n in self.run.names}
         return found

@@ -69,6 +69,10 @@ class Graph(Elements):
     def __repr__(self) -> str:
         return f"<bondgraph builder {self.name}: {len(self._parts) + len(self._mechanisms)} parts, {len(self._bonds)} bonds>"
 
+    def _repr_html_(self) -> str:
+        """The model as it stands so far, for notebooks; or what is wrong with it."""
+        return self.model()._repr_html_()
+
     # ------------------------------------------------------------ quantities
     def parameter(self, name: str, value: Value = None, unit: str = "", description: str = "") -> Quantity:
         """Known before a run and set from outside. A number is in `unit`, a text has its own: `parameter("k", "2 [kN/m]")`."""

@@ -62,13 +62,15 @@ if TYPE_CHECKING:
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
+@click.option("--over", metavar="NAME", help="Draw them over this output instead of over time.")
+@click.option("--plot-energy", metavar="E.png", help="Draw energy over time, and that of the largest elements.")
 @jobs_option
 @journal_option
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
     atol: float | None, solver: str | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None,
-    jobs: int | None, journal: str | None, as_json: bool,
+    over: str | None, plot_energy: str | None, jobs: int | None, journal: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
@@ -78,6 +80,10 @@ def command(
             check_target(out, TABLES, "--out")
         if plot is not None:
             check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        if over is not None and plot is None:
+            raise click.UsageError("--over says over which output --plot draws: name a file with --plot")
+        if plot_energy is not None:
+            check_target(plot_energy, (".png", ".svg", ".pdf"), "--plot-energy")
         from .. import native
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
@@ -94,14 +100,20 @@ def command(
         except ManyRuns:
             if start is not None:
                 raise
+            if over is not None or plot_energy is not None:
+                raise
             _run_all(chosen, experiment, arguments, (jobs, journal), (out, plot, as_json))
             return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
-                _show(stopped.result, out, plot, as_json, isinstance(stopped, RunInterrupted))
+                _show(stopped.result, out, plot, over, as_json, isinstance(stopped, RunInterrupted))
                 click.echo(harmless(_how_to_go_on(stopped.result, file, out)), err=True)
             raise
-        _show(result, out, plot, as_json, True)
+        _show(result, out, plot, over, as_json, True)
+        if plot_energy is not None:
+            from ..analysis.energies import energies
+
+            energies(chosen, asked, given, to, points, rtol).plot(plot_energy)
 
 
 def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) -> None:
@@ -115,7 +127,7 @@ def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) ->
     gc.enable()
 
 
-def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summary: bool) -> None:
+def _show(result: Result, out: str | None, plot: str | None, over: str | None, as_json: bool, summary: bool) -> None:
     """Write and tell what a run found."""
     for left in result.warnings:
         click.echo(f"warning: {left}", err=True)
@@ -124,7 +136,7 @@ def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summ
     if out is not None:
         result.write(out)
     if plot is not None and len(result.time) > 1:
-        result.plot(plot)
+        result.plot(plot, over)
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=2))
     elif summary and len(result.time):

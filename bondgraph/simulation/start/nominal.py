@@ -182,11 +182,11 @@ class _Coarse:
                     if pace.size < pace.smallest:
                         return self._given_up(first.start, pace.time)
                     continue
-                self._note(pace.time - first.start)
                 if choice and choice.look(pace.time, self.found, stretch.mode) is not None:
                     return self.largest
                 if reach is not None:
                     self.largest = np.maximum(self.largest, reach(self.found))
+                self._note(pace.time - first.start)
             if pace.time < stretch.stop:
                 return self._given_up(first.start, pace.time)
             taken = pace.taken
