@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .analysis.outcome import Outcome
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
+    from .analysis.run_sensitivity import RunSensitivity
     from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source, StateSpace
@@ -356,6 +357,16 @@ class Model:
         by, fixed = independent(self, _names(parameters), experiment, settings or {})
         point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
+
+    def sensitivity_of_run(
+        self, parameters: tuple[str, ...] | str | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
+        to: str | float | None = None, points: int = 101, outputs: tuple[str, ...] | None = None, rtol: float = 1e-8,
+    ) -> RunSensitivity:  # fmt: skip
+        """Derivatives of a run's outputs at all instants by parameters or inputs, integrated beside the states (no differences). Steps whose
+        instants move with a parameter count. Raises as `simulate`, and `UsageError` for events, delays and closing joints."""
+        from .analysis.run_sensitivity import run_sensitivity
+
+        return run_sensitivity(self, _names(parameters), experiment, settings or {}, outputs, None, to, points, rtol)
 
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
