@@ -101,6 +101,16 @@ class Model:
             _kept(self._compilations, key, compilation)
         return self._compilations[key]
 
+    @property
+    def compiled(self) -> int:
+        """How many scenes are held in compiled form."""
+        return len(self._compilations)
+
+    def forget(self) -> None:
+        """Let go of all that was compiled; it is made anew, or fetched from the cache, where it is asked for again."""
+        self._compilations.clear()
+        self._prepared.clear()
+
     def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
         """The program for one scene and what a run asks besides; from the cache if it has been there before."""
         from .prepared import Prepared

@@ -14,7 +14,7 @@ import click
 
 COMMANDS = (
     "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fmt", "invert",
-    "linearize", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "show", "sweep",
+    "linearize", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "sweep",
 )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..door import CompilationFailed, Experiment
@@ -33,14 +33,14 @@ def one_run(watched: Watched, name: str) -> bool:
     return many_runs(plan, scene) is None and plan.stop is not None
 
 
-def experiment_data(watched: Watched, name: str, energy: bool = True) -> dict[str, Any]:
+def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
     """An experiment as data; what goes wrong in it is told in its place."""
     try:
         if one_run(watched, name):
-            result = watched.simulate(name, energy=energy)
+            result = watched.simulate(name, settings, energy=True)
             told = _balance(result.energy) if result.energy is not None else ""
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
-        outcome = watched.model.run(name)
+        outcome = watched.model.run(name, settings)
         return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(outcome)}
     except PROBLEMS as problem:
         return {"name": name, "kind": "failed", "told": _pre(visible_lines(str(problem)))}

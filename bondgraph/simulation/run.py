@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..door import CompilationFailed
 from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
@@ -87,8 +88,6 @@ def simulate(
 
 def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
     """The run in which zeros are as good as written in the text; None if that fails as well."""
-    from ..door import CompilationFailed
-
     try:
         found = run(model, scene, {}, wanted, start)
     except (CompilationFailed, RunFailed):
@@ -141,6 +140,10 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         raise RunInterrupted(f"interrupted at t = {run.reached:.9g} s", result) from None
     except UsageError:  # a solver was asked for that cannot do this
         raise
+    except CompilationFailed as failed:
+        if not run.legs:
+            raise
+        raise _uncompiled(run, failed) from failed
     except Exception as broken:
         if run.leg is None:  # nothing runs: what is wrong is told by whoever found it
             raise
@@ -150,6 +153,18 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         result = run.cut(f"it broke off: {what}")
         raise RunBroken(f"{what}, after t = {run.reached:.9g} s", result) from broken
     return run.result("")
+
+
+def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
+    """Why a run ends where other junctions go on or off, or other states are chosen, and the model has no equations then."""
+    begin = run.begins_now
+    off = () if begin is None or begin.off is None else begin.off
+    how = f" without {', '.join(f'`{name}`' for name in off)}" if off else " with other states"
+    told = "; ".join(d.sentence for d in failed.diagnostics[:3])
+    time = run.reached if begin is None else begin.time
+    found = RunFailed(f"at t = {time:.9g} s the model goes on{how}, and then has no equations: {told}")
+    found.result = run.cut(f"it failed: {found}")
+    return found
 
 
 class Run:
@@ -165,6 +180,7 @@ class Run:
         self.legs: list[Leg] = []
         self.leg: Leg | None = None  # that is on its way
         self.begin: Handover | None = None
+        self.begins_now: Handover | None = None  # how the leg begins that comes next
         self.before: Result | None = None  # that this run goes on from
 
     def go(self) -> None:
@@ -194,6 +210,7 @@ class Run:
             if begin.dependent:
                 wishes |= {begin.dependent: "integral", begin.state: "derivative"}
                 _check_choice(self.made, self.scene, wishes, begin, len(legs))
+            self.begins_now = begin
             if begin.off is not None:
                 self.scene = replace(self.scene, off=begin.off)
             begin = _with_earlier(begin, before, leg)
@@ -276,8 +293,6 @@ def _check_choice(
     made: Callable[[Scene, bool], Prepared], scene: Scene, wishes: Mapping[str, str], begin: Handover, times: int
 ) -> None:
     """Whether the other choice of states can be made. Raises `RunFailed`."""
-    from ..door import CompilationFailed
-
     try:
         chosen = made(replace(scene, preferences=tuple(sorted(wishes.items()))), False)
         possible = times <= MOST_CHOICES and begin.dependent not in chosen.state_space.dependent

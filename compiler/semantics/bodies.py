@@ -59,7 +59,7 @@ def _inertia(reader: Attributes) -> Inertia:
     hint = "About the centre of mass, in the body's own axes; of a ball three times the same number."
     parts = counted(template, attribute.value, (3, 6), expected, hint)
     of_dimension(parts, attribute.value, scope, (MOMENT,), "`inertia`")
-    bounds = static(elaborator, template, scope, "`inertia`")
+    bounds = static(elaborator, template, scope, "`inertia`", attribute.value.span)
     values = [elaborator.value_of(b, attribute.span) for b in bounds]
     known = [v for v in values if v is not None]
     if len(known) == len(values):

@@ -31,7 +31,7 @@ def _limit(reader: Attributes, words: str, attribute: tree.Attribute) -> Require
         template, attribute.value, (2,), "A pair of limits (low, high)", f"Write `{what[1:-1]} = (low, high)`."
     )
     of_dimension(parts, attribute.value, scope, (dimension,), what)
-    low, high = static(elaborator, template, scope, what)
+    low, high = static(elaborator, template, scope, what, attribute.value.span)
     _check_order(reader, attribute, low, high)
     reading = Reading(entry.mechanism, f"{entry.name}.{coordinate}", "q")
     place = Symbol(reading)

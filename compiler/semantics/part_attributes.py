@@ -40,7 +40,7 @@ def static_bounds(
     template = elaborator.template(value, scope)
     parts = counted(template, value, (count,), EXPECTED[count], hint)
     of_dimension(parts, value, scope, (dimension,), what)
-    return static(elaborator, template, scope, what)
+    return static(elaborator, template, scope, what, value.span)
 
 
 def counted(
@@ -73,13 +73,16 @@ def of_dimension(
         )
 
 
-def static(elaborator: Elaborator, template: Template, scope: Scope, what: str) -> list[Bound]:
-    """The formulas of a template, bound. Raises `Wrong` if one reads what changes during a run."""
+def static(elaborator: Elaborator, template: Template, scope: Scope, what: str, span: Span) -> list[Bound]:
+    """The formulas of a template, bound. Raises `Wrong` if one reads what changes during a run, or has no value."""
     for slot in template.slots:
         scalar = elaborator.scalar_at(slot, scope)
         if scalar.role not in STATIC_ROLES:
             raise Wrong(NotStatic(slot.path.span, what, slot.words))
-    return [elaborator.bind(template, formula, scope) for formula in template.formulas]
+    bounds = [elaborator.bind(template, formula, scope) for formula in template.formulas]
+    for bound in bounds:
+        elaborator.value_of(bound, span, decides=False)
+    return bounds
 
 
 def vector(
@@ -204,7 +207,7 @@ class Attributes:
         template = elaborator.template(attribute.value, scope)
         parts = counted(template, attribute.value, (2,) if self.planar else (3,), expected, hint)
         of_dimension(parts, attribute.value, scope, allowed, f"`{attribute.name}`")
-        bounds = static(elaborator, template, scope, f"`{attribute.name}`")
+        bounds = static(elaborator, template, scope, f"`{attribute.name}`", attribute.value.span)
         return bounds[0], bounds[1], NOTHING if self.planar else bounds[2]
 
     def word(self, name: str, allowed: tuple[str, ...], hint: str) -> str:
@@ -229,7 +232,7 @@ class Attributes:
             hint = "Write `locked = true`, or compare parameters: `locked = stroke == 0`."
             found = "a list" if isinstance(template.value, tuple) else "a number"
             raise Wrong(WrongType(attribute.value.span, "A condition", found, hint))
-        (bound,) = static(self.elaborator, template, self.part.scope, "`locked`")
+        (bound,) = static(self.elaborator, template, self.part.scope, "`locked`", attribute.value.span)
         return bool(self.elaborator.value_of(bound, attribute.value.span))
 
     # ------------------------------------------------------------ by coordinate
@@ -315,7 +318,7 @@ def _attitude_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scop
     hint = "An attitude is a unit quaternion: `(1, 0, 0, 0)` is the drawing's axes; (cos(a/2), sin(a/2)*n) turns by a about n."
     parts = counted(template, value, (4,), "A unit quaternion (w, x, y, z)", hint)
     of_dimension(parts, value, scope, (ONE,), "`start attitude`")
-    bounds = static(elaborator, template, scope, "`start attitude`")
+    bounds = static(elaborator, template, scope, "`start attitude`", value.span)
     _check_length(elaborator, bounds, value.span)
     return bounds
 

@@ -338,6 +338,7 @@ class QuantityResolver(Resolver):
         for slot in self.template(call.arguments[1], scope).slots:
             if self.scalar_at(slot, scope).role not in STATIC_ROLES:
                 raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
+        self.value_of(bounds[1], call.arguments[1].span, decides=False)
         return Integral(name, bounds[0], bounds[1], call.span)
 
     @staticmethod

@@ -36,7 +36,8 @@ RUNNING = [
     (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
 ]
 # Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
-RESTING = {"inverse_kinematics.bg"}  # what moves in it has no mass: its work is the error of a quadrature
+# What moves has no mass, or nothing is done to it: its work is the error of a quadrature, or of rounding.
+RESTING = {"inverse_kinematics.bg", "gyroscope.bg"}
 PARTING = {"duffing.bg", "rectifier.bg", "spatial_slider_crank.bg"}
 
 

@@ -8,19 +8,26 @@ function live() {
     return answer.json();
   };
   const state = { busy: false, wanted: null, version: page.data.version, shown: null };
+  const known = new Set();  // experiments that have been compiled
   const banner = document.getElementById("problems");
   const note = (words) => { const host = document.getElementById("told"); if (host) host.replaceChildren(html("p", { class: "note" }, words)); };
 
   async function run(name) {
     state.wanted = name;
-    if (state.busy) return;
+    if (state.busy) {
+      if (performance.now() - state.began > 800 && !state.first) { state.began = performance.now(); ask("/stop", {}).catch(() => {}); }
+      return;
+    }
     state.busy = true;
     document.body.classList.add("busy");
     while (state.wanted !== null) {
       const wanted = state.wanted, version = state.version;
       state.wanted = null;
+      state.began = performance.now();
+      state.first = !known.has(wanted);
       try {
         const found = await ask("/run", { experiment: wanted, settings: page.sliders ? page.sliders.values : {} });
+        known.add(wanted);
         if (version === state.version && wanted === page.chosen && page.swinging === undefined) put(found);
       } catch (problem) { note(`The server does not answer (${problem.message}).`); }
     }
@@ -65,6 +72,7 @@ function live() {
     banner.classList.toggle("wrong", Boolean(change.problems));
     state.version = change.version;
     if (!change.data) return;
+    known.clear();
     const [x, y] = [scrollX, scrollY], text = document.getElementById("text"), down = text && text.scrollTop;
     document.getElementById("page").innerHTML = change.sections;
     document.title = change.title;

@@ -16,10 +16,13 @@ class Sliders {
   slider(p) {
     const range = html("input", { type: "range", min: 0, max: 1000, "aria-label": p.name }), number = html("input", { type: "text", inputmode: "decimal", "aria-label": `${p.name} in ${p.unit}`, size: 9, spellcheck: "false" });
     const unit = html("span", { class: "unit" }, unitWords(p.unit));
-    let [low, high] = p.value === 0 ? [-1, 1] : [Math.min(0, 2 * p.value), Math.max(0, 2 * p.value)];
+    const size = p.size || 0;  // of what is zero: the largest number of its kind in the text; without one a number must be typed first
+    let [low, high] = p.value ? [Math.min(0, 2 * p.value), Math.max(0, 2 * p.value)] : [-size, size];
+    range.disabled = high === low;
     const put = (value, text) => {
-      if (value < low || value > high) [low, high] = [Math.min(0, 2 * value), Math.max(0, 2 * value)];
-      range.value = String((value - low) / (high - low) * 1000);
+      if (value < low || value > high) [low, high] = [Math.min(0, low, 2 * value), Math.max(0, high, 2 * value)];
+      range.disabled = high === low;
+      range.value = String(high > low ? (value - low) / (high - low) * 1000 : 500);
       if (!text) number.value = digits(value, 6).replace("−", "-");
     };
     const set = (value, text) => { this.values[p.name] = value; put(value, text); this.changed(); };

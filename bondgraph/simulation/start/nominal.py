@@ -24,13 +24,14 @@ from ..segments import Segment, follower
 from ..steps.factorise import is_large, once, sparse
 
 if TYPE_CHECKING:
-    from ..steps.compiled.run import CompiledEuler
+    from ..steps.compiled.coarse_run import CompiledCoarse, CompiledEuler
 
 STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
 COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
 EXPLODED = 1e3  # times as large within the second half of the way
 CAREFUL = 300  # of these: up to then a step must not overshoot what grows
+AGAIN = 1.25  # times as far as when it was noted last how large all was
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
@@ -120,6 +121,18 @@ def _kind(name: str, mechanisms: Sequence[str]) -> str:
     return next((m for m in mechanisms if name.startswith(f"{m}.")), re.sub(r"\[[^\]]*\]", "", name))
 
 
+@dataclass(slots=True)
+class Pace:
+    """Where a coarse run is on a stretch, and how it goes on."""
+
+    time: float
+    size: float  # of the next step
+    taken: int  # steps that were tried, on all stretches
+    usual: float
+    smallest: float
+    stop: float
+
+
 class _Coarse:
     """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
 
@@ -132,6 +145,7 @@ class _Coarse:
         self.stopped: float | None = None  # where it gave up
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
+        self.found = self.state  # by the last step, before it is projected
         self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
@@ -143,56 +157,94 @@ class _Coarse:
         """The steps in machine code, if the program is that."""
         if self.program.native is None:
             return None
-        from ..steps.compiled.run import CompiledEuler, obstacle
+        from ..steps.compiled.coarse_run import CompiledEuler
+        from ..steps.compiled.run import obstacle
 
         return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
 
     def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""
-        reach = None
         first = stretches[0]
-        if self.differential.all():
-            if len(self.state) <= LARGEST:  # a matrix of many is not even formed
-                fixed = (self.inputs, self.constants, first.mode)
-                reach = _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
-        elif self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
-            reach = self._free_on_constraints(first, self.constraints)
-        whole = stretches[-1].stop - first.start
-        taken = 0
+        reach = self._reach(first)
+        whole, taken = stretches[-1].stop - first.start, 0
+        loop = None if choice else self._loop(reach)
         for stretch in stretches:
             length = stretch.stop - stretch.start
-            usual = size = length / max(2, min(STEPS, round(STEPS * length / whole)))
-            time = stretch.start
+            usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
+            pace = Pace(stretch.start, usual, taken, usual, SMALLEST_STEP * whole, stretch.stop)
             follows = self._follows(stretch, len(stretches))
-            while size > SMALLEST_STEP * whole and not follows(time, time + size):
-                size *= 0.25
-            while time < stretch.stop and taken < MOST_STEPS:
-                taken += 1
-                if taken == CAREFUL:  # something grows all the time, as the foot of a pulse does: on at the usual pace
-                    size = usual
-                if time + 1.001 * size >= stretch.stop:
-                    size = stretch.stop - time
-                    if size > SMALLEST_STEP * whole and not follows(time, stretch.stop):
-                        size *= 0.75
-                found = self._sure_step(time, size, stretch.mode, taken < CAREFUL)
-                if found is None:
-                    size *= 0.25
-                    if size < SMALLEST_STEP * whole:
-                        return self._given_up(stretches[0].start, time)
+            while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
+                pace.size *= 0.25
+            while pace.time < stretch.stop and pace.taken < MOST_STEPS:
+                if loop is not None:
+                    self._by_itself(loop, pace, first.start, stretch.mode)
+                if not self._further(pace, follows, stretch.mode):
+                    if pace.size < pace.smallest:
+                        return self._given_up(first.start, pace.time)
                     continue
-                time = stretch.stop if time + 1.001 * size >= stretch.stop else time + size
-                size = min(usual, 2 * size)
-                self.state = found if self.constraints is None else self.constraints.project(time, found, stretch.mode)
-                self.largest = np.maximum(self.largest, np.abs(found))
-                if time - stretches[0].start >= 1.1 * (self.past[-1][0] if self.past else 0.0):
-                    self.past.append((time - stretches[0].start, self.largest))
-                if choice is not None and choice.look(time, found, stretch.mode) is not None:
+                self._note(pace.time - first.start)
+                if choice and choice.look(pace.time, self.found, stretch.mode) is not None:
                     return self.largest
                 if reach is not None:
-                    self.largest = np.maximum(self.largest, reach(found))
-            if time < stretch.stop:
-                return self._given_up(stretches[0].start, time)
+                    self.largest = np.maximum(self.largest, reach(self.found))
+            if pace.time < stretch.stop:
+                return self._given_up(first.start, pace.time)
+            taken = pace.taken
         return self.largest
+
+    def _reach(self, first: Segment) -> Callable[[Any], Any] | None:
+        """What a free motion from a state reaches, if that can be told."""
+        if self.differential.all():
+            if len(self.state) > LARGEST:  # a matrix of many is not even formed
+                return None
+            fixed = (self.inputs, self.constants, first.mode)
+            return _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
+        if self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
+            return self._free_on_constraints(first, self.constraints)
+        return None
+
+    def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
+        """The loop over steps in machine code, where they are projected on nothing."""
+        if self.compiled is None or self.constraints or not self.differential.all():
+            return None
+        from ..steps.compiled.coarse_run import CompiledCoarse
+
+        assert reach is None or isinstance(reach, FreeMotion)
+        return CompiledCoarse(self.compiled, reach)
+
+    def _by_itself(self, loop: CompiledCoarse, pace: Pace, start: float, mode: Any) -> None:
+        """As many steps as machine code makes; the last one of a stretch, and one that is not found, are left."""
+        while True:
+            note = start + AGAIN * (self.past[-1][0] if self.past else 0.0)
+            self.state, self.largest = loop.go(pace, note, self.state, self.largest, mode)
+            if pace.time < note or pace.taken >= MOST_STEPS:
+                return
+            self.past.append((pace.time - start, self.largest))
+
+    def _further(self, pace: Pace, follows: Callable[[float, float], bool], mode: Any) -> bool:
+        """One step, if it is found; else the next one will be shorter."""
+        pace.taken += 1
+        if pace.taken == CAREFUL:  # something grows all the time, as the foot of a pulse does: on at the usual pace
+            pace.size = pace.usual
+        if pace.time + 1.001 * pace.size >= pace.stop:
+            pace.size = pace.stop - pace.time
+            if pace.size > pace.smallest and not follows(pace.time, pace.stop):
+                pace.size *= 0.75
+        found = self._sure_step(pace.time, pace.size, mode, pace.taken < CAREFUL)
+        if found is None:
+            pace.size *= 0.25
+            return False
+        pace.time = pace.stop if pace.time + 1.001 * pace.size >= pace.stop else pace.time + pace.size
+        pace.size = min(pace.usual, 2 * pace.size)
+        self.found = found
+        self.state = found if self.constraints is None else self.constraints.project(pace.time, found, mode)
+        self.largest = np.maximum(self.largest, np.abs(found))
+        return True
+
+    def _note(self, far: float) -> None:
+        """How large all was until here."""
+        if far >= AGAIN * (self.past[-1][0] if self.past else 0.0):
+            self.past.append((far, self.largest))
 
     def _given_up(self, start: float, time: float) -> Any:
         """The magnitudes where this ends before the run does. What has grown without bound on the second half of the way counts as it was
@@ -326,11 +378,20 @@ def balance(matrix: Any) -> Any:
     return scale
 
 
-def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
-    """A bound of what each state reaches in the free linear motion from a state: sum of its modes' amplitudes.
+@dataclass(frozen=True, slots=True)
+class FreeMotion:
+    """The modes of a linear motion: each state reaches at most the sum of their amplitudes. Arrays (n, n), (n, n), (n,)."""
 
-    None where the modes are too many, or too close to each other to tell their amplitudes apart.
-    """
+    amplitudes: Any
+    inverse: Any
+    scale: Any
+
+    def __call__(self, x: Any) -> Any:
+        return self.amplitudes @ np.abs(self.inverse @ (x / self.scale)) * self.scale
+
+
+def _free_motion(jacobian: Any, state: Any) -> FreeMotion | None:
+    """The free linear motion from a state; None where its modes are too many, or too close to each other to tell their amplitudes apart."""
     if not 0 < len(state) <= LARGEST or not np.isfinite(jacobian).all():
         return None
     scale = balance(jacobian)
@@ -341,9 +402,4 @@ def _free_motion(jacobian: Any, state: Any) -> Callable[[Any], Any] | None:
         return None
     if np.linalg.cond(shapes) > 1e6:
         return None
-    amplitudes = np.abs(shapes)
-
-    def reach(x: Any) -> Any:
-        return amplitudes @ np.abs(inverse @ (x / scale)) * scale
-
-    return reach
+    return FreeMotion(np.abs(shapes), inverse, scale)

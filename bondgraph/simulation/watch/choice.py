@@ -57,6 +57,10 @@ class Choice:
         self.names = (*program.states.names, *program.dependents.names)
         self.peak = np.array([before.peaks.get(n, 0.0) if before is not None else 0.0 for n in self.names])
 
+    def __bool__(self) -> bool:
+        """Whether there is anything to look at."""
+        return len(self.rows) > 0
+
     def look(self, time: float, state: Any, mode: Any) -> Handover | None:
         """Who should change places after a step that ended here."""
         if not len(self.rows):

@@ -17,17 +17,17 @@ import numpy as np
 from ....door import INTS, Fields, Handed, MachineCode, Program, record_of
 from ....native import kernel
 from ...segments import Segment
-from ...start.nominal import smallest_angles
 from ...watch.choice import Choice
 from .. import pair, radau
 from ..methods import ENERGY, EXPLICIT, RADAU
 from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
-from .euler import Euler, euler
-from .fields import fields_at, is_sparse
+from .coarse import coarse
+from .euler import euler
+from .fields import fields_at
 from .holding import hold_all, least_all, rates_all
 from .ordering import ordered
-from .sparse import ANEW, FINE, Pattern
+from .sparse import Pattern
 from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
@@ -39,8 +39,7 @@ AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
 _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
-# Pivots beside what they divide: of the steps; and of the coarse run, whose scales change from one iteration to the next and say little.
-SMALL, SMALL_AND_COARSE = 1e-3, 0.0
+SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
 
 
 def obstacle(program: Program) -> str:
@@ -59,7 +58,7 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler, hold_all, least_all, rates_all])
+        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
@@ -120,42 +119,6 @@ class Ordered:
             self.values[name][:] = 0.0
         self.record.ready = 1
         return True
-
-
-class CompiledEuler:
-    """Steps of the coarse run: `nominal._Coarse._step` from where the unknowns of loops are known."""
-
-    def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
-        rows, columns = program.pattern
-        n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
-        self.program = program
-        self.values: dict[str, Any] = {
-            "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
-            "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
-            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)),
-            "matrix": np.zeros(0 if is_sparse(program) else n * n), "pivots": np.zeros(n),
-        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "rows_scale")}  # fmt: skip
-        self.values["smallest"] = smallest_angles(program)
-        self.order = Ordered(program, SMALL_AND_COARSE)
-        self.values["pattern"] = self.order.record
-        self._record, self._kept = structure(Euler, self.values, program)
-        self._here = ctypes.addressof(self._record)
-        self.code = machine_code()
-        self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
-
-    def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
-        """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
-        values, record, order = self.values, self._record, self.order
-        record.time, record.size = at
-        order.record.tolerant = 0
-        while True:
-            values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
-            answer = self._step(self._here)
-            if answer != ANEW:
-                return values["x"].copy() if answer == FINE else None
-            if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
-                return None
-            order.record.tolerant = 1
 
 
 class CompiledRadau:

@@ -1,0 +1,62 @@
+"""Who may talk to the server: pages that came from it, on the addresses that it was told, with the token that it gave them.
+
+A page of a stranger that is open in the same browser can send requests to this machine. It cannot read the token, its `Origin` is another,
+and where it has its own name lead to this machine (DNS rebinding) the `Host` is that name.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+
+
+@dataclass(frozen=True)
+class Guard:
+    """`host` and `port` that the server listens on; `token` is new in each server."""
+
+    host: str
+    port: int
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+    @property
+    def address(self) -> str:
+        """Where the page is, token and all."""
+        name = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{name}:{self.port}/?token={self.token}"
+
+    def refusal(self, headers: Mapping[str, str], token: str) -> str:
+        """Why a request is refused; empty if it is not."""
+        host = headers.get("Host", "")
+        if not self._is_ours(host):
+            return "this server does not answer to that name"
+        origin = headers.get("Origin")
+        if origin is not None and origin != f"http://{host}":
+            return "a page from elsewhere asks nothing of this server"
+        if headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+            return "a page from elsewhere asks nothing of this server"
+        if not secrets.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
+            return "the address of the page has a token in it, which is missing here or is another's"
+        return ""
+
+    def _is_ours(self, host: str) -> bool:
+        name, colon, port = host.rpartition(":")
+        if not colon or port != str(self.port):
+            return False
+        if name in LOOPBACK or name.strip("[]") == self.host:
+            return True
+        return self._listens_to_all() and _is_number(name.strip("[]"))  # a stranger's name is no number
+
+    def _listens_to_all(self) -> bool:
+        return _is_number(self.host) and ipaddress.ip_address(self.host).is_unspecified
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

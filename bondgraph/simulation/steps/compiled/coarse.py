@@ -1,0 +1,131 @@
+"""The loop of the coarse run over steps of `euler.py`, in the subset that becomes machine code: as `nominal._Coarse.peak`, whose names stand here.
+
+It comes back where Python must look: before the step that ends a stretch, where a step is not found however short, and now and then to
+note how far it was.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from ....door import Record
+from ...start import nominal
+from .euler import Euler, euler
+from .sparse import ANEW, FINE, SINGULAR
+
+if TYPE_CHECKING:
+    from ....door import Floats
+
+CAREFUL, MOST_STEPS = nominal.CAREFUL, nominal.MOST_STEPS
+
+
+class Coarse(Record):
+    """Where the coarse run is. n states, all of them differential."""
+
+    euler: Euler
+    n: int
+    state: Floats  # n
+    time: float
+    size: float  # of the next step
+    usual: float
+    smallest: float  # step at which it gives up
+    stop: float
+    note: float  # time from which on it comes back
+    taken: int  # steps that were tried
+    reaching: int  # whether what a free motion reaches counts
+    amplitudes: Floats  # n n, or none
+    inverse_re: Floats  # n n, or none
+    inverse_im: Floats  # n n, or none
+    unit: Floats  # n
+    found: Floats  # n
+    modes: Floats  # n
+
+
+def coarse(c: Coarse) -> int:
+    """Steps: `FINE`, where Python should look; `ANEW`: the factors want another order; `SINGULAR`: no step is short enough."""
+    while c.taken < MOST_STEPS:
+        size = c.usual if c.taken + 1 == CAREFUL else c.size
+        if c.time + 1.001 * size >= c.stop:
+            return FINE
+        c.size = size
+        done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
+        if done == ANEW:
+            return ANEW
+        c.taken += 1
+        if done != FINE:
+            c.size *= 0.25
+            if c.size < c.smallest:
+                c.taken -= 1
+                c.size *= 4.0  # the last one again, told
+                return SINGULAR
+            continue
+        go_on(c, c.euler)
+        if c.time >= c.note:
+            return FINE
+    return FINE
+
+
+def go_on(c: Coarse, e: Euler) -> None:
+    """Go on from what was found."""
+    c.time += c.size
+    c.size = min(c.usual, 2.0 * c.size)
+    for i in range(c.n):
+        c.state[i] = c.found[i]
+        e.largest[i] = max(e.largest[i], abs(c.found[i]))
+    if c.reaching != 0:
+        reached(c, e)
+
+
+def reached(c: Coarse, e: Euler) -> None:
+    """What a free linear motion from here reaches: the sum of its modes' amplitudes."""
+    for i in range(c.n):
+        real = 0.0
+        imaginary = 0.0
+        for j in range(c.n):
+            real += c.inverse_re[i * c.n + j] * (c.found[j] / c.unit[j])
+            imaginary += c.inverse_im[i * c.n + j] * (c.found[j] / c.unit[j])
+        c.modes[i] = sqrt(real * real + imaginary * imaginary)
+    for i in range(c.n):
+        total = 0.0
+        for j in range(c.n):
+            total += c.amplitudes[i * c.n + j] * c.modes[j]
+        e.largest[i] = max(e.largest[i], total * c.unit[i])
+
+
+def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
+    """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+    for i in range(c.n):
+        e.start[i] = c.state[i]
+    done = single_step(e, c.time + c.size, c.size)
+    if done != FINE:
+        return done
+    grows = 0
+    for i in range(c.n):
+        c.found[i] = e.x[i]
+        grows += abs(c.found[i]) > 1.5 * abs(c.state[i]) and c.state[i] != 0.0
+    if grows == 0 or not careful:
+        return FINE
+    done = single_step(e, c.time + 0.5 * c.size, 0.5 * c.size)
+    if done != FINE:
+        return done
+    for i in range(c.n):
+        e.start[i] = e.x[i]
+    done = single_step(e, c.time + c.size, 0.5 * c.size)
+    if done != FINE:
+        return done
+    for i in range(c.n):
+        if abs(c.found[i]) > 1.5 * abs(c.state[i]) and c.state[i] != 0.0 and not abs(c.found[i]) > 1.2 * abs(e.x[i]):
+            return FINE
+    return SINGULAR
+
+
+def single_step(e: Euler, time: float, size: float) -> int:
+    """One step from `start`."""
+    for i in range(e.n):
+        e.x[i] = e.start[i]
+    e.time = time
+    e.size = size
+    done = euler(e)
+    e.pattern.tolerant = 0
+    return done
