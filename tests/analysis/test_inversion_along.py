@@ -203,6 +203,27 @@ def test_inputs_that_jump_are_told(manipulator: Any) -> None:
     assert first.startswith("the fourth derivative of `x` jumps at t = 0.001 s") and "at t = 0.005 s" in second
 
 
+def test_a_path_by_points(manipulator: Any) -> None:
+    """What 41 points of a smooth rise leave open is little; a cubic through them has two continuous derivatives, and that is told."""
+    times = np.linspace(0, 5e-3, 41)
+    still = {"y": 0.0, "phi": 0.0}
+    exact = manipulator.invert(still | {"x": "8 um*smoothstep9(time, 0 s, 5 ms)"}, ["push2/pull2", "push1/pull1", "push3/pull3"], to="5 ms", points=101)  # fmt: skip
+    found = manipulator.invert(still | {"x": (times, 8e-6 * rise(times, 0, 5e-3))}, PAIRS, to="5 ms", points=101)
+    assert found.notes == () and np.abs(found["pull2"] - exact["pull2"]).max() < 1e-3
+    places, values = (", ".join(f"{v:.17g} {unit}" for v in x) for x, unit in ((times[::5], "s"), (8e-6 * rise(times[::5], 0, 5e-3), "m")))  # fmt: skip
+    cubic = still | {"x": f"cubic(time, ({places}), ({values}))"}
+    with pytest.raises(
+        UsageError, match="the first derivative of `x` jumps at t = 0 s"
+    ):  # at a free end it is not zero
+        manipulator.invert(cubic, PAIRS, to="5 ms")
+    with pytest.raises(UsageError, match=r"the third derivative of `x` jumps at t = 0\.000625 s"):
+        manipulator.invert(cubic, PAIRS, to="5 ms", moving=True)
+    with pytest.raises(UsageError, match=r"by points from 0 s to 0.005 s"):
+        manipulator.invert(still | {"x": (times, times)}, PAIRS, to="6 ms")
+    with pytest.raises(UsageError, match="rising times and as many values"):
+        manipulator.invert(still | {"x": (times, times[1:])}, PAIRS, to="5 ms")
+
+
 def test_a_path_that_begins_in_motion() -> None:
     """A mass that swings along a sine: begun at rest that takes an impulse; in motion it is F = m a from the start."""
     model = bondgraph.load(PUSHED)

@@ -42,7 +42,7 @@ class Along:
 
 
 def invert_along(
-    model: Model, wanted: Mapping[str, str | float], inputs: Sequence[str], asked: Asked, along: Along
+    model: Model, wanted: Mapping[str, Any], inputs: Sequence[str], asked: Asked, along: Along
 ) -> FeedForward:  # fmt: skip
     """Raises `UsageError` for what makes no sense or is not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
@@ -112,7 +112,7 @@ def _ends(search: Search, path: Path, equations: Equations, along: Along) -> End
 
 
 def _told(
-    search: Search, equations: Equations, path: Path, wanted: Mapping[str, str | float], asked: Asked, found: Any, along: Along,
+    search: Search, equations: Equations, path: Path, wanted: Mapping[str, Any], asked: Asked, found: Any, along: Along,
     notes: list[str], model: Model,
 ) -> FeedForward:  # fmt: skip
     point, program = search.point, search.point.program
@@ -126,12 +126,16 @@ def _told(
         notes += _inside(found.internal, search, found.unknowns[:n, 0], units)
     settings = {k: _number(model, asked, k, v) for k, v in (asked.settings or {}).items() if k not in inputs}
     return FeedForward(
-        begins, point.made.plan.experiment, {n: str(v) for n, v in wanted.items()}, settings, times, inputs,
+        begins, point.made.plan.experiment, {n: v if isinstance(v, str) else _told_of(v) for n, v in wanted.items()}, settings, times, inputs,
         dict(zip(path.names, path.derivatives(times, 0)[:, 0], strict=True)), dict(zip(program.states.names, found.unknowns[:n], strict=True)),
         {d.push if d.pull is None else f"{d.push}/{d.pull}": s for d, s in zip(drives, strengths, strict=True)}, tuple(drives),
         dict(zip(path.names, equations.degrees, strict=True)), tuple(complex(v) for v in found.internal), start, units, tuple(notes),
         model.source.path,
     )  # fmt: skip
+
+
+def _told_of(value: Any) -> str:
+    return repr(float(value)) if isinstance(value, float | int) else f"{len(value[0])} points"
 
 
 def _number(model: Model, asked: Asked, name: str, value: str | float) -> float:
