@@ -18,7 +18,7 @@ from .drives import Drive, drives_of
 from .equations import Equations
 from .feed_forward import NEAR, FeedForward, within_limits
 from .motion import Ends, motion
-from .path import Path, path_of
+from .path import Path, is_plain, path_of
 from .static import Search, rest_with
 
 if TYPE_CHECKING:
@@ -86,9 +86,10 @@ def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
     for jump in path.jumps(equations.degrees, along.moving):
         degree = equations.degrees[path.names.index(jump.output)]
         if jump.order < degree:
+            way = ", or say that the model begins in motion" if jump.time == path.start else ""
             raise UsageError(
                 f"{jump}: an exact inverse takes {degree} derivatives of `{jump.output}`, all but the last continuous, as its inputs show in no lower one. "
-                f"Let it go by `{SCHEME}`, begin later, or say that the model begins in motion"
+                f"Let it go by `{SCHEME}`{way}"
             )
         notes.append(f"{jump}, and the inputs with it: a table of them is not exact there")
     return notes
@@ -130,7 +131,7 @@ def _told(
         dict(zip(path.names, path.derivatives(times, 0)[:, 0], strict=True)), dict(zip(program.states.names, found.unknowns[:n], strict=True)),
         {d.push if d.pull is None else f"{d.push}/{d.pull}": s for d, s in zip(drives, strengths, strict=True)}, tuple(drives),
         dict(zip(path.names, equations.degrees, strict=True)), tuple(complex(v) for v in found.internal), start, units, tuple(notes),
-        model.source.path,
+        model.source.path, is_plain(model),
     )  # fmt: skip
 
 

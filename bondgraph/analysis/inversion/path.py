@@ -154,6 +154,14 @@ def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
     return lambda at, k: spline((np.asarray(at) - times[0]) / span, k) / span**k
 
 
+def is_plain(model: Model) -> bool:
+    """Whether it has bare numbers without units."""
+    return any(
+        getattr(s, "plain", False) and getattr(s, "name", None) == model.name
+        for s in model.compilation().tree.statements
+    )
+
+
 def path_of(model: Model, wanted: Mapping[str, Any], start: float, stop: float) -> Path:
     """From texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, numbers in SI, or points (times in s, values in SI).
 
@@ -167,7 +175,7 @@ def path_of(model: Model, wanted: Mapping[str, Any], start: float, stop: float) 
     unknown = [n for n in wanted if n not in outputs]
     if unknown or not wanted:
         raise UsageError(f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")
-    lines, samples = ["model Wanted {"], {}
+    lines, samples = [f"{'plain ' if is_plain(model) else ''}model Wanted {{"], {}
     for number, (name, value) in enumerate(wanted.items(), 1):
         unit = outputs[name].unit
         if not isinstance(value, str | float | int):

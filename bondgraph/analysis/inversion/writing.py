@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def table_of(found: FeedForward) -> tuple[list[str], list[Any]]:
     """Headers and columns of the controller's table."""
-    heads, columns = ["time [s]"], [found.time]
+    heads, columns = ["time" if found.plain else "time [s]"], [found.time]
     for number, (drive, strength) in enumerate(zip(found.drives, found.strengths.values(), strict=True), 1):
         unit = _unit(drive, found)
         heads.append(f"strength_{number}" + ("" if unit == "1" else f" [{unit}]"))
@@ -38,13 +38,13 @@ def model_text(found: FeedForward, target: Path) -> str:
     imported, name = _place(found, target), found.model
     own = "Driven" if name != "Driven" else "Controlled"
     table, outputs = target.with_suffix(".csv").name, list(found.outputs)
-    first, last = (f"{t!r} s" for t in (float(found.time[0]), float(found.time[-1])))
+    first, last = (f"{t!r}{'' if found.plain else ' s'}" for t in (float(found.time[0]), float(found.time[-1])))
     lines = [
         f'"{name} with the inputs that lead {", ".join(outputs)} along a path: found by inversion of its equations."',
         "",
         f'import {name} from "{imported}"',
         "",
-        f"model {own} {{",
+        f"{'plain ' if found.plain else ''}model {own} {{",
     ]
     lines += [f'  "{output} = {text}"' for output, text in _plain(found)]
     lines.append(f"  signal at = min(max(time, {first}), {last})")
