@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from .feed_forward import FeedForward
 
 
+MOST_ROWS = 10_000  # of a file of columns
+
+
 def table_of(found: FeedForward) -> tuple[list[str], list[Any]]:
     """Headers and columns of the controller's table."""
     heads, columns = ["time" if found.plain else "time [s]"], [found.time]
@@ -35,6 +38,10 @@ def _unit(drive: Drive, found: FeedForward) -> str:
 
 def model_text(found: FeedForward, target: Path) -> str:
     """The text of a model beside `target`'s table. Raises `UsageError`."""
+    if len(found.time) > MOST_ROWS:
+        raise UsageError(
+            f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points: ask for fewer"
+        )
     imported, name = _place(found, target), found.model
     own = "Driven" if name != "Driven" else "Controlled"
     table, outputs = target.with_suffix(".csv").name, list(found.outputs)
