@@ -393,22 +393,22 @@ class Model:
 
     @overload
     def invert(
-        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, *, to: str | float, start: str | float = 0.0, points: int = 501,
         moving: bool = False, limits: Mapping[str, str | float] | None = None,
     ) -> FeedForward: ...  # fmt: skip
 
     def invert(
-        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
         moving: bool = False, limits: Mapping[str, str | float] | None = None,
     ) -> Inversion | FeedForward:  # fmt: skip
         """Inputs that give outputs. Of `inputs`, `push1/pull1` is a pair of which one is zero; there are as many inputs or pairs as targets.
 
         Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at rest. With it: inputs over time, from `start`
-        to `to`, with which outputs go along `targets`, expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)"; from
-        rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`, `RunFailed` if there are none, and
-        `UsageError` where a path is not smooth enough.
+        to `to`, with which outputs go along `targets`: expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)", or points
+        (times, values); from rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`,
+        `RunFailed` if there are none, and `UsageError` where a path is not smooth enough.
         """
         from .analysis.inversion.asking import inverted
 
