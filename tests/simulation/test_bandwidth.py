@@ -174,7 +174,7 @@ def test_a_manipulator_that_starts_off(manipulator: bondgraph.Model) -> None:
 
 @pytest.mark.machine_code
 def test_what_that_costs(manipulator: bondgraph.Model) -> None:
-    """The whole call beside one of an undisturbed run, estimates included: measured 1.9 times."""
+    """The whole call beside one of an undisturbed run, estimates included: measured 1.9 times on a busy machine."""
 
     def least(experiment: str, bandwidth: str | None) -> float:
         took = []

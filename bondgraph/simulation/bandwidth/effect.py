@@ -17,12 +17,13 @@ import numpy as np
 
 from ..segments import Segment
 from .leave import Removal
-from .split import Flow, Modes, Split, split
+from .split import Flow, Modes, Split, several, split
 
 PLACES = 8  # of a run at which modes are computed
 IN_A_TURN, LEAST = 4, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
 ROOM = 2_000_000  # numbers in their matrices
 APART = 0.01  # of its rate: modes nearer to one are taken together with it
+SMALL = 1e-4  # of the largest: modes that ring by less are of no account
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
 ALIKE_ENOUGH = (
     0.01  # by which the answer within an interval may differ from that in the first of several that are taken for one
@@ -53,26 +54,27 @@ def followed(flow: Flow, removal: Removal, instants: Any, states: Any, pieces: S
     last = len(times) - 1
     places = np.unique(np.linspace(0, last, min(PLACES, last) + 1).round().astype(int))
     matrices = flow.matrices(times, modes, whole)
-    at = removal.found.split
-    vectors, duals, values, decay = at.right, at.dual, at.values, np.zeros(len(at.values))
-    once = values.imag >= 0  # of a conjugate pair one, twice as large
-    amplitudes = (at.dual @ removal.found.removed)[once] * np.where(values[once].imag > 0, 2.0, 1.0)
-    splits, shapes = [at], [vectors[:, once] * amplitudes]
-    resolvents = [_resolvents(at, vectors, duals, values, once)]
+    at, removed = removal.found.split, removal.found.removed
+    shares = np.abs(at.dual @ removed) * np.linalg.norm(at.right, axis=0)
+    once = (at.values.imag >= 0) & (shares > SMALL * shares.max())  # of a conjugate pair one, twice as large
+    vectors, duals, values, decay = at.right[:, once], at.dual[once], at.values[once], np.zeros(once.sum())
+    amplitudes = duals @ removed * np.where(values.imag > 0, 2.0, 1.0)
+    splits, shapes, rates = [at], [vectors * amplitudes], [values]
     found = split(matrices[places[1:]], removal.rate) if last else []
     for span, new in zip(np.diff(times[places]), found, strict=True):
-        if isinstance(new, str) or len(new.values) != len(values):
+        if isinstance(new, str) or len(new.values) != len(at.values):
             break
-        vectors, duals, rates = carried(vectors, duals, new)
-        decay, values = decay + 0.5 * span * (values.real + rates.real), rates
+        vectors, duals, values = carried(vectors, duals, new)
+        decay = decay + 0.5 * span * (rates[-1].real + values.real)
         splits.append(new)
-        shapes.append(vectors[:, once] * (amplitudes * np.exp(np.minimum(decay[once], 0.0))))
-        resolvents.append(_resolvents(new, vectors, duals, values, once))
+        shapes.append(vectors * (amplitudes * np.exp(np.minimum(decay, 0.0))))
+        rates.append(values)
     places = places[: len(splits)]
     count = places[-1] + 1
     way = Way(times[:count], whole[:count], modes[:count], places, splits, np.array(shapes), 0.0, matrices[:count])
     if count == 1:
         return way
+    resolvents = _resolvents(splits, np.array(rates))
     way = replace(way, shapes=_between(way, resolvents))
     return replace(way, later=_later(way, resolvents))
 
@@ -88,16 +90,19 @@ def _trace(
     numbers = (
         np.searchsorted([p.start for p in pieces], instants[chosen], "left") - 1
     )  # where a piece ends belongs to it
-    modes = Modes((removal.mode, *(p.mode for p in pieces)), np.append(0, 1 + np.maximum(numbers, 0)))
+    modes = several([removal.mode, *(p.mode for p in pieces)])[np.append(0, 1 + np.maximum(numbers, 0))]
     return np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]]), modes
 
 
-def _resolvents(at: Split, vectors: Any, duals: Any, values: Any, once: Any) -> Any:
-    """For some of the modes (p, n, n): by what the other motions take part in one where the matrix changes a little."""
-    unit, rates = np.eye(len(at.matrix)), values[once][:, None, None]
-    near = np.abs(values - values[once][:, None]) <= APART * np.abs(values[once])[:, None]
-    own = (vectors * near[:, None, :]) @ duals
-    return np.linalg.solve(rates * (unit + own) - at.matrix, unit - own)
+def _resolvents(splits: Sequence[Split], values: Any) -> Any:
+    """For some of the modes at each place (k, p, n, n), with their rates (k, p): by what other motions take part where the matrix changes a little."""
+    matrices = np.array([at.matrix for at in splits])[:, None]
+    unit, rates = np.eye(matrices.shape[-1]), values[..., None, None]
+    near = [
+        np.abs(at.values - own[:, None]) <= APART * np.abs(own)[:, None] for at, own in zip(splits, values, strict=True)
+    ]
+    own = np.array([(at.right * chosen[:, None, :]) @ at.dual for at, chosen in zip(splits, near, strict=True)])
+    return np.linalg.solve(rates * (unit + own) - matrices, unit - own)
 
 
 def _between(way: Way, resolvents: Sequence[Any]) -> Any:

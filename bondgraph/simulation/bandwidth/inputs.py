@@ -11,7 +11,7 @@ from ..segments import GOLDEN, Segment, inside
 if TYPE_CHECKING:
     from ...door import Program
 
-PLACES = 256  # of a stretch
+PLACES = 128  # of a stretch
 AHEAD = 1e-3  # of a radian at the bandwidth: differences in time
 SMALL = 1e-9  # of a signal: a change within that time that is rounding
 
@@ -24,7 +24,8 @@ def content(program: Program, inputs: Any, constants: Any, stretch: Segment, ban
         return 0.0
     numbers = np.arange(PLACES)
     times = first + (last - 2 * ahead - first) * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / PLACES
-    values = np.array([program.signals(times + k * ahead, inputs, constants, stretch.mode) for k in range(3)])
+    close = (times + ahead * np.arange(3.0)[:, None]).ravel()
+    values = np.asarray(program.signals(close, inputs, constants, stretch.mode)).reshape(3, PLACES, -1)
     if not values.size or not np.isfinite(values).all():
         return 0.0
     slopes, bends = (np.abs(np.diff(values, k, axis=0)[0]).max(axis=0) for k in (1, 2))

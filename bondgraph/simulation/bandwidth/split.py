@@ -6,7 +6,7 @@ loops eliminated. Its projector needs the fast eigenvectors alone, right and lef
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -76,6 +76,13 @@ class Modes:
 def one(mode: Any, count: int = 1) -> Modes:
     """One mode at all of so many places."""
     return Modes((mode,), np.zeros(count, dtype=int))
+
+
+def several(modes: Sequence[Any]) -> Modes:
+    """A mode at each of some places, equal ones told as one."""
+    kinds = {np.asarray(mode).tobytes(): mode for mode in modes}
+    numbers = {key: number for number, key in enumerate(kinds)}
+    return Modes((*kinds.values(),), np.array([numbers[np.asarray(mode).tobytes()] for mode in modes]))
 
 
 class Flow:
