@@ -36,7 +36,7 @@ ENDS = {
     "power": ("-1", "1", "x^2.5 - z^3", 1.0, r"computed at `z` \(line 3\).* to the power of 2.5|the square root of -"),
     "arc sine": ("1", "0", "asin(x) - z^3", 1.0, r"asin of 1.* with `x` = 1"),
     "division by zero": ("-1", "1", "1/x - 0*z^3", 1.0, r"is divided by what passes zero there with `x` = "),
-    "overflow": ("1", "0", "exp(800*x) - 0*z^3", 0.88722, r"exp of 7\d\d.* is too large for a double with `x` = 0.88"),
+    "overflow": ("1", "0", "log(exp(800*x)) - 0*z^3", 0.88722, r"exp of 7\d\d.* is too large for a double with `x` = 0.88"),
     "of time": ("1", "0", "sqrt(2 - time) - z^3", 2.0, r"the square root of -.* with `time` = 2"),
 }  # fmt: skip
 
