@@ -441,7 +441,7 @@ class Model:
         self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, executor: Any = None, solver: str | None = None,
-        sharing: Sharing | None = None,
+        sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
         """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
 
@@ -450,14 +450,14 @@ class Model:
         """
         from .studies.experiment import Options, run
 
-        options = Options(to, points, rtol, atol, energy, target, solver, outputs)
+        options = Options(to, points, rtol, atol, energy, target, solver, bandwidth, outputs)
         return run(self, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, outputs: tuple[str, ...] | None = None, executor: Any = None,
-        solver: str | None = None, sharing: Sharing | None = None,
+        solver: str | None = None, sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
         """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
         one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and
@@ -466,7 +466,7 @@ class Model:
         from .studies.sweep import sweep
 
         steps = (of,) if isinstance(of, str) else tuple(of)
-        options = Options(to, points, rtol, outputs=outputs, solver=solver)
+        options = Options(to, points, rtol, outputs=outputs, solver=solver, bandwidth=bandwidth)
         return sweep(self, values, steps, together, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def montecarlo(
@@ -528,6 +528,7 @@ class Model:
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, start: Result | str | Path | None = None, solver: str | None = None,
+        bandwidth: str | float | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
@@ -535,6 +536,7 @@ class Model:
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
         balance. `target`: native (machine code) or numpy; the first that this machine has. `solver`: automatic, exponential
         (linear models), explicit, radau (stiff models) or energy (lossless models).
+        `bandwidth`: a frequency as text or in Hz; what is faster need not be followed, and the result's `left_out` says what was not.
         `start`: a result of the same model, or its .npz file, to go on from where that ended.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have
         the `result` up to then.
@@ -543,7 +545,7 @@ class Model:
         from .simulation.run import Wanted, simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
-        wanted = Wanted(to, points, rtol, atol, energy, target, solver)
+        wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
         return simulate(self, experiment, settings or {}, outputs, wanted, before)
 
     def simulate_many(
@@ -551,7 +553,7 @@ class Model:
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, solver: str | None = None,
         workers: int | None = None, executor: Any = None, progress: Callable[[int, int], None] | None = None,
-        journal: Journal | None = None,
+        journal: Journal | None = None, bandwidth: str | float | None = None,
     ) -> Ensemble:  # fmt: skip
         """Run an experiment once for each of several settings; all else as in `simulate`, and so is each result, to the last bit.
 
@@ -564,7 +566,7 @@ class Model:
         from .studies.runs import simulate_many
         from .studies.sharing import Sharing
 
-        wanted = Wanted(to, points, rtol, atol, energy, target, solver)
+        wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
         sharing = Sharing(workers, executor, progress, journal)
         return simulate_many(self, experiment, settings, outputs, wanted, sharing)
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .door import Certificate
     from .ended import End
     from .exports import Arrays
+    from .left_out import LeftOut
 
 SCHEMA = "bondgraph-result/1"
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
@@ -129,7 +130,8 @@ class Result:
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
     left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
     `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
-    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. Raises ValueError if the shapes do not fit.
+    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. `left_out` is what was faster than the bandwidth, if
+    one was asked for. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -150,6 +152,7 @@ class Result:
     events: tuple[Occurrence, ...] = ()
     stopped: str = ""
     end: End | None = None
+    left_out: LeftOut | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -306,6 +309,9 @@ class Result:
                          elements: {name: {kind, stored, supplied, dissipated, residual}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
             notes        what became known of the run on its way: sentences
+            bandwidth    if one was asked for: {frequency in Hz, faster: modes that are faster, modes: those that were left out [{frequency, damping,
+                         elements}], instants, outputs: {name: amplitude of what was left out}, kept: {name: its effect on what is kept},
+                         energy in J or null, reason: a sentence or null}
             stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
@@ -328,6 +334,8 @@ class Result:
         told["warnings"] = [_warning_json(item) for item in self.warnings]
         told["notes"] = list(self.notes)
         told["stopped"] = self.stopped or None
+        if self.left_out is not None:
+            told["bandwidth"] = self.left_out.to_json()
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:

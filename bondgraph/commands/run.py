@@ -57,6 +57,9 @@ if TYPE_CHECKING:
     metavar="SOLVER",
     help="automatic, exponential, explicit, radau or energy (keeps that of lossless models).",
 )
+@click.option(
+    "--bandwidth", metavar="FREQUENCY", help="What is faster need not be followed: `50 kHz`, or a number of Hz."
+)
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
@@ -69,8 +72,8 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, solver: str | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None,
-    over: str | None, plot_energy: str | None, jobs: int | None, journal: str | None, as_json: bool,
+    atol: float | None, solver: str | None, bandwidth: str | None, target: str | None, energy: bool, start: str | None, out: str | None,
+    plot: str | None, over: str | None, plot_energy: str | None, jobs: int | None, journal: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
@@ -93,7 +96,7 @@ def command(
             _make_ready(chosen, chosen.scene(asked, {}, (), tuple(outputs) or None), energy, target)
         arguments: dict[str, Any] = {
             "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
-            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver,
+            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver, "bandwidth": bandwidth,
         }  # fmt: skip
         try:
             result = chosen.simulate(asked, start=start, **arguments)
