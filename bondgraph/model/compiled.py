@@ -1,0 +1,162 @@
+"""A text and what it is compiled to: stages, programs, names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from .. import door
+
+if TYPE_CHECKING:
+    import networkx
+
+    from ..door import Certificate, Compilation, Override, Scene, Source
+    from ..prepared import Prepared
+    from . import Model
+
+LIBRARY = Path(__file__).parent.with_name("library")
+MOST_KEPT = 64  # scenes of which stages and programs are kept
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter or constant of a model, nested ones by their path: value in SI, unit, description."""
+
+    value: float
+    unit: str
+    description: str
+
+
+class Compiled:
+    """One model of a text, compiled when it is first asked; raises `CompilationFailed` with all that is wrong."""
+
+    def __init__(self, source: Source, model: str | None = None) -> None:
+        self.source = source
+        self.model = model
+        self._compilations: dict[tuple[Scene, bool], Compilation] = {}
+        self._prepared: dict[tuple[Scene, bool, str], Prepared] = {}
+
+    def __repr__(self) -> str:
+        return f"<bondgraph model {self.model or ''} of {self.source.name}>"
+
+    def compilation(self, scene: Scene | None = None, everything: bool = False) -> Compilation:
+        """The compiler's stages for one scene (default: no experiment)."""
+        scene = scene if scene is not None else door.Scene(self.model, None)
+        key = (scene, everything)
+        if key not in self._compilations:
+            compilation = door.Compilation(self.source, scene, LIBRARY, everything)
+            if self._compilations:  # the text is parsed once
+                compilation.__dict__["tree"] = next(iter(self._compilations.values())).tree
+            like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
+            if like is not None and "_built" in like.__dict__:  # and opened once
+                compilation.__dict__["_built"] = like.__dict__["_built"]
+            _kept(self._compilations, key, compilation)
+        return self._compilations[key]
+
+    @property
+    def compiled(self) -> int:
+        """How many scenes are held in compiled form."""
+        return len(self._compilations)
+
+    def forget(self) -> None:
+        """Let go of all that was compiled; it is made anew, or fetched from the cache, where it is asked for again."""
+        self._compilations.clear()
+        self._prepared.clear()
+
+    def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
+        """The program for one scene and what a run asks besides; from the cache if it has been there before."""
+        from ..prepared import Prepared
+
+        key = (scene, everything, target)
+        if key not in self._prepared:
+            made = Prepared(self.source, scene, everything, target, lambda: self.compilation(scene, everything))
+            _kept(self._prepared, key, made)
+        return self._prepared[key]
+
+    @cached_property
+    def name(self) -> str:
+        """The model's name."""
+        return self.compilation().whole_graph.name
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """All parameters and constants by path, those of instances included, with their values in SI."""
+        quantities = self.compilation().whole_graph.quantities
+        return {
+            n: Parameter(q.value, q.unit, q.description)
+            for n, q in quantities.items()
+            if q.value is not None and q.role in ("parameter", "constant")
+        }
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs of the model itself."""
+        return tuple(
+            n for n, q in self.compilation().whole_graph.quantities.items() if q.role == "input" and "." not in n
+        )
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """The declared outputs."""
+        return tuple(self.compilation().whole_graph.outputs)
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """All states, whatever the outputs need."""
+        space = self.compilation(everything=True).state_space
+        return tuple(space.variables[s.variable].name for s in space.states)
+
+    @property
+    def certificate(self) -> Certificate:
+        """What kind of equations the model has, whatever the outputs need; `print` it, or read its fields."""
+        return self.compilation(everything=True).certificate
+
+    @property
+    def graph(self) -> networkx.MultiDiGraph:
+        """The bond graph in networkx; nodes carry `node=`, edges (half arrows) `bond=`."""
+        return self.compilation().whole_graph.network
+
+    def _with_inputs(self) -> Compilation:
+        """The equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
+        free = self.compilation(door.Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
+        try:
+            _ = free.state_space
+            return free
+        except door.CompilationFailed as failed:
+            if any(d.code != "BG503" for d in failed.diagnostics):
+                raise
+            return self.compilation(everything=True)
+
+    def scene(
+        self,
+        experiment: str | None = "",
+        settings: Mapping[str, str | float] | None = None,
+        free: tuple[str, ...] = (),
+        outputs: tuple[str, ...] | None = None,
+    ) -> Scene:
+        """What a run asks: an experiment ("" the first, None none), settings (texts are expressions with units, numbers SI)."""
+        overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
+        return door.Scene(self.model, experiment, overrides, frozenset(free), outputs)
+
+    @property
+    def _whole(self) -> Model:
+        """This, of which a part is written here."""
+        return cast("Model", self)
+
+
+def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
+    """Keep something by its key, and of all only the latest."""
+    while len(things) >= MOST_KEPT:
+        things.pop(next(iter(things)))
+    things[key] = thing
+
+
+def _override(name: str, value: str | float) -> Override:
+    if isinstance(value, str):
+        source = door.Source(f"setting of {name}", value)
+        return door.Override(name.replace(" ", ""), door.parse_expression(source), door.Span(source, 0, len(value)))
+    source = door.Source(f"setting of {name}", repr(value))
+    return door.Override(name.replace(" ", ""), float(value), door.Span(source, 0, len(source.text)))
