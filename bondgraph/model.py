@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .analysis.outcome import Outcome
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
+    from .analysis.run_sensitivity import RunSensitivity
     from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source, StateSpace
@@ -357,6 +358,16 @@ class Model:
         point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
+    def sensitivity_of_run(
+        self, parameters: tuple[str, ...] | str | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
+        to: str | float | None = None, points: int = 101, outputs: tuple[str, ...] | None = None, rtol: float = 1e-8,
+    ) -> RunSensitivity:  # fmt: skip
+        """Derivatives of a run's outputs at all instants by parameters or inputs, integrated beside the states (no differences). Steps whose
+        instants move with a parameter count. Raises as `simulate`, and `UsageError` for events, delays and closing joints."""
+        from .analysis.run_sensitivity import run_sensitivity
+
+        return run_sensitivity(self, _names(parameters), experiment, settings or {}, outputs, None, to, points, rtol)
+
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None, branches: bool = False,
@@ -382,22 +393,22 @@ class Model:
 
     @overload
     def invert(
-        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, *, to: str | float, start: str | float = 0.0, points: int = 501,
         moving: bool = False, limits: Mapping[str, str | float] | None = None,
     ) -> FeedForward: ...  # fmt: skip
 
     def invert(
-        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
         moving: bool = False, limits: Mapping[str, str | float] | None = None,
     ) -> Inversion | FeedForward:  # fmt: skip
         """Inputs that give outputs. Of `inputs`, `push1/pull1` is a pair of which one is zero; there are as many inputs or pairs as targets.
 
         Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at rest. With it: inputs over time, from `start`
-        to `to`, with which outputs go along `targets`, expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)"; from
-        rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`, `RunFailed` if there are none, and
-        `UsageError` where a path is not smooth enough.
+        to `to`, with which outputs go along `targets`: expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)", or points
+        (times, values); from rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`,
+        `RunFailed` if there are none, and `UsageError` where a path is not smooth enough.
         """
         from .analysis.inversion.asking import inverted
 

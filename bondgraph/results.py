@@ -15,10 +15,12 @@ from .files import replacing
 if TYPE_CHECKING:
     import numpy as np
     import pandas
+    import xarray
     from numpy.typing import NDArray
 
     from .door import Certificate
     from .ended import End
+    from .exports import Arrays
     from .left_out import LeftOut
 
 SCHEMA = "bondgraph-result/1"
@@ -260,20 +262,39 @@ class Result:
 
         Equal results give equal bytes. Raises OSError.
         """
-        import zipfile
-
         import numpy as np
 
         from .ended import arrays_of
+        from .exports import write_npz
 
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
         arrays |= arrays_of(self)
-        # numpy.savez takes names as keywords: an output called `file` would be its own argument; and it stamps the time
-        with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
-            for name, array in arrays.items():
-                with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
-                    np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+        write_npz(path, arrays)
+
+    def _arrays(self) -> Arrays:
+        from .exports import Arrays
+
+        told = {"model": self.model, "experiment": self.experiment, "solver": self.solver, "rtol": self.rtol}
+        return Arrays({"time": (self.time, "s")}, {n: (("time",), self[n], self.unit(n)) for n in self.names}, told)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Outputs over `time` in SI, each with its `units`. Raises MissingPackage without xarray."""
+        from .exports import dataset
+
+        return dataset(self._arrays())
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Into a .csv, .npz, .nc (NetCDF) or .mat (MATLAB) file, by its ending. Raises OSError, UsageError for another ending."""
+        from .exports import write_arrays
+
+        ending = os.path.splitext(os.fspath(path))[1].lower()
+        if ending == ".csv":
+            self.to_csv(path)
+        elif ending == ".npz":
+            self.to_npz(path)
+        else:
+            write_arrays(path, self._arrays())
 
     def to_json(self) -> dict[str, Any]:
         """The run in numbers, for `json.dumps`, by the schema `bondgraph-result/1`:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import click
 
 from .options import (
+    TABLES,
     analysed_option,
     check_target,
     echo,
@@ -34,7 +35,7 @@ from .telling import problems_told
 @click.option("--explain/--no-explain", default=None, help="Tell which few parameters would explain the data alone.")
 @analysed_option
 @settings_option
-@click.option("--out", metavar="F.csv|F.npz", help="Write measured and computed.")
+@click.option("--out", metavar="F.csv|.npz|.nc|.mat", help="Write measured and computed.")
 @click.option("--plot", metavar="F.png", help="Draw measured and computed (.png, .svg or .pdf).")
 @json_option
 @model_option
@@ -44,7 +45,7 @@ def command(
 ) -> None:  # fmt: skip
     """Find the parameters that explain measured data, and how sure they are."""
     with problems_told():
-        for path, endings, option in ((out, (".csv", ".npz"), "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
+        for path, endings, option in ((out, TABLES, "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
             if path is not None:
                 check_target(path, endings, option)
         sought = dict(setting(p) if "=" in p else (p.strip(), "") for p in parameters)

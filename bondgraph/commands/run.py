@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import (
+    TABLES,
     check_target,
     experiment_option,
     file_argument,
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
-@click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
+@click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @click.option("--over", metavar="NAME", help="Draw them over this output instead of over time.")
 @click.option("--plot-energy", metavar="E.png", help="Draw energy over time, and that of the largest elements.")
@@ -79,7 +80,7 @@ def command(
 
     with problems_told():
         if out is not None:
-            check_target(out, (".csv", ".npz"), "--out")
+            check_target(out, TABLES, "--out")
         if plot is not None:
             check_target(plot, (".png", ".svg", ".pdf"), "--plot")
         if over is not None and plot is None:
@@ -136,10 +137,7 @@ def _show(result: Result, out: str | None, plot: str | None, over: str | None, a
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
     if out is not None:
-        if out.endswith(".csv"):
-            result.to_csv(out)
-        else:
-            result.to_npz(out)
+        result.write(out)
     if plot is not None and len(result.time) > 1:
         result.plot(plot, over)
     if as_json:
@@ -180,7 +178,7 @@ def _run_all(
     """An experiment that sweeps, or analyses instead of a simulation."""
     out, plot, as_json = shown
     if out is not None:
-        check_target(out, (".csv", ".npz"), "--out (of an experiment with a sweep or an analysis)")
+        check_target(out, TABLES, "--out (of an experiment with a sweep or an analysis)")
     with shared_out(*by, "points") as sharing:
         found = model.run(experiment, sharing=sharing, **arguments)
     if out is not None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.operating_point import Asked, operating_point
+from ..analysis.run_sensitivity import run_sensitivity
 from ..analysis.sensitivity import sensitivity
 from ..door import CompilationFailed
 from ..errors import RunFailed, UsageError
@@ -214,7 +215,7 @@ class Problem:
     def _tables(self, data: Measurements, values: Mapping[str, float]) -> list[tuple[Array, Array]]:
         """For each column that was measured its values (n,) and derivatives by parameters (n, k)."""
         if data.time is not None:
-            raise UsageError(f"{data.file}: data over time cannot be fitted yet")
+            return self._over_time(data, data.time, values)
         found = {
             name: (np.full(len(data), np.nan), np.full((len(data), len(self.names)), np.nan)) for name in data.found
         }
@@ -226,13 +227,25 @@ class Problem:
                 found[name][0][row], found[name][1][row] = told[name]
         return list(found.values())
 
+    def _over_time(self, data: Measurements, time: Array, values: Mapping[str, float]) -> list[tuple[Array, Array]]:
+        settings, moved = self._given({}, values)
+        told = run_sensitivity(
+            self.model, self.names, self.experiment, settings, tuple(sorted(data.found)), time, None, 0, moved=moved
+        )  # fmt: skip
+        places = {n: told.outputs.index(n) for n in data.found}
+        return [(told.values[:, i], told.slopes[:, i]) for i in places.values()]
+
+    def _given(self, row: Settings, values: Mapping[str, float]) -> tuple[dict[str, str | float], dict[str, float]]:
+        """What is set, and what is moved in a program that was made with the author's values."""
+        moved = {} if self.compiled_in else {n: v for n, v in values.items() if n not in self.inputs}
+        return {**self.settings, **row, **{n: v for n, v in values.items() if n not in moved}}, moved
+
     def _at_rest(
         self, wanted: Sequence[str], row: Settings, values: Mapping[str, float]
     ) -> dict[str, tuple[float, Array]]:
         outputs = tuple(sorted({n for n in wanted if not OF_MODES.fullmatch(n)}))
         of = (*(("equilibrium",) if outputs else ()), *(("modes",) if len(outputs) < len(wanted) else ()))
-        moved = {} if self.compiled_in else {n: v for n, v in values.items() if n not in self.inputs}
-        settings = {**self.settings, **row, **{n: v for n, v in values.items() if n not in moved}}
+        settings, moved = self._given(row, values)
         asked = Asked(self.experiment, settings, outputs or None, self.names)
         point = operating_point(self.model, asked, moved=moved)
         told = sensitivity(point, of)

@@ -10,6 +10,7 @@ from .analyses import title
 from .tables import aligned, short, visible
 
 if TYPE_CHECKING:
+    from ..analysis.run_sensitivity import RunSensitivity
     from ..studies.fitted import Fit
     from ..studies.tolerances import MonteCarlo
 
@@ -108,3 +109,16 @@ def _explanations(found: Fit) -> str:
         names = ", ".join(short(n, 24) for n in one.changes) or "(as it is)"
         rows.append((names, changes, f"{100 * one.left:.3g} %"))
     return aligned(rows, "<<>")
+
+
+def run_sensitivity_text(found: RunSensitivity) -> str:
+    """For each output what one percent of a parameter does: at the end, and at most on the way."""
+    rows = [("", "by", "at the end", "", "1 % moves it by", "at most", "at")]
+    for i, name in enumerate(found.outputs):
+        for j, parameter in enumerate(found.parameters):
+            column = found.slopes[:, i, j]
+            unit = f"[{visible(found.units[name])}]/[{visible(found.units[parameter])}]"
+            share, peak = 0.01 * found.at[j], int(np.argmax(np.abs(column)))
+            moved = (f"{share * column[-1]:.4g}", f"{share * column[peak]:.4g}", f"{found.time[peak]:.4g} s")
+            rows.append((short(name), short(parameter), f"{column[-1]:.7g}", unit, *moved))
+    return f"{title(found.model, found.experiment, 'sensitivity of a run')}\n\n{aligned(rows, '<<><>>>')}"

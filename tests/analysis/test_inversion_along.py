@@ -203,6 +203,27 @@ def test_inputs_that_jump_are_told(manipulator: Any) -> None:
     assert first.startswith("the fourth derivative of `x` jumps at t = 0.001 s") and "at t = 0.005 s" in second
 
 
+def test_a_path_by_points(manipulator: Any) -> None:
+    """What 41 points of a smooth rise leave open is little; a cubic through them has two continuous derivatives, and that is told."""
+    times = np.linspace(0, 5e-3, 41)
+    still = {"y": 0.0, "phi": 0.0}
+    exact = manipulator.invert(still | {"x": "8 um*smoothstep9(time, 0 s, 5 ms)"}, ["push2/pull2", "push1/pull1", "push3/pull3"], to="5 ms", points=101)  # fmt: skip
+    found = manipulator.invert(still | {"x": (times, 8e-6 * rise(times, 0, 5e-3))}, PAIRS, to="5 ms", points=101)
+    assert found.notes == () and np.abs(found["pull2"] - exact["pull2"]).max() < 1e-3
+    places, values = (", ".join(f"{v:.17g} {unit}" for v in x) for x, unit in ((times[::5], "s"), (8e-6 * rise(times[::5], 0, 5e-3), "m")))  # fmt: skip
+    cubic = still | {"x": f"cubic(time, ({places}), ({values}))"}
+    with pytest.raises(
+        UsageError, match="the first derivative of `x` jumps at t = 0 s"
+    ):  # at a free end it is not zero
+        manipulator.invert(cubic, PAIRS, to="5 ms")
+    with pytest.raises(UsageError, match=r"the third derivative of `x` jumps at t = 0\.000625 s"):
+        manipulator.invert(cubic, PAIRS, to="5 ms", moving=True)
+    with pytest.raises(UsageError, match=r"by points from 0 s to 0.005 s"):
+        manipulator.invert(still | {"x": (times, times)}, PAIRS, to="6 ms")
+    with pytest.raises(UsageError, match="rising times and as many values"):
+        manipulator.invert(still | {"x": (times, times[1:])}, PAIRS, to="5 ms")
+
+
 def test_a_path_that_begins_in_motion() -> None:
     """A mass that swings along a sine: begun at rest that takes an impulse; in motion it is F = m a from the start."""
     model = bondgraph.load(PUSHED)
@@ -238,6 +259,35 @@ def test_closed_loops(tmp_path: Path) -> None:
     assert np.abs(run["swing"] - begin - 0.3 * rise(run.time, 0, 1)).max() < 2e-6  # a cubic between 61 points
     with pytest.raises(RunFailed, match="no inputs were found that lead `swing` along the path"):
         model.invert({"swing": f"{begin!r} + 1.3*smoothstep9(time, 0 s, 1 s)"}, ["torque"], to="1.2 s", points=16)
+
+
+def test_bare_numbers_and_a_nonlinear_loop(tmp_path: Path) -> None:
+    """u = 2 R C y' + y in a plain model; a diode in series: the volt is that of the tank, of the lead and of the diode. Both run as models."""
+    plain, diode = tmp_path / "plain.bg", tmp_path / "diode.bg"
+    text = "plain model Rc {{\n  input u = 0\n  MSe source : e = u\n  R r : e = 2*f\n  C c : e = q/3\n  source -> 1(r, c)\n  output y = c.e\n}}\n"
+    plain.write_text(text.format(), encoding="utf-8")
+    found = bondgraph.load(plain).invert({"y": "smoothstep9(time, 0, 1)"}, ["u"], to=1.2, points=121)
+    assert found["u"] == pytest.approx(6 * rise(found.time, 0, 1, 1) + rise(found.time, 0, 1), abs=1e-11)
+    found.to_model(tmp_path / "driven.bg")
+    run = bondgraph.load(tmp_path / "driven.bg").simulate(target="numpy")
+    assert np.abs(run["y"] - rise(run.time, 0, 1)).max() < 1e-6
+    text = (
+        "model Diode {\n  input volt = 0 V\n  MSe source : u = volt\n  R lead : u = 1 kohm*i\n  R diode : u = 0.05 V*asinh(i/1 uA)\n"
+        "  C tank : u = q/1 uF\n  R leak : u = 10 kohm*i\n  source -> 1(lead, diode) -> 0(tank, leak)\n  output u = tank.u\n}\n"
+    )
+    diode.write_text(text, encoding="utf-8")
+    found = bondgraph.load(diode).invert({"u": "1 V*smoothstep9(time, 0 s, 5 ms)"}, ["volt"], to="6 ms", points=61)
+    u, rate = rise(found.time, 0, 5e-3), rise(found.time, 0, 5e-3, 1)
+    current = 1e-6 * rate + u / 1e4
+    assert found["volt"] == pytest.approx(u + 1e3 * current + 0.05 * np.arcsinh(current / 1e-6), rel=1e-10, abs=1e-13)
+
+
+def test_conditions_on_states_that_change_are_told() -> None:
+    text = PUSHED.replace(
+        "push -> 1(m)", "C wall : F = 1000 [N/m]*(x - 1 mm) if x > 1 mm else 0 N\n  push -> 1(m, wall)"
+    )
+    with pytest.raises(RunFailed, match=r"a condition on states changes before t = 0\.\d+ s"):
+        bondgraph.load(text).invert({"x": "3 mm*smoothstep9(time, 0 s, 1 s)"}, ["load"], to="1 s", points=41)
 
 
 def test_refused(manipulator: Any, tmp_path: Path) -> None:

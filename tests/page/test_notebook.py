@@ -73,3 +73,12 @@ def test_many_equations_are_cut() -> None:
 
     shown = Equations({f"x{i}": sympy.Symbol("y$_{}") for i in range(100)}, rates=True)._repr_latex_()
     assert "and 60 more" in shown and shown.count("$") == 2 + 40 and shown.count(r"\$") == 40
+
+
+def test_a_bond_graph() -> None:
+    shown = bondgraph.load(MODELS / "dc_motor.bg").compilation().whole_graph._repr_html_()
+    assert "11 nodes, 10 bonds" in shown and shown.count("<tr>") == 10
+    assert "<td>GY motor</td><td>&#8640;</td><td>1 rotor</td><td>rotation</td><td>line 24</td>" in shown
+    long = "\n".join(f"  1 a{i} : translation; R r{i} : F = {i + 1} [N*s/m]*v; a{i} -> r{i}" for i in range(100))
+    graph = bondgraph.load(f"model M {{\n{long}\n}}").compilation().whole_graph
+    assert "and 40 more" in graph._repr_html_() and len(graph._repr_html_()) < 12_000

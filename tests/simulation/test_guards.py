@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import bondgraph
 from bondgraph.errors import RunFailed
 from compiler.errors import CompilationFailed
 
+MODELS = Path(__file__).resolve().parents[2] / "models"
 BLOCKED = """model Blocked {
   "A source of flow into a junction that goes off: then nothing is left to decide."
   mode open = true
@@ -62,3 +64,12 @@ def test_what_grows_is_not_damped_by_long_steps(rate: float) -> None:
     arrived = float(found.time[np.argmax(found["grown"] > 0.5)])
     assert abs(arrived * rate - math.log(1e12)) < 3  # its error is e-fold by e-fold what is overlooked at 1e-12
     assert abs(found.final("grown") - 1) < 1e-5
+
+
+@pytest.mark.machine_code
+def test_a_long_run_is_as_accurate_at_its_beginning() -> None:
+    """A look ahead whose steps are longer than many swings once told 1e3 rad and more; tolerances were shares of that."""
+    model = bondgraph.load(MODELS / "pendulum.bg")
+    short, long = model.simulate(to=2.0, points=2, rtol=1e-6), model.simulate(to=1000.0, points=501, rtol=1e-6)
+    for name in ("upper", "lower"):
+        assert abs(short[name][-1] - long[name][1]) < 2e-5

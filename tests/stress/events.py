@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -147,32 +148,13 @@ def stick_slip(cycles: int = 5, fall: float = 0.0) -> Case:
 
     stop = first + cycles * (slip + stick)
     allowed = max(10.0, cycles)  # each cycle begins where the one before ended: their errors in time add up
-    if cycles > MANY:  # some 20 ms for each: in one way
-        first = ways()[0].name
-        return Case(
-            "stick and slip",
-            "cycles",
-            cycles,
-            STICK_SLIP,
-            {"fall": fall},
-            stop,
-            expected,
-            points=5001,
-            allowed=allowed,
-            only=lambda way: way.name == first,
-            longest=1000.0,
-        )
-    return Case(
-        "stick and slip",
-        f"friction falls within {fall:g} m/s, cycles",
-        cycles,
-        STICK_SLIP,
-        {"fall": fall},
-        stop,
-        expected,
-        points=501,
-        allowed=allowed,
-    )
+    case = Case(
+        "stick and slip", f"friction falls within {fall:g} m/s, cycles", cycles, STICK_SLIP, {"fall": fall}, stop, expected,
+        points=501, allowed=allowed,
+    )  # fmt: skip
+    if cycles <= MANY:
+        return case
+    return replace(case, points=5001, only=lambda way: way == ways()[0], longest=1000.0)  # some 20 ms for each cycle
 
 
 MANNSHARDT = """plain model Trapped {

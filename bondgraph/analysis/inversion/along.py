@@ -18,7 +18,7 @@ from .drives import Drive, drives_of
 from .equations import Equations
 from .feed_forward import NEAR, FeedForward, within_limits
 from .motion import Ends, motion
-from .path import Path, path_of
+from .path import Path, is_plain, path_of
 from .static import Search, rest_with
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Along:
 
 
 def invert_along(
-    model: Model, wanted: Mapping[str, str | float], inputs: Sequence[str], asked: Asked, along: Along
+    model: Model, wanted: Mapping[str, Any], inputs: Sequence[str], asked: Asked, along: Along
 ) -> FeedForward:  # fmt: skip
     """Raises `UsageError` for what makes no sense or is not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
@@ -86,9 +86,10 @@ def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
     for jump in path.jumps(equations.degrees, along.moving):
         degree = equations.degrees[path.names.index(jump.output)]
         if jump.order < degree:
+            way = ", or say that the model begins in motion" if jump.time == path.start else ""
             raise UsageError(
                 f"{jump}: an exact inverse takes {degree} derivatives of `{jump.output}`, all but the last continuous, as its inputs show in no lower one. "
-                f"Let it go by `{SCHEME}`, begin later, or say that the model begins in motion"
+                f"Let it go by `{SCHEME}`{way}"
             )
         notes.append(f"{jump}, and the inputs with it: a table of them is not exact there")
     return notes
@@ -112,7 +113,7 @@ def _ends(search: Search, path: Path, equations: Equations, along: Along) -> End
 
 
 def _told(
-    search: Search, equations: Equations, path: Path, wanted: Mapping[str, str | float], asked: Asked, found: Any, along: Along,
+    search: Search, equations: Equations, path: Path, wanted: Mapping[str, Any], asked: Asked, found: Any, along: Along,
     notes: list[str], model: Model,
 ) -> FeedForward:  # fmt: skip
     point, program = search.point, search.point.program
@@ -126,12 +127,16 @@ def _told(
         notes += _inside(found.internal, search, found.unknowns[:n, 0], units)
     settings = {k: _number(model, asked, k, v) for k, v in (asked.settings or {}).items() if k not in inputs}
     return FeedForward(
-        begins, point.made.plan.experiment, {n: str(v) for n, v in wanted.items()}, settings, times, inputs,
+        begins, point.made.plan.experiment, {n: v if isinstance(v, str) else _told_of(v) for n, v in wanted.items()}, settings, times, inputs,
         dict(zip(path.names, path.derivatives(times, 0)[:, 0], strict=True)), dict(zip(program.states.names, found.unknowns[:n], strict=True)),
         {d.push if d.pull is None else f"{d.push}/{d.pull}": s for d, s in zip(drives, strengths, strict=True)}, tuple(drives),
         dict(zip(path.names, equations.degrees, strict=True)), tuple(complex(v) for v in found.internal), start, units, tuple(notes),
-        model.source.path,
+        model.source.path, is_plain(model),
     )  # fmt: skip
+
+
+def _told_of(value: Any) -> str:
+    return repr(float(value)) if isinstance(value, float | int) else f"{len(value[0])} points"
 
 
 def _number(model: Model, asked: Asked, name: str, value: str | float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...quantities import quantity
 from ..operating_point import Asked
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def inverted(
-    model: Model, targets: Mapping[str, Quantity], inputs: Sequence[str], experiment: str | None, settings: Mapping[str, Quantity],
+    model: Model, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None, settings: Mapping[str, Quantity],
     along: Told | None,
 ) -> Inversion | FeedForward:  # fmt: skip
     """As `Model.invert`."""

@@ -50,6 +50,7 @@ class FeedForward:
     units: Mapping[str, str]
     notes: tuple[str, ...]
     file: Path | None = None
+    plain: bool = False  # a model of bare numbers, without units
 
     def __getitem__(self, name: str) -> Array:
         """An input, output or state over time. Raises KeyError."""

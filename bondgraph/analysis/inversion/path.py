@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ...simulation.segments import Segment
 
 BESIDE = 1e-9  # of the path's length: so close to an instant its two sides are compared
+DEGREE = 9  # of a curve through points
 JUMP = 1e-5  # of the largest value of a derivative: what is a jump, and no rounding
 ORDINALS = ("value", "first derivative", "second derivative", "third derivative", "fourth derivative")
 
@@ -43,9 +44,11 @@ class Jump:
 
 
 class Path:
-    """`derivatives(times, order)` of all outputs over [start, stop], and where they jump."""
+    """`derivatives(times, order)` of all outputs over [start, stop], and where they jump. `samples`: those given by points instead of a text."""
 
-    def __init__(self, names: Sequence[str], model: Model, start: float, stop: float) -> None:
+    def __init__(
+        self, names: Sequence[str], model: Model, start: float, stop: float, samples: Mapping[str, Any] | None = None
+    ) -> None:
         from ...simulation.segments import segments
 
         made = model.prepared(model.scene(None), True, "numpy")
@@ -55,7 +58,7 @@ class Path:
         with np.errstate(all="ignore"):
             self.stretches: list[Segment] = segments(program, program.constants(self._parameters), start, stop)
         self._series = Series(list(lowered.outputs.values()), frozenset({"time"}))
-        self._program = program
+        self._samples = {self.names.index(n): curve for n, curve in (samples or {}).items()}
 
     @property
     def first(self) -> dict[str, float]:
@@ -98,6 +101,8 @@ class Path:
                 coefficient = expansion[row]
                 if coefficient is not None:
                     found[row, k] = math.factorial(k) * coefficient[0]
+        for row, curve in self._samples.items():
+            found[row] = [curve(times, k) for k in range(order + 1)]
         return found
 
     def jumps(self, orders: Sequence[int], moving: bool) -> list[Jump]:
@@ -125,8 +130,44 @@ class Path:
         return found
 
 
-def path_of(model: Model, wanted: Mapping[str, str | float], start: float, stop: float) -> Path:
-    """From texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, or numbers in SI. Raises `UsageError`, `CompilationFailed`."""
+def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
+    """A spline of degree 9 through (times, values), eight of whose derivatives are continuous; at rest, to the fourth, at both ends.
+
+    Called with times and an order. Raises `UsageError`.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    times, values = (np.asarray(x, dtype=float) for x in points)
+    if times.ndim != 1 or times.shape != values.shape or len(times) < 2 or not (np.diff(times) > 0).all():
+        raise UsageError(f"what is wanted of `{name}` by points are rising times and as many values")
+    if not np.isfinite(values).all():
+        raise UsageError(f"what is wanted of `{name}` by points are finite numbers")
+    if start < times[0] or stop > times[-1]:
+        raise UsageError(
+            f"the path goes from {start:.6g} s to {stop:.6g} s, and what is wanted of `{name}` by points from {times[0]:.6g} s to {times[-1]:.6g} s"
+        )
+    still = [(k, 0.0) for k in range(1, (DEGREE + 1) // 2)]
+    span = float(
+        times[-1] - times[0]
+    )  # over which time is measured: derivatives of order 9 in 1/s are too large for the system of a spline
+    spline = make_interp_spline((times - times[0]) / span, values, k=DEGREE, bc_type=(still, still))
+    return lambda at, k: spline((np.asarray(at) - times[0]) / span, k) / span**k
+
+
+def is_plain(model: Model) -> bool:
+    """Whether it has bare numbers without units."""
+    return any(
+        getattr(s, "plain", False) and getattr(s, "name", None) == model.name
+        for s in model.compilation().tree.statements
+    )
+
+
+def path_of(model: Model, wanted: Mapping[str, Any], start: float, stop: float) -> Path:
+    """From texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, numbers in SI, or points (times in s, values in SI).
+
+    Tables of a text (`cubic(time, column("curve.csv", "t"), column("curve.csv", "x"))`) are files beside the model. Raises `UsageError`,
+    `CompilationFailed`.
+    """
     from ... import door
     from ...model import Model
 
@@ -134,12 +175,15 @@ def path_of(model: Model, wanted: Mapping[str, str | float], start: float, stop:
     unknown = [n for n in wanted if n not in outputs]
     if unknown or not wanted:
         raise UsageError(f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")
-    lines = ["model Wanted {"]
+    lines, samples = [f"{'plain ' if is_plain(model) else ''}model Wanted {{"], {}
     for number, (name, value) in enumerate(wanted.items(), 1):
         unit = outputs[name].unit
+        if not isinstance(value, str | float | int):
+            samples[name], value = curve_through(value, name, start, stop), 0.0
         if isinstance(value, str):
             door.parse_expression(door.Source(f"what is wanted of {name}", value))
         text = value if isinstance(value, str) else f"{float(value)!r}{'' if unit == '1' else f' [{unit}]'}"
         lines.append(f"  output wanted_{number}{'' if unit == '1' else f': {unit}'} = {' '.join(text.split())}")
     text = "\n".join([*lines, "}"])
-    return Path(tuple(wanted), Model(door.Source("what is wanted", text)), start, stop)
+    source = door.Source("what is wanted", text, model.source.path)
+    return Path(tuple(wanted), Model(source), start, stop, samples)

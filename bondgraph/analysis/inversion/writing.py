@@ -16,9 +16,12 @@ if TYPE_CHECKING:
     from .feed_forward import FeedForward
 
 
+MOST_ROWS = 10_000  # of a file of columns
+
+
 def table_of(found: FeedForward) -> tuple[list[str], list[Any]]:
     """Headers and columns of the controller's table."""
-    heads, columns = ["time [s]"], [found.time]
+    heads, columns = ["time" if found.plain else "time [s]"], [found.time]
     for number, (drive, strength) in enumerate(zip(found.drives, found.strengths.values(), strict=True), 1):
         unit = _unit(drive, found)
         heads.append(f"strength_{number}" + ("" if unit == "1" else f" [{unit}]"))
@@ -35,16 +38,20 @@ def _unit(drive: Drive, found: FeedForward) -> str:
 
 def model_text(found: FeedForward, target: Path) -> str:
     """The text of a model beside `target`'s table. Raises `UsageError`."""
+    if len(found.time) > MOST_ROWS:
+        raise UsageError(
+            f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points: ask for fewer"
+        )
     imported, name = _place(found, target), found.model
     own = "Driven" if name != "Driven" else "Controlled"
     table, outputs = target.with_suffix(".csv").name, list(found.outputs)
-    first, last = (f"{t!r} s" for t in (float(found.time[0]), float(found.time[-1])))
+    first, last = (f"{t!r}{'' if found.plain else ' s'}" for t in (float(found.time[0]), float(found.time[-1])))
     lines = [
         f'"{name} with the inputs that lead {", ".join(outputs)} along a path: found by inversion of its equations."',
         "",
         f'import {name} from "{imported}"',
         "",
-        f"model {own} {{",
+        f"{'plain ' if found.plain else ''}model {own} {{",
     ]
     lines += [f'  "{output} = {text}"' for output, text in _plain(found)]
     lines.append(f"  signal at = min(max(time, {first}), {last})")

@@ -22,6 +22,7 @@ from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments import Segment, follower
 from ..steps.factorise import is_large, once, sparse
+from .ahead import trusted
 
 if TYPE_CHECKING:
     from ..steps.compiled.coarse_run import CompiledCoarse, CompiledEuler
@@ -47,6 +48,15 @@ class Looks(Protocol):
     """Looks at states on the way; where it sees something, what follows says nothing any more."""
 
     def look(self, time: float, state: Any, mode: Any) -> object | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A coarse run: the largest magnitudes on the way, those that the beginning tells, shape (n,), and where it gave up."""
+
+    largest: Any
+    beginning: Any
+    stopped: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +90,16 @@ def nominal_magnitudes(
     peak = np.maximum(np.abs(state), largest)
     stopped = None
     if len(program.states.names):
-        coarse = _Coarse(program, constants, inputs, state, constraints)
-        peak = np.maximum(peak, coarse.peak(stretches, choice))
-        stopped = coarse.stopped
+
+        def look_along(way: Sequence[Segment]) -> Look:
+            coarse = _Coarse(program, constants, inputs, state, constraints)
+            return Look(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
+
+        first = stretches[0]
+        look = trusted(
+            look_along, program, stretches, len(program.signals(first.start, inputs, constants, first.mode)) > 0
+        )
+        peak, stopped = np.maximum(peak, look.largest), look.stopped
     result = np.where(given > 0, given, peak)
     units = (*program.states.units, *program.unknowns.units)
     kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
@@ -143,6 +160,7 @@ class _Coarse:
         self.program, self.constants, self.inputs = program, constants, inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.stopped: float | None = None  # where it gave up
+        self.beginning = self.largest  # with what a free motion from the start would reach
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
         self.found = self.state  # by the last step, before it is projected
@@ -166,6 +184,7 @@ class _Coarse:
         """The largest magnitudes on the way, as far as it gets."""
         first = stretches[0]
         reach = self._reach(first)
+        self.beginning = self.largest if reach is None else np.maximum(self.largest, reach(self.state))
         whole, taken = stretches[-1].stop - first.start, 0
         loop = None if choice else self._loop(reach)
         for stretch in stretches:
@@ -215,9 +234,10 @@ class _Coarse:
     def _by_itself(self, loop: CompiledCoarse, pace: Pace, start: float, mode: Any) -> None:
         """As many steps as machine code makes; the last one of a stretch, and one that is not found, are left."""
         while True:
+            before = pace.time
             note = start + AGAIN * (self.past[-1][0] if self.past else 0.0)
             self.state, self.largest = loop.go(pace, note, self.state, self.largest, mode)
-            if pace.time < note or pace.taken >= MOST_STEPS:
+            if pace.time < note or pace.time == before or pace.taken >= MOST_STEPS:
                 return
             self.past.append((pace.time - start, self.largest))
 

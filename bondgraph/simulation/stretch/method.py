@@ -73,6 +73,8 @@ def _check_conserving(stepper: Stepper, obstacle: str) -> None:
         obstacle = "events change what it stores"
     elif stepper.history is not None:
         obstacle = "delayed signals are no storage"
+    elif stepper.program.bends is not None:
+        obstacle = "its laws bend, which equal steps do not see"
     if obstacle:
         raise UsageError(f"no method keeps the energy of this model: {obstacle}; leave the solver to choose")
 
