@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import UsageError
 
 if TYPE_CHECKING:
+    from .left_out import LeftOut
     from .results import Result
 
 SCHEMA = "bondgraph-run/1"
@@ -79,6 +80,7 @@ def arrays_of(result: Result) -> dict[str, Any]:
         "warnings": [asdict(w) for w in result.warnings],
         "events": [asdict(e) for e in result.events],
     }
+    told["bandwidth"] = None if result.left_out is None else result.left_out.to_json()
     told["energy"] = None if result.energy is None else asdict(result.energy)
     arrays: dict[str, Any] = {}
     end = result.end
@@ -130,8 +132,14 @@ def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:
     return Result(
         told["model"], told["experiment"], time, columns, values, tuple(Shown(*r) for r in told["report"]), told["solver"],
         told["steps"], told["evaluations"], told["rtol"], energy=energy, warnings=warnings, notes=tuple(told["notes"]),
-        events=tuple(Occurrence(**e) for e in told["events"]), stopped=told["stopped"], end=_end(told, arrays),
+        events=tuple(Occurrence(**e) for e in told["events"]), stopped=told["stopped"], end=_end(told, arrays), left_out=_left_out(told.get("bandwidth")),
     )  # fmt: skip
+
+
+def _left_out(told: Mapping[str, Any] | None) -> LeftOut | None:
+    from .left_out import read_left_out
+
+    return None if told is None else read_left_out(told)
 
 
 def _end(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> End | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,8 +12,10 @@ from .errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
     import numpy as np
+    import xarray
     from numpy.typing import NDArray
 
+    from .exports import Arrays
     from .results import Result
 
 
@@ -84,3 +87,36 @@ class Ensemble:
 
         self._first.unit(name)
         return np.array([np.nan if isinstance(o, Exception) else o.final(name) for o in self.outcomes])
+
+    def _arrays(self) -> Arrays:
+        """Outputs over (run, time); what was set as numbers stands over `run`. NaN where a run failed."""
+        import numpy as np
+
+        from .exports import Arrays
+
+        first, runs = self._first, np.arange(len(self), dtype=float)
+        variables: dict[str, tuple[tuple[str, ...], Any, str]] = {
+            n: (("run", "time"), self[n], first.unit(n)) for n in first.names
+        }
+        names = dict.fromkeys(n for s in self.settings for n in s)
+        for name in names:
+            values = [s.get(name, np.nan) for s in self.settings]
+            if all(isinstance(v, int | float) for v in values):  # texts have units of their own
+                variables[f"set {name}"] = (("run",), np.array(values, dtype=float), "SI")
+        return Arrays(
+            {"run": (runs, "1"), "time": (self.time, "s")},
+            variables,
+            {"model": first.model, "failed": len(self.failures)},
+        )
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Outputs over `run` and `time` in SI, with what was set. Raises MissingPackage without xarray, as `time` otherwise."""
+        from .exports import dataset
+
+        return dataset(self._arrays())
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """The same into a .npz, .nc (NetCDF) or .mat (MATLAB) file. Raises OSError, UsageError."""
+        from .exports import write_arrays
+
+        write_arrays(path, self._arrays())

@@ -1,13 +1,16 @@
-"""Tables of numbers with units, written to files that others read: CSV, npz, NetCDF, MAT. Each is written whole or not at all, in SI."""
+"""Numbers with units, written to files that others read: CSV, npz, NetCDF, MAT; and handed over to xarray. In SI; each file whole or not at all."""
 
 from __future__ import annotations
 
+import io
 import os
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import UsageError
+from .errors import MissingPackage, UsageError
 from .files import replacing, write_text
 
 if TYPE_CHECKING:
@@ -17,20 +20,60 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 ENDINGS = (".csv", ".npz", ".nc", ".mat")
+LONGEST = 63  # letters of a name in MATLAB
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """`coordinates`: by the name of a dimension its values (n,) and unit; `variables`: by name the dimensions, an array over them, and the unit;
+    `attributes` of the whole. Numbers beside a dimension that is numbered from 0 have that dimension, too."""
+
+    coordinates: Mapping[str, tuple[Array, str]]
+    variables: Mapping[str, tuple[tuple[str, ...], Array, str]]
+    attributes: Mapping[str, str | int | float | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        clash = sorted(set(self.coordinates) & set(self.variables))
+        if clash:  # an output may be called `time`
+            renamed = {f"{n} (output)" if n in clash else n: v for n, v in self.variables.items()}
+            object.__setattr__(self, "variables", renamed)
+
+
+def dataset(arrays: Arrays) -> Any:
+    """An `xarray.Dataset`; each variable has its `units`. Raises `MissingPackage` without xarray."""
+    try:
+        import xarray
+    except ImportError as error:
+        raise MissingPackage('this needs xarray: pip install "bondgraph-lang[xarray]"') from error
+    coordinates = {n: ((n,), v, {"units": unit}) for n, (v, unit) in arrays.coordinates.items()}
+    variables = {n: (dims, v, {"units": unit}) for n, (dims, v, unit) in arrays.variables.items()}
+    return xarray.Dataset(variables, coordinates, _attributes(arrays))
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Arrays) -> None:
+    """Into a file of one of `ENDINGS`; CSV for one dimension alone. Raises `UsageError`, OSError."""
+    match Path(path).suffix.lower():
+        case ".csv":
+            if len({d for dims, _, _ in arrays.variables.values() for d in dims}) > 1:
+                raise UsageError(f"a CSV file has one dimension; write `{path}` as {', '.join(ENDINGS[1:])}")
+            everything = dict(arrays.coordinates) | {n: (v, u) for n, (_, v, u) in arrays.variables.items()}
+            write_csv(path, {n: v for n, (v, _) in everything.items()}, {n: u for n, (_, u) in everything.items()})
+        case ".npz":
+            write_npz(path, _plain(arrays))
+        case ".nc":
+            _netcdf(path, arrays)
+        case ".mat":
+            _matlab(path, arrays)
+        case _:
+            raise UsageError(f"a table is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
 
 
 def write_columns(
     path: str | os.PathLike[str], columns: Mapping[str, Array], units: Mapping[str, str], along: str,
     attributes: Mapping[str, str | int | float | None],
 ) -> None:  # fmt: skip
-    """Columns of one length; `along` names what they are numbered by. Raises `UsageError` for another ending, OSError, `MissingPackage`."""
-    match Path(path).suffix.lower():
-        case ".csv":
-            write_csv(path, columns, units)
-        case ".npz":
-            write_npz(path, {**columns, **{f"unit of {n}": _text(units[n]) for n in columns}})
-        case _:
-            raise UsageError(f"a table is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
+    """Columns of one length; `along` names what they are numbered by. Raises as `write_arrays`."""
+    write_arrays(path, Arrays({}, {n: ((along,), v, units[n]) for n, v in columns.items()}, attributes))
 
 
 def write_csv(path: str | os.PathLike[str], columns: Mapping[str, Array], units: Mapping[str, str]) -> None:
@@ -56,7 +99,73 @@ def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
                 np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
 
 
-def _text(unit: str) -> Any:
+def _plain(arrays: Arrays) -> dict[str, Any]:
     import numpy as np
 
-    return np.array(unit)
+    found: dict[str, Any] = {n: v for n, (v, _) in arrays.coordinates.items()}
+    found |= {n: v for n, (_, v, _) in arrays.variables.items()}
+    units = {n: u for n, (_, u) in arrays.coordinates.items()} | {n: u for n, (_, _, u) in arrays.variables.items()}
+    return {**found, **{f"unit of {n}": np.array(u) for n, u in units.items()}}
+
+
+def _attributes(arrays: Arrays) -> dict[str, Any]:
+    return {n: v for n, v in arrays.attributes.items() if v is not None}
+
+
+def _netcdf(path: str | os.PathLike[str], arrays: Arrays) -> None:
+    """NetCDF 3 with 64-bit offsets, which all readers know; by scipy."""
+    from scipy.io import netcdf_file
+
+    buffer = io.BytesIO()
+    file = netcdf_file(buffer, "w", version=2)
+    sizes = {n: len(v) for n, (v, _) in arrays.coordinates.items()}
+    for dims, values, _ in arrays.variables.values():
+        sizes |= dict(zip(dims, values.shape, strict=True))
+    for name, size in sizes.items():
+        file.createDimension(_netcdf_name(name), size)
+    for name, value in _attributes(arrays).items():
+        setattr(file, re.sub(r"\W", "_", name), value)
+    variables = {n: ((n,), v, u) for n, (v, u) in arrays.coordinates.items()} | dict(arrays.variables)
+    for name, (dims, values, unit) in variables.items():
+        made = file.createVariable(_netcdf_name(name), "d", tuple(map(_netcdf_name, dims)))
+        made[...] = values
+        made.units = unit
+    file.flush()
+    content = buffer.getvalue()
+    with replacing(path) as stream:
+        stream.write(content)
+
+
+def _netcdf_name(name: str) -> str:
+    return name.replace("/", "|")
+
+
+def _matlab(path: str | os.PathLike[str], arrays: Arrays) -> None:
+    """Names that MATLAB takes; `names` and `units` are structures from these to the author's."""
+    from scipy.io import savemat
+
+    told = {n: (v, u) for n, (v, u) in arrays.coordinates.items()} | {
+        n: (v, u) for n, (_, v, u) in arrays.variables.items()
+    }
+    made: dict[str, Any] = {}
+    names: dict[str, str] = {}
+    for name, (values, _) in told.items():
+        plain = _matlab_name(name, {*made, "names", "units", "attributes"})
+        made[plain], names[plain] = values, name
+    made["names"], made["units"] = names, {plain: told[name][1] for plain, name in names.items()}
+    made["attributes"] = {_matlab_name(n, set()): v for n, v in _attributes(arrays).items()} or {"none": ""}
+    buffer = io.BytesIO()
+    savemat(buffer, made, long_field_names=True, oned_as="column")
+    with replacing(path) as stream:
+        stream.write(buffer.getvalue())
+
+
+def _matlab_name(name: str, taken: set[str]) -> str:
+    """Letters, digits and underscores, beginning with a letter; `d[1]` is `d_1`."""
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "x"
+    plain = plain if plain[0].isalpha() else f"x_{plain}"
+    found, number = plain[:LONGEST], 1
+    while found in taken:
+        number += 1
+        found = f"{plain[: LONGEST - 6]}_{number}"
+    return found

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .analysis.outcome import Outcome
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
+    from .analysis.run_sensitivity import RunSensitivity
     from .analysis.sensitivity import Sensitivity
     from .diagram.figure import Figure
     from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source, StateSpace
@@ -31,9 +32,13 @@ if TYPE_CHECKING:
     from .prepared import Prepared
     from .results import Result
     from .studies.distributions import Distribution
+    from .studies.fit import Sought
+    from .studies.fitted import Fit
     from .studies.journal import Journal
+    from .studies.measured import Measurements
     from .studies.sharing import Sharing
     from .studies.tolerances import MonteCarlo
+    from .views.equations import Equations
 
 LIBRARY = Path(__file__).with_name("library")
 MOST_KEPT = 64  # scenes of which stages and programs are kept
@@ -186,25 +191,34 @@ class Model:
         name: str | None = None,
         experiment: str | None = "",
         at: str | float | None = None,
+        modes: int = 0,
     ) -> Figure:
         """A mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
 
-        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s).
-        Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
+        Drawn in the reference configuration, or with `at` where an experiment has it at that time (text with a unit, or s), or as
+        its first `modes` move it from rest. Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
         """
-        from .diagram import mechanism_of, write_figure
+        from .diagram import mechanism_of, shapes_of, write_figure
 
-        figure = mechanism_of(self, name, experiment, at)
+        figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
             write_figure(figure, path)
         return figure
 
-    def _repr_svg_(self) -> str:
-        """The diagram, for notebooks."""
-        return self.draw()._repr_svg_()
+    def _repr_html_(self) -> str:
+        """Certificate, bond graph and names, for notebooks; or what is wrong."""
+        from .page.notebook import model_html
+
+        return model_html(self)
+
+    def _repr_svg_(self) -> str | None:
+        """The bond graph, for notebooks; None of one that is too large to be drawn unasked."""
+        from .page.notebook import picture
+
+        return picture(self) or None
 
     # ------------------------------------------------------------ equations and stages
-    def state_equations(self) -> Any:
+    def state_equations(self) -> Equations:
         """The state equations in sympy: a mapping from state to the right side, over parameters, states and inputs.
 
         Linear loops are solved symbolically. Unknowns of nonlinear loops stay, and `algebraic_equations` binds them.
@@ -214,7 +228,7 @@ class Model:
         with door.uncollected():
             return state_equations(self._with_inputs().state_space)
 
-    def algebraic_equations(self) -> Any:
+    def algebraic_equations(self) -> Equations:
         """The equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
         from .views.equations import algebraic_equations
 
@@ -344,12 +358,22 @@ class Model:
         point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
+    def sensitivity_of_run(
+        self, parameters: tuple[str, ...] | str | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
+        to: str | float | None = None, points: int = 101, outputs: tuple[str, ...] | None = None, rtol: float = 1e-8,
+    ) -> RunSensitivity:  # fmt: skip
+        """Derivatives of a run's outputs at all instants by parameters or inputs, integrated beside the states (no differences). Steps whose
+        instants move with a parameter count. Raises as `simulate`, and `UsageError` for events, delays and closing joints."""
+        from .analysis.run_sensitivity import run_sensitivity
+
+        return run_sensitivity(self, _names(parameters), experiment, settings or {}, outputs, None, to, points, rtol)
+
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None, branches: bool = False,
     ) -> Branch:  # fmt: skip
         """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
-        or has `most` points; `points` is the range over the first step. Raises as `operating_point`."""
+        or has `most` points; `points` is the range over the first step. `branches`: those that cross it too. Raises as `operating_point`."""
         from .analysis.branch import follow
         from .analysis.operating_point import Asked
         from .analysis.sensitivity import independent
@@ -359,7 +383,7 @@ class Model:
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
         asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
-        return follow(self.operating_point(asked), parameter, first, last, points, most)
+        return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 
     @overload
     def invert(
@@ -417,7 +441,7 @@ class Model:
         self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, executor: Any = None, solver: str | None = None,
-        sharing: Sharing | None = None,
+        sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
         """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
 
@@ -426,14 +450,14 @@ class Model:
         """
         from .studies.experiment import Options, run
 
-        options = Options(to, points, rtol, atol, energy, target, solver, outputs)
+        options = Options(to, points, rtol, atol, energy, target, solver, bandwidth, outputs)
         return run(self, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, outputs: tuple[str, ...] | None = None, executor: Any = None,
-        solver: str | None = None, sharing: Sharing | None = None,
+        solver: str | None = None, sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
         """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
         one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and
@@ -442,7 +466,7 @@ class Model:
         from .studies.sweep import sweep
 
         steps = (of,) if isinstance(of, str) else tuple(of)
-        options = Options(to, points, rtol, outputs=outputs, solver=solver)
+        options = Options(to, points, rtol, outputs=outputs, solver=solver, bandwidth=bandwidth)
         return sweep(self, values, steps, together, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def montecarlo(
@@ -468,6 +492,26 @@ class Model:
         wanted = Wanted(to, 2 if "simulate" in steps else None, rtol)
         return montecarlo(self, chance, steps, experiment, settings or {}, outputs, wanted, sharing or Sharing())
 
+    def fit(
+        self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | Sought], experiment: str | None = None,
+        settings: Mapping[str, str | float] | None = None, explain: bool | None = None,
+    ) -> Fit:  # fmt: skip
+        """The `parameters` that explain measured data best, by weighted least squares with exact derivatives; 95 % intervals, and what the
+        data leave open.
+
+        `data`: CSV files with units in their headings: what was set, and outputs at rest, `frequency 1 [Hz]` of modes, or outputs over `time [s]`;
+        `sigma NAME` is the standard deviation. `parameters`: by name bounds as text (`1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`; "": it keeps its sign).
+        The search begins where the model has them, or where `settings` do. `explain`: tell which few parameters would do alone (None: if
+        the data leave some open). Raises `UsageError`, `CompilationFailed`, `RunFailed`, OSError.
+        """
+        from .studies.fit import fit
+        from .studies.measured import Measurements
+
+        files: Sequence[str | Path | Measurements] = (
+            [data] if isinstance(data, str | Path | Measurements) else list(data)
+        )
+        return fit(self, files, parameters, experiment, settings or {}, explain)
+
     # ------------------------------------------------------------ runs
     def scene(
         self,
@@ -484,6 +528,7 @@ class Model:
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, start: Result | str | Path | None = None, solver: str | None = None,
+        bandwidth: str | float | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
@@ -491,6 +536,7 @@ class Model:
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
         balance. `target`: native (machine code) or numpy; the first that this machine has. `solver`: automatic, exponential
         (linear models), explicit, radau (stiff models) or energy (lossless models).
+        `bandwidth`: a frequency as text or in Hz; what is faster need not be followed, and the result's `left_out` says what was not.
         `start`: a result of the same model, or its .npz file, to go on from where that ended.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have
         the `result` up to then.
@@ -499,7 +545,7 @@ class Model:
         from .simulation.run import Wanted, simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
-        wanted = Wanted(to, points, rtol, atol, energy, target, solver)
+        wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
         return simulate(self, experiment, settings or {}, outputs, wanted, before)
 
     def simulate_many(
@@ -507,7 +553,7 @@ class Model:
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: tuple[str, ...] | None = None, target: str | None = None, solver: str | None = None,
         workers: int | None = None, executor: Any = None, progress: Callable[[int, int], None] | None = None,
-        journal: Journal | None = None,
+        journal: Journal | None = None, bandwidth: str | float | None = None,
     ) -> Ensemble:  # fmt: skip
         """Run an experiment once for each of several settings; all else as in `simulate`, and so is each result, to the last bit.
 
@@ -520,7 +566,7 @@ class Model:
         from .studies.runs import simulate_many
         from .studies.sharing import Sharing
 
-        wanted = Wanted(to, points, rtol, atol, energy, target, solver)
+        wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
         sharing = Sharing(workers, executor, progress, journal)
         return simulate_many(self, experiment, settings, outputs, wanted, sharing)
 

@@ -15,10 +15,13 @@ from .files import replacing
 if TYPE_CHECKING:
     import numpy as np
     import pandas
+    import xarray
     from numpy.typing import NDArray
 
     from .door import Certificate
     from .ended import End
+    from .exports import Arrays
+    from .left_out import LeftOut
 
 SCHEMA = "bondgraph-result/1"
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
@@ -127,7 +130,8 @@ class Result:
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
     left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
     `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
-    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. Raises ValueError if the shapes do not fit.
+    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. `left_out` is what was faster than the bandwidth, if
+    one was asked for. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -148,6 +152,7 @@ class Result:
     events: tuple[Occurrence, ...] = ()
     stopped: str = ""
     end: End | None = None
+    left_out: LeftOut | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -156,6 +161,12 @@ class Result:
 
     def __repr__(self) -> str:
         return f"<Result of {self.title}: {len(self.time)} instants of {', '.join(self.names) or 'nothing'}>"
+
+    def _repr_html_(self) -> str:
+        """A table with little curves, for notebooks."""
+        from .page.notebook import result_html
+
+        return result_html(self)
 
     @property
     def title(self) -> str:
@@ -251,20 +262,39 @@ class Result:
 
         Equal results give equal bytes. Raises OSError.
         """
-        import zipfile
-
         import numpy as np
 
         from .ended import arrays_of
+        from .exports import write_npz
 
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
         arrays |= arrays_of(self)
-        # numpy.savez takes names as keywords: an output called `file` would be its own argument; and it stamps the time
-        with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
-            for name, array in arrays.items():
-                with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
-                    np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+        write_npz(path, arrays)
+
+    def _arrays(self) -> Arrays:
+        from .exports import Arrays
+
+        told = {"model": self.model, "experiment": self.experiment, "solver": self.solver, "rtol": self.rtol}
+        return Arrays({"time": (self.time, "s")}, {n: (("time",), self[n], self.unit(n)) for n in self.names}, told)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Outputs over `time` in SI, each with its `units`. Raises MissingPackage without xarray."""
+        from .exports import dataset
+
+        return dataset(self._arrays())
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Into a .csv, .npz, .nc (NetCDF) or .mat (MATLAB) file, by its ending. Raises OSError, UsageError for another ending."""
+        from .exports import write_arrays
+
+        ending = os.path.splitext(os.fspath(path))[1].lower()
+        if ending == ".csv":
+            self.to_csv(path)
+        elif ending == ".npz":
+            self.to_npz(path)
+        else:
+            write_arrays(path, self._arrays())
 
     def to_json(self) -> dict[str, Any]:
         """The run in numbers, for `json.dumps`, by the schema `bondgraph-result/1`:
@@ -279,6 +309,9 @@ class Result:
                          elements: {name: {kind, stored, supplied, dissipated, residual}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
             notes        what became known of the run on its way: sentences
+            bandwidth    if one was asked for: {frequency in Hz, faster: modes that are faster, modes: those that were left out [{frequency, damping,
+                         elements}], instants, outputs: {name: amplitude of what was left out}, kept: {name: its effect on what is kept},
+                         energy in J or null, reason: a sentence or null}
             stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
@@ -301,17 +334,24 @@ class Result:
         told["warnings"] = [_warning_json(item) for item in self.warnings]
         told["notes"] = list(self.notes)
         told["stopped"] = self.stopped or None
+        if self.left_out is not None:
+            told["bandwidth"] = self.left_out.to_json()
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:
             told["energy"] = _energy_json(self.energy)
         return told
 
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw the outputs over time into a .png, .svg or .pdf file, one panel for each unit; see `views.plots`.
+    def plot(self, path: str | os.PathLike[str], over: str | None = None) -> None:
+        """Draw the outputs over time, or `over` one of them, into a .png, .svg or .pdf file; see `views.plots`, `views.phase`.
 
         Raises MissingPackage without matplotlib, UsageError for another ending, OSError.
         """
+        if over is not None:
+            from .views.phase import plot_phase
+
+            plot_phase(self, over, path)
+            return
         from .views.plots import plot_result
 
         plot_result(self, path)

@@ -95,6 +95,7 @@ class Plan:
     stop: float | None = None
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
     solver: str | None = None  # one of `SOLVERS`
+    bandwidth: float | None = None  # in cycles per second: what is faster need not be followed
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish

@@ -3,12 +3,13 @@
 Pseudo-arclength continuation (Keller, in: Applications of Bifurcation Theory, 1977): steps along the branch instead of along the parameter, in
 scaled coordinates, each corrected by Newton's method with exact slopes on the plane across its tangent. Folds are where the tangent
 has no part along the parameter; there, and where an eigenvalue crosses the imaginary axis, the step is found by bracketing.
-What every motion keeps (a charge that has no way out) is kept along the branch.
+What every motion keeps (a charge that has no way out) is kept along the branch. At a branch point another one crosses: it is told, and followed on request.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,7 @@ ENOUGH = 1e-9  # the same, where rounding lets it come no closer
 SINGULAR = 1e-11
 TURN = 0.97  # cosine of the largest turn between two tangents
 SHORTEST = 1e-7  # of the range
+ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # of the magnitudes: first steps onto another branch
 LONGEST = 4.0  # first steps
 # By unit, else in SI: what symmetry and rest leave of an angle, a place, a speed, a momentum is rounding, and no magnitude.
 NOTHING = {"1": 1e-9, "1/s": 1e-9, "m": 1e-12, "m/s": 1e-12}
@@ -63,6 +65,7 @@ class Branch:
     special: tuple[Special, ...]
     units: Mapping[str, str]
     ended: str  # why the branch ends
+    others: tuple[Branch, ...] = ()  # those that pass through its branch points, if they were asked for
 
     def __len__(self) -> int:
         return len(self.values)
@@ -80,7 +83,8 @@ class Branch:
 
     def to_json(self) -> dict[str, Any]:
         """By the schema `bondgraph-branch/1`: {schema, model, experiment, parameter: {name, unit, values}, outputs, states: {name: {unit,
-        values}}, stable, special: [{kind, value, outputs, states}], ended}."""
+        values}}, stable, special: [{kind, value, outputs, states}], ended}; `others` are those that cross, as such objects, if they were
+        followed."""
         told: dict[str, Any] = {
             "schema": SCHEMA,
             "model": self.model,
@@ -104,7 +108,14 @@ class Branch:
             }
             for s in self.special
         ]
-        return {**told, "stable": self.stable.tolist(), "special": special}
+        told |= {"stable": self.stable.tolist(), "special": special}
+        return {**told, "others": [b.to_json() for b in self.others]} if self.others else told
+
+    def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
+        """Outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
+        from ..views.phase import plot_branch
+
+        plot_branch(self, path, names)
 
     def summary(self) -> str:
         """A table for terminals."""
@@ -123,6 +134,8 @@ class _Place:
     b: Any
     tangent: Any  # of all states and the parameter, in scaled coordinates, of length 1
     eigenvalues: Any
+    scale: Any  # of the states, with which the tangent was scaled
+    before: _Place | None = None  # of a branch point the point before it, which is a plain one
 
     @property
     def forward(self) -> float:
@@ -183,7 +196,7 @@ class _Follower:
         tangent = tangent / np.linalg.norm(tangent)
         if tangent @ along < 0:
             tangent = -tangent
-        return _Place(point, value, A, b, tangent, spectrum(A).values)
+        return _Place(point, value, A, b, tangent, spectrum(A).values, self.scale)
 
     def corrected(self, start: _Place, length: float) -> _Place | None:
         """The point of the branch at a length along the tangent; None if it is not found."""
@@ -227,48 +240,102 @@ class _Follower:
             before = norm
         return None
 
+    def beside(self, place: _Place, sign: float) -> _Place | None:
+        """The first point of the branch that crosses at a branch point: two directions keep rest there to first order, one is
+        the branch's own; along the other one steps aside, and corrects on the plane across (Keller's parallel search)."""
+        reduced, before = place.point.reduced, place.before or place
+        rows, _, kept = self.system(
+            before.point, before.A, before.b
+        )  # at the point itself a row may be nothing but rounding
+        whole = np.concatenate([place.A * self.scale[reduced.chosen], place.b[:, None] * self.range], axis=1)
+        _, _, right = np.linalg.svd(np.concatenate([whole / rows[:, None], kept]), full_matrices=True)
+        own = np.concatenate([place.tangent[:-1] * place.scale / self.scale, place.tangent[-1:]])
+        own = own / np.linalg.norm(own)
+        ways = []
+        for q in right[-2:]:
+            states = reduced.directions @ (q[:-1] * self.scale[reduced.chosen])
+            way = np.concatenate([(states + reduced.following[:, 0] * q[-1] * self.range) / self.scale, q[-1:]])
+            ways.append(way - (way @ own) * own)
+        aside = max(ways, key=lambda way: float(np.linalg.norm(way)))
+        aside = sign * aside / np.linalg.norm(aside)
+        for length in ASIDE:
+            moved = self.corrected(replace(place, tangent=aside), length)
+            if moved is not None:
+                return moved
+        return None
+
 
 def _chosen(moved: Any, point: OperatingPoint) -> Any:
     return np.concatenate([moved[:-1][point.reduced.chosen], moved[-1:]])
 
 
-def follow(first: OperatingPoint, name: str, low: float, high: float, points: int, most: int) -> Branch:
-    """From a state of rest at `low` towards `high` in steps of about 1/`points` of the range, until the parameter leaves it."""
+def follow(
+    first: OperatingPoint, name: str, low: float, high: float, points: int, most: int, branches: bool = False
+) -> Branch:
+    """From a state of rest at `low` towards `high` in steps of about 1/`points` of the range, until the parameter leaves it.
+
+    `branches`: also those that pass through its branch points, either way.
+    """
     if not points >= 2 or low == high:
         raise UsageError("a branch goes from one value to another, in 2 steps or more")
     follower = _Follower(first, name, low, high)
     towards = np.zeros(first.count + 1)
     towards[-1] = 1.0
-    places = [follower.place(first, low, towards)]
-    special: list[tuple[str, _Place]] = []
-    length, ended = 1.0 / points, f"after {most} points"
-    while len(places) < most:
-        here = places[-1]
-        found = follower.corrected(here, length)
-        if found is None or found.tangent @ here.tangent < TURN:
-            length *= 0.5
-            if length < SHORTEST:
-                ended = "no further state of rest was found"
+    line = _Line(follower, low, high, points, most)
+    special = line.go(follower.place(first, low, towards))
+    found = _told(first, name, line.places, special, line.ended)
+    if not branches:
+        return found
+    others = []
+    for kind, place in special:
+        for sign in (1.0, -1.0) if kind == "branch" else ():
+            begun = follower.beside(place, sign)
+            if begun is not None:
+                other = _Line(follower, low, high, points, most)
+                turns = other.go(begun)
+                others.append(_told(first, name, [place, *other.places], turns, other.ended))
+    return replace(found, others=tuple(others))
+
+
+class _Line:
+    """One branch, as far as it goes within a range."""
+
+    def __init__(self, follower: _Follower, low: float, high: float, points: int, most: int) -> None:
+        self.follower, self.low, self.high, self.points, self.most = follower, low, high, points, most
+        self.places: list[_Place] = []
+        self.ended = f"after {most} points"
+
+    def go(self, first: _Place) -> list[tuple[str, _Place]]:
+        """From a first point along its tangent; what is special on the way."""
+        follower, self.places = self.follower, [first]
+        special: list[tuple[str, _Place]] = []
+        length = 1.0 / self.points
+        while len(self.places) < self.most:
+            here = self.places[-1]
+            found = follower.corrected(here, length)
+            if found is None or found.tangent @ here.tangent < TURN:
+                length *= 0.5
+                if length < SHORTEST:
+                    self.ended = "no further state of rest was found"
+                    break
+                continue
+            end = self._passed(found.value)
+            special += _special(follower, here, found, length)
+            if end is not None:
+                self.places.append(_ended(follower, here, length, end) or found)
+                self.ended = f"`{follower.name}` leaves the range"
                 break
-            continue
-        end = (
-            high
-            if (found.value - high) * (high - low) >= 0
-            else low
-            if (found.value - low) * (high - low) <= 0
-            else None
-        )
-        special += _special(follower, here, found, length)
-        if end is not None:
-            found = _ended(follower, here, length, end) or found
-            places.append(found)
-            ended = f"`{name}` leaves the range"
-            break
-        places.append(found)
-        follower.see(found.point.state)
-        places[-1] = follower.place(found.point, found.value, found.tangent)
-        length = min(1.3 * length, LONGEST / points)
-    return _told(first, name, places, special, ended)
+            self.places.append(found)
+            follower.see(found.point.state)
+            self.places[-1] = follower.place(found.point, found.value, found.tangent)
+            length = min(1.3 * length, LONGEST / self.points)
+        return special
+
+    def _passed(self, value: float) -> float | None:
+        """The end of the range that a value lies beyond."""
+        if (value - self.high) * (self.high - self.low) >= 0:
+            return self.high
+        return self.low if (value - self.low) * (self.high - self.low) <= 0 else None
 
 
 def _switches(point: OperatingPoint) -> bool:
@@ -297,7 +364,10 @@ def _special(follower: _Follower, here: _Place, found: _Place, length: float) ->
     if pair:
         return [("oscillation", _at(follower, here, length, lambda p: _largest(p, here, found)))]
     _, _, kept = follower.system(here.point, here.A, here.b)
-    return [("branch", _at(follower, here, length, lambda p: _determinant(p, here, len(kept))))]
+    place = _at(follower, here, length, lambda p: _determinant(p, here, len(kept)))
+    return [
+        ("branch", replace(place, tangent=here.tangent, scale=here.scale, before=here))
+    ]  # there itself a tangent is of either
 
 
 def _determinant(place: _Place, here: _Place, zeros: int) -> float:

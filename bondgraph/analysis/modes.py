@@ -162,8 +162,13 @@ def modes(point: OperatingPoint) -> Modes:
 
 def moving_frequencies(point: OperatingPoint) -> list[float]:
     """Of the modes that move, in Hz, slowest first; shapes and energies are not asked for."""
-    values = spectrum(state_matrix(point)).values
-    return [abs(complex(v)) / (2 * math.pi) for v in values[_slowest_first(values)] if v]
+    return [abs(v) / (2 * math.pi) for v in eigenvalues(state_matrix(point)) if v]
+
+
+def eigenvalues(A: Any) -> list[complex]:
+    """In 1/s, of a conjugate pair the one with the positive imaginary part; slowest first."""
+    values = spectrum(A).values
+    return [complex(v) for v in values[_slowest_first(values)]]
 
 
 def _slowest_first(values: Any) -> Any:

@@ -285,21 +285,24 @@ def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
 # ---------------------------------------------------------------- finding one
 
 
-def operating_point(model: Model, asked: Asked, target: str = "numpy") -> OperatingPoint:
+def operating_point(
+    model: Model, asked: Asked, target: str = "numpy", moved: Mapping[str, float] | None = None
+) -> OperatingPoint:
     """The model put where it is asked; numbers that are set are arguments of one program, so that others compile nothing.
 
-    Raises `CompilationFailed`, `UsageError`, `RunFailed`.
+    `moved`: values of `by` in a program that was made with the author's: what these decide (which parts of a mechanism lie on each other, a
+    choice between laws) stays as it is. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
     from ..simulation.settings import settle
 
     settings = asked.settings or {}
     settled = settle(model, asked.experiment, settings, asked.outputs, True, target)
-    if settled.values:
+    if settled.values or moved:
         scene = replace(settled.scene, free=frozenset(asked.by), by=asked.by)
         try:
-            return placed(model.prepared(scene, True, target), asked, settled.values)
+            return placed(model.prepared(scene, True, target), asked, {**settled.values, **(moved or {})})
         except RunFailed:
-            if all(settled.values.values()):
+            if moved or all(settled.values.values()):
                 raise  # else a zero may make other equations of the model: the compiler is told of it
     scene = replace(model.scene(asked.experiment, settings, asked.by, asked.outputs), by=asked.by)
     return placed(model.prepared(scene, True, target), asked)

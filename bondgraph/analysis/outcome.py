@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,8 +15,10 @@ from ..errors import UsageError
 from .told import finite
 
 if TYPE_CHECKING:
+    import xarray
     from numpy.typing import NDArray
 
+    from ..exports import Arrays
     from ..results import Result
     from .equilibrium import Equilibrium
     from .modes import Modes
@@ -44,6 +47,8 @@ class Point:
         if self.modes is not None:
             moving = [m for m in self.modes if m.frequency > 0]
             found |= {f"frequency {i}": m.frequency for i, m in enumerate(moving[:MODES], 1)}
+        for response in self.responses:
+            found |= {f"peak of {given} to {seen}": at for given, seen, at in response.peaks()}
         if self.run is not None:
             found |= {n: self.run.final(n) for n in self.run.names}
         return found
@@ -121,12 +126,47 @@ class Outcome(Sequence[Point]):
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "swept": dict(self.swept)}
         return {**told, "points": [p.to_json() for p in self.points]}
 
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the table into a .csv (17 significant digits), .npz, .nc or .mat file; whole or not at all. Raises OSError, `UsageError`."""
-        from ..exports import write_columns
+    @property
+    def grid(self) -> tuple[int, ...] | None:
+        """How many values each swept name has, if the points are a whole grid of them; None if they are not."""
+        values = [list(dict.fromkeys(p.settings[n] for p in self.points)) for n in self.swept]
+        whole = [tuple(p.settings[n] for n in self.swept) for p in self.points] == list(itertools.product(*values))
+        return tuple(map(len, values)) if whole and self.swept else None
 
-        columns = dict(zip(self.names, self.table().T, strict=True))
-        write_columns(path, columns, self.units, "point", {"model": self.model, "experiment": self.experiment})
+    def _arrays(self) -> Arrays:
+        """Numbers over the swept names if they make a grid, else over `point`; runs over time besides, if all have the same instants."""
+        from ..exports import Arrays
+
+        table, units, shape = self.table(), self.units, self.grid
+        dims = tuple(self.swept) if shape is not None else ("point",)
+        shape = shape if shape is not None else (len(self),)
+        columns = {n: table[:, i] for i, n in enumerate(self.names)}
+        coordinates = {}
+        if dims != ("point",):
+            coordinates = {n: (np.array(list(dict.fromkeys(columns[n].tolist()))), self.swept[n]) for n in dims}
+        found = {n: (dims, c.reshape(shape), units[n]) for n, c in columns.items() if n not in coordinates}
+        times = [p.run.time for p in self.points if p.run is not None]
+        if times and all(np.array_equal(t, times[0]) for t in times) and "time" not in dims:
+            coordinates["time"] = (times[0], "s")
+            for name in next(p.run for p in self.points if p.run is not None):
+                rows = [np.full(len(times[0]), np.nan) if p.run is None else p.run[name] for p in self.points]
+                found[name] = ((*dims, "time"), np.array(rows).reshape(*shape, -1), units[name])
+        return Arrays(coordinates, found, {"model": self.model, "experiment": self.experiment})
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Over the swept names, if they make a grid (else over `point`), in SI and Hz; runs over `time` besides. Raises `MissingPackage`."""
+        from ..exports import dataset
+
+        return dataset(self._arrays())
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """The table into a .csv (17 significant digits) file; or all of `to_xarray` into a .npz, .nc or .mat file. Raises OSError, `UsageError`."""
+        from ..exports import write_arrays
+
+        if os.fspath(path).lower().endswith(".csv"):
+            self.to_csv(path)
+        else:
+            write_arrays(path, self._arrays())
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """The same for any name of a file. Raises OSError."""

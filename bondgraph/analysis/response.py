@@ -55,6 +55,15 @@ class Response:
         found: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(self.values), axis=0))
         return found
 
+    def peaks(self) -> list[tuple[str, str, float]]:
+        """For each way from an input to an output the frequency (Hz) of the largest magnitude: (input, output, frequency)."""
+        size = self.magnitude
+        return [
+            (given, seen, float(self.frequencies[int(size[:, i, j].argmax())]))
+            for j, given in enumerate(self.inputs)
+            for i, seen in enumerate(self.outputs)
+        ]
+
     def to_json(self) -> dict[str, Any]:
         """By the schema `bondgraph-response/1`: {schema, model, experiment, frequencies (Hz), responses: [{input, output, unit,
         values: [{re, im}], magnitude, phase (deg)}]}."""

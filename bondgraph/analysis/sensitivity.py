@@ -9,7 +9,7 @@ nothing besides: the whole Jacobian keeps the directions that they leave, for ev
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import numpy as np
 from ..door import Leaf
 from ..errors import RunFailed, UsageError
 from .linear import Linearization, linearization
-from .modes import STILL, Modes, modes
+from .modes import STILL, eigenvalues
 from .operating_point import OperatingPoint
 from .spectrum import left_shapes
 from .told import finite
@@ -130,8 +130,7 @@ def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
         values += linear.y.tolist()
         slopes += list(linear.C @ moved + linear.D)
     if "modes" in of:
-        found = modes(point)
-        changes = eigenvalue_slopes(point, found, moved)
+        changes = eigenvalue_slopes(point, eigenvalues(linear.A), moved)
         for i, (value, change) in enumerate(changes, 1):
             size = abs(value)
             growth = (value.conjugate() * change).real / size
@@ -184,7 +183,7 @@ def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
     return found / columns[:, None], left / np.where(size > 0, size, 1.0)
 
 
-def eigenvalue_slopes(point: OperatingPoint, found: Modes, moved: Any) -> list[tuple[complex, Any]]:
+def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: Any) -> list[tuple[complex, Any]]:
     """Eigenvalues that are not zero, slowest first, each with its derivatives (k,) by the point's `by`. Raises `RunFailed`."""
     n, size, k = point.count, point.all, len(point.by)
     space = point.compilation.state_space
@@ -197,21 +196,21 @@ def eigenvalue_slopes(point: OperatingPoint, found: Modes, moved: Any) -> list[t
     changes = _jacobian_changes(point, np.concatenate([states, unknowns]))
     rows, columns = (np.array(part, dtype=int) for part in zip(*changes, strict=True)) if changes else ([], [])
     entries = np.array(list(changes.values())).reshape(len(changes), k)
-    fastest = max((abs(m.eigenvalue) for m in found), default=0.0)
+    fastest = max((abs(value) for value in found), default=0.0)
     result = []
-    for mode in found:
-        if abs(mode.eigenvalue) <= STILL * fastest:
+    for value in found:
+        if abs(value) <= STILL * fastest:
             continue
-        i = int(np.argmin(np.abs(values - mode.eigenvalue)))
+        i = int(np.argmin(np.abs(values - value)))
         w, v = left[:, i], right[:, i]
-        if abs(values[i] - mode.eigenvalue) > NEAR * abs(mode.eigenvalue) or not np.isfinite(w).all():
+        if abs(values[i] - value) > NEAR * abs(value) or not np.isfinite(w).all():
             raise RunFailed(
-                f"the mode at {mode.frequency:.6g} Hz coincides with another: it has no derivative of its own"
+                f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own"
             )
         if size > n:
             w = np.concatenate([w, -np.linalg.solve(whole[n:, n:].T, whole[:n, n:].T @ w)])
             v = np.concatenate([v, follow[:, :n] @ v])
-        result.append((mode.eigenvalue, np.einsum("e,ek,e->k", w[rows].conj(), entries, v[columns])))
+        result.append((value, np.einsum("e,ek,e->k", w[rows].conj(), entries, v[columns])))
     return result
 
 

@@ -69,6 +69,10 @@ class Graph(Elements):
     def __repr__(self) -> str:
         return f"<bondgraph builder {self.name}: {len(self._parts) + len(self._mechanisms)} parts, {len(self._bonds)} bonds>"
 
+    def _repr_html_(self) -> str:
+        """The model as it stands so far, for notebooks; or what is wrong with it."""
+        return self.model()._repr_html_()
+
     # ------------------------------------------------------------ quantities
     def parameter(self, name: str, value: Value = None, unit: str = "", description: str = "") -> Quantity:
         """Known before a run and set from outside. A number is in `unit`, a text has its own: `parameter("k", "2 [kN/m]")`."""
@@ -232,9 +236,10 @@ class Graph(Elements):
     def experiment(
         self, name: str, to: Value, *, settings: Mapping[Any, Value] | None = None,
         report: Mapping[Any, str] | Sequence[Any] | Quantity = (), points: int | None = None, rtol: float | None = None,
-        solver: str | None = None,
+        solver: str | None = None, bandwidth: Value | None = None,
     ) -> None:  # fmt: skip
-        """A run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` says what in which unit."""
+        """A run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` says what in which unit. `bandwidth` (a number is
+        in Hz): what is faster need not be followed."""
         own = name_of(name)
         if own in self._experiments:
             raise UsageError(f"`{self.name}` already has an experiment `{own}`")
@@ -248,6 +253,8 @@ class Graph(Elements):
             inner.append(f"solver = {chosen_solver(solver)}")
         end = value_of(to, f"the end of `{own}`", "" if self.plain else "s")
         lines.append(f"simulate 0 .. {end if is_one_number(end) else f'({end})'}{braces(inner)}")
+        if bandwidth is not None:
+            lines.append(f"bandwidth {value_of(bandwidth, f'the bandwidth of `{own}`', '' if self.plain else 'Hz')}")
         listed = [report] if isinstance(report, str | Quantity) else report
         wanted = listed if isinstance(listed, Mapping) else dict.fromkeys(listed, "")
         for what, unit in wanted.items():

@@ -13,7 +13,7 @@ from importlib import import_module
 import click
 
 COMMANDS = (
-    "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fmt", "invert",
+    "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fit", "fmt", "invert",
     "linearize", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "sweep",
 )  # fmt: skip
 

@@ -7,6 +7,8 @@ import click
 from .options import check_target, file_argument, load, model_option
 from .telling import problems_told
 
+WIDE = 5000  # px: what no screen and no paper shows
+
 
 @click.command("draw")
 @file_argument
@@ -32,4 +34,7 @@ def command(
         if mechanism is not None:
             load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
         else:
-            load(file, model).draw(out, experiment, closed, numbers)
+            figure = load(file, model).draw(out, experiment, closed, numbers)
+            if max(figure.width, figure.height) > WIDE:
+                told = "" if closed else "; with --closed instances are boxes"
+                click.echo(f"note: the picture has {figure.width:g} x {figure.height:g} px{told}", err=True)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import click
 
 from .options import (
+    TABLES,
     analysed_option,
     check_target,
     echo,
@@ -48,7 +49,7 @@ from .telling import problems_told
 @click.option("--to", metavar="TIME", help="Where simulations end.")
 @jobs_option
 @journal_option
-@click.option("--out", metavar="M.csv|M.npz", help="Write all points.")
+@click.option("--out", metavar="M.csv|.npz|.nc|.mat", help="Write all points.")
 @click.option("--plot", metavar="H.png", help="Draw histograms (.png, .svg or .pdf).")
 @click.option("--tornado", metavar="T.png", help="Draw what moves each quantity, and how far.")
 @json_option
@@ -62,7 +63,7 @@ def command(
     with problems_told():
         pictures = (".png", ".svg", ".pdf")
         for path, endings, option in (
-            (out, (".csv", ".npz"), "--out"), (plot, pictures, "--plot"), (tornado, pictures, "--tornado")
+            (out, TABLES, "--out"), (plot, pictures, "--plot"), (tornado, pictures, "--tornado")
         ):  # fmt: skip
             if path is not None:
                 check_target(path, endings, option)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from ..model import Model
     from ..studies.sharing import Sharing
 
+TABLES = (".csv", ".npz", ".nc", ".mat")  # what tables are written to
+
 model_option = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
 file_argument = click.argument("file", metavar="FILE")
 outputs_option = click.option(

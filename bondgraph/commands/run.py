@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .options import (
+    TABLES,
     check_target,
     experiment_option,
     file_argument,
@@ -56,27 +57,36 @@ if TYPE_CHECKING:
     metavar="SOLVER",
     help="automatic, exponential, explicit, radau or energy (keeps that of lossless models).",
 )
+@click.option(
+    "--bandwidth", metavar="FREQUENCY", help="What is faster need not be followed: `50 kHz`, or a number of Hz."
+)
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
-@click.option("--out", metavar="R.csv|R.npz", help="Write all values.")
+@click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
+@click.option("--over", metavar="NAME", help="Draw them over this output instead of over time.")
+@click.option("--plot-energy", metavar="E.png", help="Draw energy over time, and that of the largest elements.")
 @jobs_option
 @journal_option
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, solver: str | None, target: str | None, energy: bool, start: str | None, out: str | None, plot: str | None,
-    jobs: int | None, journal: str | None, as_json: bool,
+    atol: float | None, solver: str | None, bandwidth: str | None, target: str | None, energy: bool, start: str | None, out: str | None,
+    plot: str | None, over: str | None, plot_energy: str | None, jobs: int | None, journal: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 
     with problems_told():
         if out is not None:
-            check_target(out, (".csv", ".npz"), "--out")
+            check_target(out, TABLES, "--out")
         if plot is not None:
             check_target(plot, (".png", ".svg", ".pdf"), "--plot")
+        if over is not None and plot is None:
+            raise click.UsageError("--over says over which output --plot draws: name a file with --plot")
+        if plot_energy is not None:
+            check_target(plot_energy, (".png", ".svg", ".pdf"), "--plot-energy")
         from .. import native
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
@@ -86,21 +96,27 @@ def command(
             _make_ready(chosen, chosen.scene(asked, {}, (), tuple(outputs) or None), energy, target)
         arguments: dict[str, Any] = {
             "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
-            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver,
+            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver, "bandwidth": bandwidth,
         }  # fmt: skip
         try:
             result = chosen.simulate(asked, start=start, **arguments)
         except ManyRuns:
             if start is not None:
                 raise
+            if over is not None or plot_energy is not None:
+                raise
             _run_all(chosen, experiment, arguments, (jobs, journal), (out, plot, as_json))
             return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
-                _show(stopped.result, out, plot, as_json, isinstance(stopped, RunInterrupted))
+                _show(stopped.result, out, plot, over, as_json, isinstance(stopped, RunInterrupted))
                 click.echo(harmless(_how_to_go_on(stopped.result, file, out)), err=True)
             raise
-        _show(result, out, plot, as_json, True)
+        _show(result, out, plot, over, as_json, True)
+        if plot_energy is not None:
+            from ..analysis.energies import energies
+
+            energies(chosen, asked, given, to, points, rtol).plot(plot_energy)
 
 
 def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) -> None:
@@ -114,19 +130,16 @@ def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) ->
     gc.enable()
 
 
-def _show(result: Result, out: str | None, plot: str | None, as_json: bool, summary: bool) -> None:
+def _show(result: Result, out: str | None, plot: str | None, over: str | None, as_json: bool, summary: bool) -> None:
     """Write and tell what a run found."""
     for left in result.warnings:
         click.echo(f"warning: {left}", err=True)
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
     if out is not None:
-        if out.endswith(".csv"):
-            result.to_csv(out)
-        else:
-            result.to_npz(out)
+        result.write(out)
     if plot is not None and len(result.time) > 1:
-        result.plot(plot)
+        result.plot(plot, over)
     if as_json:
         click.echo(json.dumps(result.to_json(), indent=2))
     elif summary and len(result.time):
@@ -165,7 +178,7 @@ def _run_all(
     """An experiment that sweeps, or analyses instead of a simulation."""
     out, plot, as_json = shown
     if out is not None:
-        check_target(out, (".csv", ".npz"), "--out (of an experiment with a sweep or an analysis)")
+        check_target(out, TABLES, "--out (of an experiment with a sweep or an analysis)")
     with shared_out(*by, "points") as sharing:
         found = model.run(experiment, sharing=sharing, **arguments)
     if out is not None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import click
 
 from .options import (
+    TABLES,
     analysed_option,
     check_target,
     echo,
@@ -41,7 +42,7 @@ from .telling import problems_told
 @click.option("--to", metavar="TIME", help="Where simulations end.")
 @jobs_option
 @journal_option
-@click.option("--out", metavar="S.csv|S.npz", help="Write the table.")
+@click.option("--out", metavar="S.csv|.npz|.nc|.mat", help="Write the table.")
 @click.option("--plot", metavar="S.png", help="Draw what was found over what was swept last (.png, .svg or .pdf).")
 @json_option
 @model_option
@@ -51,7 +52,7 @@ def command(
 ) -> None:  # fmt: skip
     """Make equilibria, modes or runs at many values of parameters and inputs."""
     with problems_told():
-        for path, endings, option in ((out, (".csv", ".npz"), "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
+        for path, endings, option in ((out, TABLES, "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
             if path is not None:
                 check_target(path, endings, option)
         values = dict(map(setting, over))

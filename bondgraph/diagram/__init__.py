@@ -12,6 +12,7 @@ from .mechanism import draw_mechanism
 from .picture import write_figure
 from .poses import poses_at
 from .scenery import scenery_of
+from .shapes import shapes_of
 from .subject import subject_of
 from .svg import svg_text
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from ..model import Model
     from .figure import Figure
 
-__all__ = ["draw", "mechanism_of", "svg_text", "write_figure"]
+__all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]
 
 
 def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:

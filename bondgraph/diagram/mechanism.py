@@ -19,10 +19,11 @@ BAR = 7.0  # half the width of a bar
 NEAR = 1.5  # px: the same point
 
 
-def draw_mechanism(scenery: Scenery, heading: str = "") -> Figure:
-    """The figure of a mechanism in one pose."""
-    page = _Page(scenery)
-    groups = [*map(page.limb, scenery.limbs), *map(page.link, scenery.links), *map(page.mark, scenery.marks)]
+def draw_mechanism(scenery: Scenery, heading: str = "", behind: Scenery | None = None) -> Figure:
+    """The figure of a mechanism in one pose; `behind`: it in another, as outlines."""
+    page = _Page(scenery, behind)
+    groups = [] if behind is None else [page.shadow(limb) for limb in behind.limbs]
+    groups += [*map(page.limb, scenery.limbs), *map(page.link, scenery.links), *map(page.mark, scenery.marks)]
     groups += [*_names(scenery, page, groups)]
     boxes = [_extent(s) for g in groups for s in g.shapes]
     if heading:
@@ -38,9 +39,10 @@ def draw_mechanism(scenery: Scenery, heading: str = "") -> Figure:
 class _Page:
     """The scale of a picture, and the signs at that scale."""
 
-    def __init__(self, scenery: Scenery) -> None:
-        points = [p for limb in scenery.limbs for p in (limb.centre, *limb.points)]
-        points += [p for link in scenery.links for p in (link.first, link.second)] or [(0.0, 0.0)]
+    def __init__(self, scenery: Scenery, behind: Scenery | None = None) -> None:
+        both = [s for s in (scenery, behind) if s is not None]
+        points = [p for s in both for limb in s.limbs for p in (limb.centre, *limb.points)]
+        points += [p for s in both for link in s.links for p in (link.first, link.second)] or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
         span = max(max(xs) - min(xs), max(ys) - min(ys))
         self.scale = SIZE / span if span > 0 else 1.0
@@ -52,16 +54,20 @@ class _Page:
 
     def limb(self, limb: Limb) -> Group:
         """A plate through the points that hold a body, a bar where these are two, the sign of its centre of mass."""
-        points = _distinct([self.at(p) for p in limb.points])
+        shapes = (self.plate(limb, "body"), *_mass(self.at(limb.centre)))
+        return Group("limb", shapes, {"name": limb.name}, f"body {limb.name}")
+
+    def shadow(self, limb: Limb) -> Group:
+        """The same body elsewhere, as an outline."""
+        return Group("shadow", (self.plate(limb, "frame"),), {"name": limb.name}, f"body {limb.name} at rest")
+
+    def plate(self, limb: Limb, look: str) -> Shape:
+        """What a body looks like."""
         centre = self.at(limb.centre)
-        points = _distinct([*points, centre])
-        shapes: list[Shape] = []
+        points = _distinct([*_distinct([self.at(p) for p in limb.points]), centre])
         if len(points) > 1:
-            shapes.append(Stroke(tuple(_round(_hull(points))), "body", True))
-        else:
-            shapes.append(Circle(centre, 2 * BAR, "body"))
-        shapes += _mass(centre)
-        return Group("limb", tuple(shapes), {"name": limb.name}, f"body {limb.name}")
+            return Stroke(tuple(_round(_hull(points))), look, True)
+        return Circle(centre, 2 * BAR, look)
 
     def mark(self, mark: tuple[str, Point]) -> Group:
         """A frame: a small cross."""

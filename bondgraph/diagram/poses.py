@@ -28,26 +28,28 @@ def poses_at(model: Model, experiment: str | None, at: str | float) -> tuple[Seq
 
     flat = model.text(experiment).rstrip()
     graph = load(flat).compilation().whole_graph
-    wanted = [(m, body.name, part) for m in _mechanisms(graph) for body in m.bodies for part in _parts(m)]
+    wanted = [(m, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
     lines = [f"  output pose_of_body_{i} = {m.name}.{body}.{part}" for i, (m, body, part) in enumerate(wanted)]
     names = tuple(f"pose_of_body_{i}" for i in range(len(wanted)))
     run = load("\n".join([flat.removesuffix("}"), *lines, "}"])).simulate(None, to=at, points=2, outputs=names)
     values: dict[tuple[str, str], list[float]] = {}
     for name, (mechanism, body, _) in zip(names, wanted, strict=True):
         values.setdefault((mechanism.name, body), []).append(float(run[name][-1]))
-    poses = [[_pose(b.turn, values[m.name, b.name], graph) for b in m.bodies] for m in _mechanisms(graph)]
+    poses = [[pose_of(b.turn, values[m.name, b.name], graph) for b in m.bodies] for m in mechanisms(graph)]
     return poses, float(run.time[-1])
 
 
-def _mechanisms(graph: BondGraph) -> Iterator[Mechanism]:
+def mechanisms(graph: BondGraph) -> Iterator[Mechanism]:
+    """In the order of the text."""
     return (node.mechanism for node in graph.nodes if isinstance(node, MechanismNode))
 
 
-def _parts(mechanism: Mechanism) -> tuple[str, ...]:
+def parts(mechanism: Mechanism) -> tuple[str, ...]:
+    """What a body reads of its pose."""
     return PLANE if mechanism.planar else SPACE
 
 
-def _pose(reference: Sequence[Bound], values: list[float], graph: BondGraph) -> Pose:
+def pose_of(reference: Sequence[Bound], values: list[float], graph: BondGraph) -> Pose:
     """From what a body reads: poses are absolute, and a picture turns the body from its reference."""
     before = quaternion(numbers_of(graph, reference))
     if len(values) == len(PLANE):

@@ -63,7 +63,7 @@ def _marked(marks: Mapping[str, str]) -> Iterator[str]:
 def _rule(look: Look) -> str:
     if look.size:
         style = "font-style:italic;" * look.italic + "font-weight:600;" * look.bold
-        return f"fill:{look.colour};font-family:{FACES[look.face]};font-size:{_n(look.size)}px;{style}"
+        return f"fill:{look.colour};stroke:none;font-family:{FACES[look.face]};font-size:{_n(look.size)}px;{style}"
     dashes = f"stroke-dasharray:{' '.join(map(_n, look.dashes))};" if look.dashes else ""
     fill = look.inside or look.colour if look.filled else "none"
     if not look.width:

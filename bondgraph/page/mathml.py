@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
 from ..door import Apply, Expression, Number, Symbol
@@ -148,14 +149,16 @@ def _terms(operands: Sequence[Expression], at: Callable[..., Html]) -> Iterator[
 
 
 def _product(operands: Sequence[Expression], at: Callable[..., Html]) -> Written:
+    """A product; equal factors as a power."""
     parts: list[Html] = []
-    for place, factor in enumerate(operands[:MOST]):
-        if place:
+    factors = Counter(operands[:MOST])
+    for factor, often in factors.items():
+        if parts:
             parts.append(sign("·") if isinstance(factor, Number) else THIN)
-        parts.append(at(factor, POWER))
+        parts.append(at(factor, POWER) if often == 1 else tag("msup", at(factor, ATOM), tag("mn", str(often))))
     if len(operands) > MOST:
         parts.append(sign("…"))
-    return row(*parts), PRODUCT
+    return (row(*parts), PRODUCT) if len(factors) > 1 else (parts[0], POWER)
 
 
 def _cases(then: Html, condition: Html, otherwise: Html) -> Html:

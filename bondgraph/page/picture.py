@@ -17,7 +17,7 @@ from .markup import Html
 if TYPE_CHECKING:
     from ..door import BondGraph, Compilation, Source, Span
 
-LARGEST = 500  # nodes: a drawing of more takes a minute and shows nothing
+LARGEST = 300  # nodes: a drawing of more takes half a minute and shows nothing
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,8 +42,8 @@ def page_text(document: Document, token: str = "") -> str:
     player = Html((HERE / "player.html").read_text(encoding="utf-8"))
     body = [
         tag("div", id="problems", role="alert"),
-        tag("main", document.sections, id="page"),
         player,
+        tag("main", document.sections, id="page"),
         Html(f'<script type="application/json" id="data">{data_text(document.data)}</script>'),
         Html(f"<script>{script}</script>"),
     ]

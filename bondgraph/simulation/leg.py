@@ -25,7 +25,9 @@ from .watch.validity import Watch
 
 if TYPE_CHECKING:
     from ..door import Plan, Program, Scene, StateSpace
+    from ..left_out import LeftOut
     from ..prepared import Prepared
+    from .bandwidth.leave import Leaving, Removal
     from .events.events import Events
     from .events.history import History
     from .events.impulse import Jump
@@ -46,6 +48,7 @@ class Leg:
         values: Mapping[str, float] | None = None,
         solver: str = AUTOMATIC,
         off: tuple[str, ...] = (),
+        bandwidth: float | None = None,
     ) -> None:
         self.solver = solver
         self.compilation, self.plan, self.begin = compilation, plan, begin
@@ -67,6 +70,10 @@ class Leg:
         self.state, self.moved = self._start(program, compilation, self.constraints, self.stretches)
         if self.history is not None and begin is None:
             self._settle_history(self.history, start)
+        self.looked_from = self.state  # where a look ahead begins
+        self.bandwidth = bandwidth
+        self.leaving: Leaving | None = None  # what is faster than the bandwidth
+        self.left_out: LeftOut | None = None
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.told = self._told_tolerances()
         self.notes: tuple[str, ...] = ()
@@ -179,7 +186,7 @@ class Leg:
 
         def found_with(choice: Looks, largest: Any = 0.0) -> Magnitudes:
             return nominal_magnitudes(
-                self.program, mechanisms, self.constants, self.state, self.inputs, self.stretches, choice,
+                self.program, mechanisms, self.constants, self.looked_from, self.inputs, self.stretches, choice,
                 self.constraints, largest,
             )  # fmt: skip
 
@@ -237,11 +244,12 @@ class Leg:
         self.choice = self._choice()
         settled, self.trajectory = self.trajectory.settled, empty(program, self.instants)
         self.trajectory.settled = settled
+        self.leaving = self._leaving()
         try:
             integrate(
                 program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
                 self._powers if self.energy else None, self.watch, self.choice, self.compilation.certificate.linear,
-                self.constraints, self.events, self.off, self.history, self.trajectory, self.solver,
+                self.constraints, self.events, self.off, self.history, self.trajectory, self.solver, self.leaving,
             )  # fmt: skip
         except RateNotFinite as failed:
             from .watch.finite import cause_of
@@ -262,6 +270,17 @@ class Leg:
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def _leaving(self) -> Leaving | None:
+        """What takes out what is faster than the bandwidth."""
+        if self.bandwidth is None or self.program.hybrid is not None or self.history is not None:
+            return None
+        from .bandwidth.leave import Leaving
+
+        def restart(state: Any) -> None:
+            self.looked_from = state
+
+        return Leaving(self.bandwidth, float(self.instants[-1] - self.instants[0]), restart)
 
     def _modes(self, mode: Any) -> dict[str, float]:
         """What only events change, by name."""
@@ -307,6 +326,10 @@ class Leg:
             assembled = self.constraints.assembled if self.begin is None else None  # others take part from there on
             self.notes += told_of(assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
+        if self.bandwidth is not None:
+            from .bandwidth.tell import left_out_of
+
+            self.left_out = left_out_of(self, self.bandwidth)
 
     def end(self, until: float) -> End | None:
         """Where this leg ended, for another run to go on; None if nothing is known of it."""
@@ -393,11 +416,17 @@ class Leg:
         work = self.trajectory.work if self.trajectory.work is not None else np.zeros(len(before))
         held, self.held = self.held, held_in(space, after)
         arguments = self._arguments()
-        found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps)
+        left = [] if self.leaving is None else [self._around(removal) for removal in self.leaving.removals]
+        found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps, left)
         own = slice(len(space.ports), len(space.ports) + len(space.stored))  # mechanisms: what goes to and fro within
         self._audit(space, found, float(np.abs([before[own], after[own]]).sum()))
         passed = None if held is None else impulse_loss(space, held, before, arguments)
         return found if passed is None else added([passed, found]) or found
+
+    def _around(self, removal: Removal) -> tuple[Any, Any]:
+        """Powers and what is stored, before and after something was left out."""
+        before, after = (self._powers(removal.time, state, removal.mode) for state in (removal.before, removal.after))
+        return before, after
 
     def _audit(self, space: StateSpace, found: EnergyBalance, within: float) -> None:
         """Name the laws that create energy: resistors that give power, storages whose work is not what they store."""

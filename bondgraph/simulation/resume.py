@@ -99,6 +99,7 @@ def _same(a: float, b: float) -> bool:
 
 def joined(before: Result, after: Result) -> Result:
     """Both as one run."""
+    from ..left_out import joined as both
     from .watch.energy import added
 
     kept = before.time <= (after.time[0] if len(after.time) else np.inf)
@@ -114,4 +115,5 @@ def joined(before: Result, after: Result) -> Result:
         evaluations=evaluations, energy=added(energies) if len(energies) == 2 else None,
         warnings=(*before.warnings, *(w for w in after.warnings if (w.owner, w.condition, w.place) not in first)),
         notes=tuple(dict.fromkeys([*before.notes, *after.notes])), events=(*before.events, *after.events),
+        left_out=both(before.left_out, after.left_out),
     )  # fmt: skip

@@ -22,6 +22,7 @@ from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
     from ..door import Plan, Program, Scene
+    from ..left_out import LeftOut
     from ..model import Model
     from ..prepared import Prepared
     from .events.impulse import Jump
@@ -45,6 +46,7 @@ class Wanted:
     energy: bool = False
     target: str | None = None
     solver: str | None = None
+    bandwidth: str | float | None = None  # a frequency as text, or in Hz
 
 
 def check_wanted(wanted: Wanted) -> None:
@@ -53,6 +55,8 @@ def check_wanted(wanted: Wanted) -> None:
     chosen_solver(wanted.solver)
     if isinstance(wanted.to, str):
         seconds(wanted.to)
+    if wanted.bandwidth is not None:
+        hertz(wanted.bandwidth)
     if wanted.rtol is not None:
         _checked("rtol", wanted.rtol, *RTOL)
     if wanted.points is not None:
@@ -119,7 +123,8 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
-    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, solver, began)
+    bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
+    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, solver, began, bandwidth)
     if start is not None:
         from .resume import resumed
 
@@ -172,9 +177,10 @@ class Run:
 
     def __init__(
         self, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], plan: Plan, stop: float, count: int,
-        rtol: float, atol: float | None, energy: bool, solver: str, began: float,
+        rtol: float, atol: float | None, energy: bool, solver: str, began: float, bandwidth: float | None = None,
     ) -> None:  # fmt: skip
         self.made, self.scene, self.values, self.plan, self.stop = made, scene, values, plan, stop
+        self.bandwidth = bandwidth
         self.rtol, self.atol, self.energy, self.solver, self.began = rtol, atol, energy, solver, began
         self.instants = np.linspace(plan.start, stop, count)
         self.legs: list[Leg] = []
@@ -192,7 +198,7 @@ class Run:
             chosen = replace(self.scene, preferences=tuple(sorted(wishes.items())))
             leg = Leg(
                 self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
-                self.solver,
+                self.solver, bandwidth=self.bandwidth,
             )  # fmt: skip
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
@@ -245,12 +251,19 @@ class Run:
         values = np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where something has no value
             end = legs[-1].end(self.stop)
+        balance = _balance(legs) if self.energy else None
+        lacking = _left_out(legs, balance)
+        told = (
+            ()
+            if lacking is None
+            else (lacking.sentence(dict(zip(program.outputs.names, program.outputs.units, strict=True))),)
+        )
         found = Result(
             program.name, plan.experiment, self.instants[: len(values)], columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
-            _balance(legs) if self.energy else None, _warnings(legs), legs[0].compilation.certificate,
-            tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *_impulses(legs)])),
-            tuple(o for leg in legs for o in leg.occurrences), stopped, end,
+            balance, _warnings(legs), legs[0].compilation.certificate,
+            tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *told, *_impulses(legs)])),
+            tuple(o for leg in legs for o in leg.occurrences), stopped, end, lacking,
         )  # fmt: skip
         if self.before is None:
             return found
@@ -263,6 +276,20 @@ def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
     from .watch.energy import added
 
     return added([leg.balance for leg in legs if leg.balance is not None])
+
+
+def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> LeftOut | None:
+    """What all legs left out."""
+    from ..left_out import joined
+
+    found = None
+    for leg in legs:
+        found = joined(found, leg.left_out)
+    if found is None or balance is None:
+        return found
+    from .watch.energy import LEFT_OUT
+
+    return replace(found, energy=sum(e.dissipated for e in balance.elements if e.name == LEFT_OUT))
 
 
 def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handover:
@@ -332,19 +359,35 @@ def _stop(plan: Plan, to: str | float | None) -> float:
 
 def seconds(text: str) -> float:
     """A time as text, `20 ms`, or a bare number of seconds."""
-    from ..door import SECOND, CompilationFailed, Literal, Source, parse_expression, read_unit
+    found = _number("--to", text, "s")
+    if found is None:
+        raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
+    return found
+
+
+def hertz(given: str | float) -> float:
+    """A bandwidth as text, `50 kHz`, or a bare number of Hz. Raises `UsageError`."""
+    found = _number("--bandwidth", given, "Hz") if isinstance(given, str) else float(given)
+    if found is None or not 0 < found < float("inf"):
+        raise UsageError(f"`{given}` is no bandwidth: write `50 kHz`, or a number of Hz")
+    return found
+
+
+def _number(where: str, text: str, unit: str) -> float | None:
+    """A number in SI, bare or in a unit of the same kind as `unit`; None if the text is none."""
+    from ..door import CompilationFailed, Literal, Source, parse_expression, read_unit
 
     try:
-        tree = parse_expression(Source("--to", text))
+        tree = parse_expression(Source(where, text))
         if isinstance(tree, Literal):
             if tree.unit is None:
                 return float(tree.number)
-            scale = read_unit(Source("--to", tree.unit.span.text))
-            if scale.dimension == SECOND:
+            scale = read_unit(Source(where, tree.unit.span.text))
+            if scale.dimension == read_unit(Source(where, unit)).dimension:
                 return scale.to_si(tree.number)
     except CompilationFailed:
-        pass  # no expression, or no unit: the same answer as for a number of anything but seconds
-    raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
+        pass  # no expression, or no unit: the same answer as for a number of anything else
+    return None
 
 
 def _count(points: int) -> int:

@@ -14,8 +14,10 @@ from ..analysis.told import finite
 from ..errors import UsageError
 
 if TYPE_CHECKING:
+    import xarray
     from numpy.typing import NDArray
 
+    from ..exports import Arrays
     from .indices import Indices
 
     Array = NDArray[np.float64]
@@ -84,16 +86,28 @@ class MonteCarlo:
         found |= {"minimum": float(column.min()), "maximum": float(column.max())}
         return found | {f"{100 * s:g} %": float(q) for s, q in zip(SHARES, np.quantile(column, SHARES), strict=True)}
 
-    def to_columns(self) -> tuple[dict[str, Array], dict[str, str]]:
-        """Columns by name, and their units."""
-        return {n: self(n) for n in self.names}, dict(self.units)
+    def _arrays(self) -> Arrays:
+        from ..exports import Arrays
+
+        columns = {n: (("point",), self(n), self.units[n]) for n in self.names}
+        told: dict[str, str | int | float | None] = {
+            "model": self.model,
+            "experiment": self.experiment,
+            "seed": self.seed,
+        }
+        return Arrays({}, columns, told | {f"distribution of {n}": d for n, d in self.distributions.items()})
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Parameters and quantities over `point`, in SI and Hz. Raises `MissingPackage`."""
+        from ..exports import dataset
+
+        return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Parameters and quantities at all points, in SI, into a .csv, .npz, .nc or .mat file; whole or not at all. Raises OSError, `UsageError`."""
-        from ..exports import write_columns
+        """The same into a .csv, .npz, .nc or .mat file; whole or not at all. Raises OSError, `UsageError`."""
+        from ..exports import write_arrays
 
-        columns, units = self.to_columns()
-        write_columns(path, columns, units, "point", {"model": self.model, "seed": self.seed})
+        write_arrays(path, self._arrays())
 
     def to_json(self) -> dict[str, Any]:
         """By the schema `bondgraph-montecarlo/1`: {schema, model, experiment, of, samples, seed, parameters: {name: {unit, distribution}},

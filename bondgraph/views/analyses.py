@@ -167,7 +167,13 @@ def branch_text(found: Branch) -> str:
         numbers = (f"{found[n][i]:.6g}" for n in names)
         rows.append(("stable" if found.stable[i] else "unstable", *numbers))
     head = title(found.model, found.experiment, f"rest against {found.parameter}, {len(found)} points: {found.ended}")
-    return f"{head}\n\n{aligned(rows, '<' + '>' * len(names))}"
+    parts = [head, aligned(rows, "<" + ">" * len(names))]
+    crossing = [s for s in found.special if s.kind == "branch"]
+    if crossing and not found.others:
+        parts.append(
+            "another branch of rest crosses where it says `branch`: `--branch` (in Python `branches=True`) follows it"
+        )
+    return "\n\n".join([*parts, *map(branch_text, found.others)])
 
 
 def inversion_text(found: Inversion) -> str:

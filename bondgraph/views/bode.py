@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ..analysis.response import Response
 
 MOST = 3  # outputs that are drawn
+NARROW = 5.0  # of the first frequency
 
 
 def plot_response(found: Response, path: str | os.PathLike[str]) -> None:
@@ -46,6 +47,8 @@ def _figure(found: Response) -> Any:
             panel.spines[["top", "right"]].set_visible(False)
     panels[-1].set_xlabel("frequency [Hz]")
     panels[-1].set_xlim(found.frequencies[0], found.frequencies[-1])
+    if found.frequencies[-1] < NARROW * found.frequencies[0]:
+        panels[-1].set_xscale("linear")  # a logarithmic axis has one tick there, or none
     if len(found.outputs) > MOST:
         figure.supxlabel(
             f"not drawn: {', '.join(short(n, 24) for n in found.outputs[MOST:])}", fontsize=7, parse_math=False

@@ -13,19 +13,33 @@ from .tables import visible
 LARGEST = 1e6  # symbols and operations of one state equation in sympy
 
 
-def state_equations(space: StateSpace) -> dict[str, Any]:
+class Equations(dict[str, Any]):
+    """Equations in sympy by name; of states their rates, of unknowns what vanishes. A mapping that notebooks typeset."""
+
+    def __init__(self, equations: Mapping[str, Any], rates: bool) -> None:
+        super().__init__(equations)
+        self.rates = rates
+
+    def _repr_latex_(self) -> str | None:
+        """As LaTeX, for notebooks."""
+        from ..page.notebook import equations_latex
+
+        return equations_latex(self, self.rates) if self else None
+
+
+def state_equations(space: StateSpace) -> Equations:
     """State -> right side in sympy, over parameters, inputs, `time`, states and the unknowns of nonlinear loops.
 
     Assignments are put in, in causal order; a linear loop is solved symbolically for its cut variables.
     """
     value = symbolic_values(space)
-    return {space.variables[s.variable].name: value(s.rate) for s in space.states}
+    return Equations({space.variables[s.variable].name: value(s.rate) for s in space.states}, rates=True)
 
 
-def algebraic_equations(space: StateSpace) -> dict[str, Any]:
+def algebraic_equations(space: StateSpace) -> Equations:
     """Unknown of a nonlinear loop -> an expression in sympy that vanishes, over what `state_equations` is over."""
     value = symbolic_values(space)
-    return {space.variables[u.variable].name: value(u.residual) for u in space.unknowns}
+    return Equations({space.variables[u.variable].name: value(u.residual) for u in space.unknowns}, rates=False)
 
 
 def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:
@@ -160,7 +174,7 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
         if isinstance(entry, float):
             return to_number(entry)
         made = sympy.Symbol(f"v{entry}")
-        names[made] = _latex_name(space.variables[entry].name)
+        names[made] = latex_name(space.variables[entry].name)
         return made
 
     def text(expression: Any) -> str:
@@ -175,12 +189,12 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
             continue
         right_side = to_sympy(step.expression, symbol)
         if step.target in unknowns:
-            solved_for = _latex_name(space.variables[unknowns[step.target].variable].name)
+            solved_for = latex_name(space.variables[unknowns[step.target].variable].name)
             yield f"0 &= {text(right_side)} && \\text{{solved for }} {solved_for}"
             continue
-        yield f"{_latex_name(space.variables[step.target].name)} &= {text(right_side)}"
+        yield f"{latex_name(space.variables[step.target].name)} &= {text(right_side)}"
     for state in space.states:
-        variable, rate = (_latex_name(space.variables[v].name) for v in (state.variable, state.rate))
+        variable, rate = (latex_name(space.variables[v].name) for v in (state.variable, state.rate))
         yield f"\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {variable} &= {rate}"
 
 
@@ -198,6 +212,6 @@ _ESCAPES = {
 }
 
 
-def _latex_name(name: str) -> str:
+def latex_name(name: str) -> str:
     """A dotted name in upright letters; nothing in it can end its group."""
     return r"\mathrm{" + "".join(_ESCAPES.get(c, c) for c in name.replace(" -> ", r">")) + "}"

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from ..door import Compilation, cost
+from ..left_out import told_hertz
 from .tables import columns, counted, short, visible
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ class Explanation:
     arguments: tuple[str, ...]  # parameters that stay arguments of the program
     conditions: tuple[str, ...] = ()  # on states, which are located in a run: where they stand
     bends: int = 0  # of laws of states, at which steps may end
+    bandwidth: float | None = None  # in Hz
 
     def to_json(self) -> dict[str, Any]:
         """`bondgraph-explanation/1`."""
@@ -54,6 +56,7 @@ class Explanation:
                 "jacobian_entries": count.entries, "outputs": count.outputs,
             },
             "functions": dict(count.functions), "conditions": list(self.conditions), "bends": self.bends,
+            "bandwidth": self.bandwidth,
             "lines": [{"place": _place(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
         }  # fmt: skip
 
@@ -66,7 +69,9 @@ class Explanation:
         yield f"{title}: {counted(len(self.outputs), 'output')} asked for: {_some(self.outputs)}"
         yield self.certificate.line
         yield from ("", "left out")
-        if not self.left_out and not self.certificate.unneeded:
+        if self.bandwidth is not None:
+            yield f"  what rings faster than {told_hertz(self.bandwidth)}, if it does: the run tells what that was, and what it would have done"
+        elif not self.left_out and not self.certificate.unneeded:
             yield "  nothing: all of the model is needed"
         for item in self.left_out:
             yield f"  {item.name} ({item.place}) gives nothing" + (
@@ -118,6 +123,7 @@ def explain(compilation: Compilation) -> Explanation:
     return Explanation(
         certificate.model, compilation.plan.experiment, tuple(lowered.space.outputs), tuple(_left_out(compilation)),
         certificate, cost(lowered), tuple(names), tuple(_conditions(lowered)), len(lowered.bends),
+        compilation.plan.bandwidth,
     )  # fmt: skip
 
 

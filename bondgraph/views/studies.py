@@ -10,9 +10,13 @@ from .analyses import title
 from .tables import aligned, short, visible
 
 if TYPE_CHECKING:
+    from ..analysis.run_sensitivity import RunSensitivity
+    from ..studies.fitted import Fit
     from ..studies.tolerances import MonteCarlo
 
 STRONGEST = 8  # parameters of a quantity that are shown
+SLIGHT = 0.05  # weights in a direction that are not shown
+VAGUE = 0.3  # a relative change of which no more is known is told
 
 
 def montecarlo_text(found: MonteCarlo) -> str:
@@ -55,3 +59,66 @@ def _shares(found: MonteCarlo, i: int) -> str:
             row += [f"{50 * (around[1] - around[0]):.1f} %"]
         rows.append(tuple(row))
     return aligned(rows, "<" + ">" * (len(head) - 1))
+
+
+def fit_text(found: Fit) -> str:
+    """Parameters, how well the data are met, what they leave open, what would explain them."""
+    parts = [title(found.model, found.experiment, "fitted"), _parameters(found), _met(found)]
+    if any(d.open or d.deviation > VAGUE for d in found.directions):
+        parts.append(_open(found))
+    if found.explanations:
+        parts.append(_explanations(found))
+    return "\n\n".join([*parts, *map(visible, found.notes)])
+
+
+def _parameters(found: Fit) -> str:
+    rows = [("", "value", "", "standard error", "from (95 %)", "to", "change")]
+    for p in found.parameters:
+        change = f"{100 * (p.value / p.start - 1):+.3g} %" if p.start else ""
+        numbers = (f"{p.error:.3g}", f"{p.low:.6g}", f"{p.high:.6g}")
+        rows.append((short(p.name), f"{p.value:.9g}", "" if p.unit == "1" else visible(p.unit), *numbers, change))
+    return aligned(rows, "<><>>>>")
+
+
+def _met(found: Fit) -> str:
+    rows = [("", "data", "root mean square of differences", "")]
+    for one, computed in zip(found.series, found.computed, strict=True):
+        left = float(np.sqrt(np.mean((computed - one.measured) ** 2)))
+        size = float(np.sqrt(np.mean(one.measured**2)))
+        told = f"{left:.4g}{'' if one.unit == '1' else f' {visible(one.unit)}'}"
+        rows.append((short(one.name), f"{len(one.rows)}", told, f"{100 * left / size:.3g} %" if size else ""))
+    return aligned(rows, "<>>>")
+
+
+def _open(found: Fit) -> str:
+    lines = ["what the data hardly tell (relative changes that go together):"]
+    for direction in found.directions:
+        if direction.open or direction.deviation > VAGUE:
+            named = ", ".join(
+                f"{short(n, 24)} {w:+.2f}" for n, w in list(direction.weights.items())[:STRONGEST] if abs(w) > SLIGHT
+            )
+            how = "nothing" if direction.open else f"known to {100 * direction.deviation:.3g} %"
+            lines.append(f"  {named}: {how}")
+    return "\n".join(lines)
+
+
+def _explanations(found: Fit) -> str:
+    rows = [("explained by", "changes", "left over")]
+    for one in found.explanations:
+        changes = ", ".join(f"{100 * x:+.3g} %" for x in one.changes.values())
+        names = ", ".join(short(n, 24) for n in one.changes) or "(as it is)"
+        rows.append((names, changes, f"{100 * one.left:.3g} %"))
+    return aligned(rows, "<<>")
+
+
+def run_sensitivity_text(found: RunSensitivity) -> str:
+    """For each output what one percent of a parameter does: at the end, and at most on the way."""
+    rows = [("", "by", "at the end", "", "1 % moves it by", "at most", "at")]
+    for i, name in enumerate(found.outputs):
+        for j, parameter in enumerate(found.parameters):
+            column = found.slopes[:, i, j]
+            unit = f"[{visible(found.units[name])}]/[{visible(found.units[parameter])}]"
+            share, peak = 0.01 * found.at[j], int(np.argmax(np.abs(column)))
+            moved = (f"{share * column[-1]:.4g}", f"{share * column[peak]:.4g}", f"{found.time[peak]:.4g} s")
+            rows.append((short(name), short(parameter), f"{column[-1]:.7g}", unit, *moved))
+    return f"{title(found.model, found.experiment, 'sensitivity of a run')}\n\n{aligned(rows, '<<><>>>')}"

@@ -12,6 +12,7 @@ from .plots import COLOURS, PANELS, check_picture, drawn
 from .tables import short, visible
 
 if TYPE_CHECKING:
+    from ..studies.fitted import Fit
     from ..studies.tolerances import MonteCarlo
 
 COLUMNS = 2
@@ -92,5 +93,32 @@ def _tornado(found: MonteCarlo) -> Any:
         for tick in texts:
             tick.label1.set_parse_math(False)
         panel.set_xlabel(label, parse_math=False)
+        panel.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def plot_fit(found: Fit, path: str | os.PathLike[str]) -> None:
+    """Measured and computed, one panel for each quantity of each file. Raises UsageError, MissingPackage, OSError."""
+    check_picture(path)
+    drawn(lambda: _fit(found), path)
+
+
+def _fit(found: Fit) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    count = min(len(found.series), PANELS)
+    figure = Figure(figsize=(8.0, 0.8 + 2.2 * count), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(visible(f"{found.model}, fitted"), fontsize=11, parse_math=False)
+    for i, panel in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0]):
+        one, computed = found.series[i], found.computed[i]
+        rows = np.array(one.rows) + 1
+        sigma = one.sigma if found.weighted else None
+        panel.errorbar(rows, one.measured, sigma, fmt="o", markersize=3, color=COLOURS[0], linewidth=0.8)
+        panel.plot(rows, computed, color=COLOURS[1], marker="x", markersize=5, linewidth=1.0)
+        unit = "" if one.unit == "1" else f" [{visible(one.unit)}]"
+        panel.set_ylabel(f"{short(one.name, 24)}{unit}", parse_math=False)
+        panel.set_xlabel("line of data (dots: measured; crosses: computed)", fontsize=8)
         panel.spines[["top", "right"]].set_visible(False)
     return figure

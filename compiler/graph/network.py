@@ -101,6 +101,7 @@ class Element:
     span: Span
 
 
+SHOWN = 60  # bonds in a notebook
 STORAGES = frozenset({Kind.CAPACITOR, Kind.INERTIA, Kind.STORAGE_FIELD})
 
 
@@ -245,6 +246,27 @@ class BondGraph:
     events: tuple[Event, ...] = ()
     switches: tuple[Switch, ...] = ()
     delays: Mapping[str, Delay] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the first bonds, each with its domain and the line that says so. The picture is the product's affair."""
+        from html import escape
+
+        from ..errors import printable
+
+        def cell(words: str) -> str:
+            return f"<td>{escape(printable(words))}</td>"
+
+        def end(end: End) -> str:
+            node = self.nodes[end.node]
+            return f"{node.kind.value} {node.name}"
+
+        rows = [
+            f"<tr>{cell(end(b.tail))}<td>&#8640;</td>{cell(end(b.head))}{cell(b.domain)}{cell(f'line {b.span.line}')}</tr>"
+            for b in self.bonds[:SHOWN]
+        ]
+        more = f"<p>and {len(self.bonds) - SHOWN} more</p>" if len(self.bonds) > SHOWN else ""
+        head = f"<strong>{escape(printable(self.name))}</strong>: {len(self.nodes)} nodes, {len(self.bonds)} bonds"
+        return f"<div>{head}<table>{''.join(rows)}</table>{more}</div>"
 
     def definitions(self) -> Iterator[Bound]:
         """Everything that signals, parameters and outputs are computed from."""

@@ -84,6 +84,8 @@ def read_plan(
         match step:
             case tree.Simulate():
                 plan = elaborator.guard(_simulate, elaborator, step, root, plan) or plan
+            case tree.Bandwidth():
+                plan = elaborator.guard(_bandwidth, elaborator, step, root, plan) or plan
             case tree.Report():
                 for reading in step.readings:
                     found = elaborator.guard(_reading, elaborator, reading, root, outputs)
@@ -200,6 +202,23 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
             )
             raise Wrong(UnknownAttribute(attribute.span, "simulate", attribute.name, hint))
     return replace(plan, start=start, stop=stop, settings=settings, tolerances=tolerances)
+
+
+def _bandwidth(elaborator: Elaborator, step: tree.Bandwidth, root: Scope, plan: Plan) -> Plan:
+    if plan.bandwidth is not None:
+        raise Wrong(
+            WrongExperiment(step.span, "A second `bandwidth` in one experiment", "Write one, or a second experiment.")
+        )
+    value = elaborator.static(step.value, root, "A bandwidth", ONE if root.plain else ONE / SECOND)
+    if value <= 0:
+        raise Wrong(
+            WrongExperiment(
+                step.span,
+                f"A bandwidth of {value:g} Hz makes no sense",
+                "Write `bandwidth 50 kHz`: what is faster need not be followed.",
+            )
+        )
+    return replace(plan, bandwidth=value)
 
 
 def _solver(attribute: tree.Attribute) -> str:

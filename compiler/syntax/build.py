@@ -247,6 +247,10 @@ class Builder(Transformer[Token, Any]):
     def simulate(self, parts: list[Any]) -> tree.Simulate:
         return tree.Simulate(self._span(parts[:1]), parts[0], parts[1] or ())
 
+    def bandwidth(self, parts: list[Any]) -> tree.Bandwidth:
+        value = _done(parts[0])
+        return tree.Bandwidth(self._span([value]), value)
+
     def _study(self, role: str, parts: list[Any]) -> tree.Study:
         attributes = parts[0] or ()
         span = self._span(attributes) if attributes else Span(self.source, 0, 0)

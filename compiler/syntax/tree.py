@@ -365,6 +365,13 @@ class Simulate(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Bandwidth(Node):
+    """`bandwidth 50 kHz`: what is faster need not be followed."""
+
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class Reading(Node):
     """What a report shows, and in which unit."""
 

@@ -25,16 +25,22 @@ def test_everything_agrees(tmp_path: Path) -> None:
     done = CliRunner().invoke(commands, ["reproduce", str(MODELS / "thesis"), "--json", "--page", str(page)])
     assert done.exit_code == 0
     told = json.loads(done.stdout)  # what else is said, as that machine code is made, goes beside it
-    assert told["agrees"] and len(told["values"]) >= 19 and len(told["errata"]) == 8
+    assert told["agrees"] and len(told["values"]) >= 121 and len(told["errata"]) == 8
     by_name = {(v["where"], v["what"]): v["computed"] for v in told["values"]}
     # The same numbers by hand-written equations (tests/physics) and as the reference implementation gives them.
     for (where, what), wanted, rel in (
         (("4.2.1", "V_side, (4.2)"), 414.7, 1e-4), (("4.4.1", "x under 30 uN"), 9.67567, 1e-6),
         (("4.4.1", "y under 30 uN"), 8.92099, 1e-6), (("4.4.2", "resonance in x"), 1119.485, 1e-6),
         (("4.4.2", "resonance in y"), 1161.447, 1e-6), (("5.3.1", "V3^2/x over V1^2/y"), 0.8095, 1e-4),
-        (("5.3.1", "V1^2/V2^2 in y"), 2.107, 2e-4),
+        (("5.3.1", "V1^2/V2^2 in y"), 2.107, 2e-4), (("(4.24)", "resonance by hand"), 1087, 5e-4),
+        (("4.4.2, Figure 6.2 (a)", "peak to peak in x at 14 V"), 10.2, 5e-3), (("(4.19)", "k_y of arms 2, 3"), 37525, 1e-9),
     ):  # fmt: skip
         assert by_name[where, what] == pytest.approx(wanted, rel=rel)
+    exact = next(t for t in told["tables"] if t["where"] == "5.2, 5.3")
+    assert len(exact["rows"]) == 18 and max(r[-1] for r in exact["rows"]) < 1e-10  # off by, in m and rad
+    turned = [r for r in exact["rows"] if r[0] in ("phi = 3 deg", "phi = -3 deg")]
+    assert all(0.55 < abs(x) < 0.74 for r in turned for x in r[4:7])  # um: what the printed kinematics miss (erratum 7)
+    assert all(abs(x) < 0.3 for r in turned for x in r[7:10])  # nm: with the term that they lack
     text = page.read_text(encoding="utf-8")
     assert "## Errata" in text and text.count("| agrees") == len(told["values"])
 
@@ -80,6 +86,37 @@ def test_what_does_not_agree_is_told(tmp_path: Path) -> None:
     assert done.exit_code == 3 and "0 of 1 agree" in done.output
 
 
+def test_what_is_taken_of_a_run_tables_and_pictures(tmp_path: Path) -> None:
+    """The spring rings about 2.5 mm with almost no damping: between 0 and 5 mm; a table of a sweep; a picture beside the page."""
+    pytest.importorskip("matplotlib")
+    more = (
+        LIST.replace('"pull"', '"ring"')
+        .replace("2.5", "5")
+        .replace("digits = 0.05", 'digits = 0.02\ntake = "peak to peak"')
+    )
+    more += '[[table]]\nwhere = "2"\nwhat = "two loads"\nmodel = "spring.bg"\nexperiment = "both"\nswept_in = "kN/m"\n'
+    more += '[[picture]]\nwhere = "3"\nwhat = "ringing"\nmodel = "spring.bg"\nexperiment = "ring"\nkind = "time"\n'
+    more += '[[picture]]\nwhere = "4"\nwhat = "energy"\nmodel = "spring.bg"\nexperiment = "ring"\nkind = "energy"\n'
+    place = folder(tmp_path, more)
+    text = (
+        SPRING.replace("1 [N*s/m]", "0.01 [N*s/m]")
+        .replace("F = 800 [N/m]*x", "F = k*x")
+        .replace("  Se", "  parameter k = 800 [N/m]\n  Se")
+    )
+    text = text.replace(
+        "  experiment",
+        "  experiment ring { simulate 0 .. 1 s }\n  experiment both { sweep k = 400 [N/m], 800 [N/m]; equilibrium; report x in mm }\n  experiment",
+    )
+    (place / "spring.bg").write_text(text, encoding="utf-8")
+    found = reproduce(place, place / "page.md", "svg")
+    assert found.agrees and found.values[0].computed == pytest.approx(5, rel=2e-3)
+    (table,) = found.tables
+    assert table.heads == ("k [kN/m]", "x [mm]") and table.rows[0] == (pytest.approx(0.4), pytest.approx(5.0))
+    assert [p.file for p in found.pictures] == ["page_1.svg", "page_2.svg"]
+    assert all((place / p.file).read_text(encoding="utf-8").startswith("<?xml") for p in found.pictures)
+    assert "![3](page_1.svg)" in found.page() and "| 0.4 | 5 |" in found.page()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
@@ -89,6 +126,9 @@ def test_what_does_not_agree_is_told(tmp_path: Path) -> None:
         ("published = 2.5", 'published = "2.5"', "has no `published`"),
         ('model = "spring.bg"', 'model = "../spring.bg"', "lies outside of"),
         ("[[value]]", "[[value]", "published.toml"),
+        ("digits = 0.05", 'digits = 0.05\ntake = "mean"', "`take` is final, minimum"),
+        ("published = 2.5", "published = [2.5, 2.5]", "2 values are published, and the experiment has 1 points"),
+        ("[[value]]", '[[picture]]\nkind = "oil"\n[[value]]', "picture 1"),
     ],
 )
 def test_a_list_that_makes_no_sense(tmp_path: Path, old: str, new: str, told: str) -> None:

@@ -101,6 +101,71 @@ def test_onset_of_oscillation() -> None:
     assert [s.kind for s in found.special] == ["oscillation"] and found.special[0].value == pytest.approx(0, abs=1e-9)
 
 
+COMB = """
+model Comb {
+  "Fingers that may go aside, with a stiffness along the beams that stays; all is symmetric."
+  parameter n = 100, h = 38 um, gap = 4.25 um, c_0 = 20 um, k_g: N/m = 2.011105, k_l: N/m = 105070
+  parameter eps0 = 8.8541878128e-12 [F/m], m = 40 ug, r = 2.5e-5 [N*s/m]
+  input volt = 0 V
+  MSe drive   : F = n*eps0*h*gap/(gap^2 - l.x^2)*volt^2
+  MSe pull_in : F = 2*n*eps0*h*gap*l.x/(gap^2 - l.x^2)^2*(c_0 + c.x)*volt^2
+  C c : F = k_g*x
+  C l : F = k_l*x
+  I along, aside : p = m*v
+  R air, film : F = r*v
+  drive -> 1(c, along, air)
+  pull_in -> 1(l, aside, film)
+  output out = l.x, deflection = c.x
+}
+"""
+
+
+def test_side_instability_of_a_comb() -> None:
+    """At (4.2) of the thesis, with n = 100, 415 V; from there two branches lead back to lower voltages, on which the fingers go aside: none is stable."""
+    gap, k_g, k_l, c_0, comb = 4.25e-6, 2.011105, 105070.0, 20e-6, 100 * 8.8541878128e-12 * 38e-6
+    side = math.sqrt(gap**2 * k_g / (2 * comb) * (math.sqrt(2 * k_l / k_g + (c_0 / gap) ** 2) - c_0 / gap))
+    found = bondgraph.load(COMB).continuation("volt", 1.0, "600 V", branches=True)
+    (lost,) = found.special
+    assert round(side) == 415 and lost.kind == "branch" and lost.value == pytest.approx(side, rel=1e-10)
+    assert (found.stable == (found.values < side)).all() and np.abs(found["out"]).max() < 1e-15
+    one, other = found.others
+    for branch in (one, other):
+        out, volt, far = branch["out"][1:], branch.values[1:], branch["deflection"][1:]
+        narrow = comb * gap / (gap**2 - out**2)
+        assert far == pytest.approx(narrow * volt**2 / k_g, rel=1e-7)
+        assert 2 * narrow / (gap**2 - out**2) * (c_0 + far) * volt**2 == pytest.approx(k_l, rel=1e-7)
+        assert (np.diff(volt) < 0).all() and volt[-1] == pytest.approx(1.0) and not branch.stable[1:].any()
+    assert one["out"][-1] == pytest.approx(-other["out"][-1], rel=1e-6) and abs(one["out"][-1]) > 4.2e-6
+
+
+def test_branches_that_cross() -> None:
+    """A rod on a coil under a load buckles at P = k/l into P l sin(phi) = k phi, both ways and stable; x' = p x - x^2 has x = p crossing x = 0."""
+    rod = """
+    model Rod {
+      parameter k = 2 [N*m], l = 0.5 m
+      input load = 1 N
+      I bob : L = 0.1 [kg*m^2]*omega
+      R air : M = 0.05 [N*m*s]*omega
+      C coil : M = k*phi
+      MSe top : M = load*l*sin(coil.phi)
+      top -> 1(bob, coil, air)
+      output phi = coil.phi
+    }
+    """
+    found = bondgraph.load(rod).continuation("load", "1 N", "6 N", branches=True)
+    assert [s.value for s in found.special] == [pytest.approx(4.0, rel=1e-10)]
+    for branch in found.others:
+        phi = branch["phi"][1:]
+        assert branch.values[1:] * 0.5 * np.sin(phi) == pytest.approx(2 * phi, rel=1e-8) and branch.stable[1:].all()
+    assert {bool(b["phi"][-1] > 0) for b in found.others} == {True, False}
+    cross = bondgraph.load("model X {\n  input p = 0\n  signal x = integral((p*x - x^2)/1 s, 0)\n  output y = x\n}\n")
+    found = cross.continuation("p", -1.0, 1.0, branches=True)
+    assert [s.kind for s in found.special] == ["branch"] and found.special[0].value == pytest.approx(0.0, abs=1e-9)
+    ends = sorted(float(b.values[-1]) for b in found.others)
+    assert ends == [pytest.approx(-1.0), pytest.approx(1.0)]
+    assert all(b["y"] == pytest.approx(b.values, abs=1e-8) for b in found.others)
+
+
 def test_command_and_refusals(tmp_path: object) -> None:
     from pathlib import Path
 
@@ -111,6 +176,12 @@ def test_command_and_refusals(tmp_path: object) -> None:
     assert told["schema"] == "bondgraph-branch/1" and [s["kind"] for s in told["special"]] == ["fold"]
     assert np.isfinite(told["outputs"]["x"]["values"]).all()
     assert "fold" in CliRunner().invoke(commands, ["continue", str(file), "--along", "volt = 0 V .. 5 V"]).output
+    comb = file.with_name("comb.bg")
+    comb.write_text(COMB, encoding="utf-8")
+    asked = ["continue", str(comb), "--along", "volt = 1 V .. 600 V"]
+    assert "another branch of rest crosses" in CliRunner().invoke(commands, asked).output
+    told = json.loads(CliRunner().invoke(commands, [*asked, "--branch", "--json"]).stdout)
+    assert len(told["others"]) == 2 and told["others"][0]["schema"] == "bondgraph-branch/1"
     with pytest.raises(UsageError, match="`x` is no parameter or input"):
         bondgraph.load(PLATE).continuation("x", 0.0, 1.0)
     with pytest.raises(UsageError, match="is no quantity in V"):

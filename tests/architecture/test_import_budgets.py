@@ -54,3 +54,13 @@ def test_nothing_lasting_happens_on_import() -> None:
         [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, cwd=ROOT, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_run_loads_no_page() -> None:
+    """Nor what a server needs: who runs a model looks at numbers."""
+    code = (
+        "import sys, bondgraph\nbondgraph.load('models/rlc.bg').simulate(to='1 ms').summary()\n"
+        "print(*(m for m in sys.modules if m.startswith(('bondgraph.page', 'http.server'))))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.split() == []

@@ -428,6 +428,15 @@ def test_experiments_are_those_of_a_text() -> None:
     assert "    report position in mm\n" in g.text()
 
 
+def test_a_bandwidth_is_a_step_of_an_experiment() -> None:
+    g = oscillator()
+    g.experiment("quick", "1 s", bandwidth="50 kHz")
+    g.experiment("number", "1 s", bandwidth=5e4)
+    assert "    bandwidth 50 kHz\n" in g.text()
+    told = [g.model().simulate(name).left_out for name in ("quick", "number")]
+    assert told[0] is not None and told[0].bandwidth == 5e4 and told[0] == told[1]
+
+
 def ball() -> Graph:
     g = Graph("Ball")
     bounce = g.parameter("bounce", 0.8)

@@ -130,6 +130,15 @@ def test_a_run_that_fails_is_written_up_to_there(tmp_path: Path) -> None:
     assert told["stopped"].startswith("it failed: the solver cannot hold")
 
 
+def test_a_bandwidth_is_told() -> None:
+    """What it left out is a note, and stands in the JSON; what is no frequency is said."""
+    found = run("run", "models/oscillator.bg", "--bandwidth", "1 kHz", "--json")
+    assert "note: bandwidth 1 kHz: nothing was left out: nothing in it is faster" in found.stderr
+    assert json.loads(found.stdout)["bandwidth"]["frequency"] == 1000
+    wrong = run("run", "models/oscillator.bg", "--bandwidth", "1 kg")
+    assert wrong.exit_code == 2 and "`1 kg` is no bandwidth: write `50 kHz`, or a number of Hz" in wrong.stderr
+
+
 def test_a_run_that_goes_on_from_a_file(tmp_path: Path) -> None:
     part, whole = tmp_path / "part.npz", tmp_path / "whole.npz"
     assert run("run", "models/oscillator.bg", "--to", "2 s", "--out", str(part)).exit_code == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,12 +13,7 @@ import pytest
 import bondgraph
 from bondgraph.page import report_text
 from tests.compiling import MODELS
-
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-)  # fmt: skip
+from tests.page.chromium import FLAGS, found_browser
 
 
 @dataclass
@@ -54,7 +48,7 @@ def browser() -> Iterator[Any]:
     playwright = pytest.importorskip(
         "playwright.sync_api", reason="pages are tried in a browser with the extra `browser`"
     )
-    program = next((found for found in map(shutil.which, NAMES) if found), None)
+    program = found_browser()
     if program is None:
         pytest.skip("pages are tried in a browser: install chromium")
     with playwright.sync_playwright() as driver:

@@ -44,7 +44,8 @@ def to_instant(page: Any, share: float) -> None:
 def test_plots_are_drawn_and_nothing_is_asked(motor: str, open_page: Open) -> None:
     opened = open_page(motor)
     lengths = opened.page.evaluate(CURVES)
-    assert len(lengths) == 5 and min(lengths) > 1000  # speed, current, three energies
+    assert len(lengths) > 5 + 3 and min(lengths) > 1000  # speed, current, three energies, and powers
+    assert "supply" in opened.page.inner_text("#plots figure:last-child .legend")
     assert opened.console == [] and opened.elsewhere() == []
 
 
@@ -97,6 +98,8 @@ def test_zoom_by_dragging_and_by_keys(motor: str, open_page: Open) -> None:
     assert page.evaluate(ticks) == before
     page.keyboard.press("+")
     assert page.evaluate(ticks) != before
+    page.click("#plots .tools button:has-text('all')")
+    assert page.evaluate(ticks) == before
 
 
 def test_by_keyboard_alone(motor: str, open_page: Open) -> None:

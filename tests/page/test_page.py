@@ -150,6 +150,7 @@ def test_expressions_are_typeset() -> None:
     assert "".join(written(x - y * 2)) == "x−2y"
     assert "".join(written((x + y) * (x - y))) == "(x+y)(x−y)"
     assert "".join(written(divide(Number(-1.0), x) * y * Number(-1.0))) == "1xy"  # signs are gathered: 1/x y
+    assert "".join(written(x * y * x)) == "x2y"
     assert "".join(written(call("sqrt", x) ** 2.0)) in ("x", "x2")
     assert "".join(written(Number(8.85e-12) * x)) == "8.85·10-12x" or "10" in "".join(written(Number(8.85e-12) * x))
 

@@ -147,3 +147,15 @@ def test_another_value_compiles_nothing(monkeypatch: pytest.MonkeyPatch, tmp_pat
     monkeypatch.setattr("compiler.driver.build_graph", never)
     assert np.isfinite(bondgraph.load(LOSSY).simulate(settings={"r": 0.2}, target="native").final("x"))
     assert len(list((tmp_path / "kept").iterdir())) == count
+
+
+def test_a_value_with_which_nothing_begins_is_told() -> None:
+    """The search for magnitudes ends where it cannot make its first step."""
+    text = """model M {
+      parameter k = 8 [N/m]
+      1 body : translation; I mass : p = 1 kg*v; C spring : F = 1 [N^0.5/m^0.5]*sqrt(k)*x { start x = 1 mm }
+      body -> mass, spring
+      output x = spring.x
+    }"""
+    with pytest.raises(bondgraph.RunFailed, match="the square root of -1"):
+        bondgraph.load(text).simulate(None, settings={"k": -1.0}, to="1 s")

@@ -362,3 +362,9 @@ def test_time_grows_with_the_length() -> None:
     seconds(1)
     short = min(seconds(10) for _ in range(3))
     assert seconds(80) < 12 * short + 0.5
+
+
+def test_a_bandwidth() -> None:
+    assert "  experiment e { bandwidth 50 kHz; simulate 0 .. 1 s }" in formatted(
+        "model A {\n  experiment e{bandwidth   50   kHz;simulate 0..1 s}\n}\n"
+    )

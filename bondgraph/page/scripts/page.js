@@ -68,46 +68,63 @@ function show(experiment) {
 
 function clear(plots) { plots.replaceChildren(); page.plots = []; page.view = null; }
 
-// One panel for each unit.
+// Plots over one axis, with buttons to zoom for those who have neither keys nor a mouse.
 function draw(plots, run) {
-  const times = unpack(run.time), values = unpack(run.values);
+  const found = panels(run), times = unpack(run.time);
   if (!times.length) return;
   const [low, high] = extent([times]);
   page.view = new View(low, high);
   const [unit, factor] = run.axis ? [run.axis.unit, 1] : timeUnit(Math.max(Math.abs(low), Math.abs(high)));
-  const axis = { words: run.axis ? `${run.axis.name}${unit && `, ${unitWords(unit)}`}` : `time, ${unit}`, factor, values: times };
+  const words = run.axis ? `${run.axis.name}${unit && `, ${unitWords(unit)}`}` : `time, ${unit}`;
   const chosen = (instant, hovering) => { if (!hovering || !page.player.playing) { if (!hovering) page.player.play(false); page.player.put((instant - low) / (high - low)); } };
-  for (const group of panels(run, values, times.length)) page.plots.push(new Plot(plots, group.title, group.unit, group.curves, { ...axis }, page.view, chosen));
-  if (run.along) energyPlot(plots, run.along, axis, chosen);
+  plots.append(zoomTools());
+  for (const panel of found) page.plots.push(new Plot(plots, panel.title, panel.unit, panel.curves, { words, factor, values: panel.times }, page.view, chosen));
 }
 
-function panels(run, values, count) {
-  const groups = new Map();
+function zoomTools() {
+  const middle = () => (page.view.range[0] + page.view.range[1]) / 2;
+  const button = (words, told, action) => { const made = html("button", { type: "button", "aria-label": told, title: told }, words); made.addEventListener("click", action); return made; };
+  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "show the whole run", () => page.view.show(...page.view.whole)));
+}
+
+// One panel for each unit, then energies and powers along the run.
+function panels(run) {
+  const times = unpack(run.time), values = unpack(run.values), groups = new Map();
   run.outputs.forEach((output, i) => {
-    if (!groups.has(output.unit)) groups.set(output.unit, { unit: output.unit, title: "", curves: [] });
-    groups.get(output.unit).curves.push({ name: output.name, values: row(values, i, count) });
+    if (!groups.has(output.unit)) groups.set(output.unit, { unit: output.unit, title: "", times, curves: [] });
+    groups.get(output.unit).curves.push({ name: output.name, values: row(values, i, times.length) });
   });
-  return groups.values();
+  return run.along ? [...groups.values(), ...flows(run.along)] : [...groups.values()];
 }
 
-function energyCurves(energy, count) {
-  return ["supplied", "dissipated", "stored"].map((name, i) => ({ name, values: row(energy, i, count) }));
-}
+const STRONGEST = 6;  // elements whose powers are plotted
 
-function energyPlot(plots, told, axis, chosen) {
-  const times = unpack(told.time), energy = unpack(told.energy);
-  if (!energy.some((v) => v)) return;
-  page.energy = new Plot(plots, "energy since the start", "J", energyCurves(energy, times.length), { ...axis, values: times }, page.view, chosen);
-  page.plots.push(page.energy);
+function flows(told) {
+  const times = unpack(told.time), count = times.length, energy = unpack(told.energy), bonds = unpack(told.bonds);
+  const sums = ["supplied", "dissipated", "stored"].map((name, i) => ({ name, values: row(energy, i, count) }));
+  const powers = page.data.powers.map(([name, , around]) => {
+    const values = new Float32Array(count);
+    for (const [bond, sign] of around) {
+      const [effort, flow] = page.data.places[bond];
+      for (let i = 0; i < count; i++) values[i] += effort === null || flow === null ? NaN : sign * bonds[effort * count + i] * bonds[flow * count + i];
+    }
+    return { name, values, size: values.reduce((sum, v) => sum + Math.abs(v), 0) };
+  });
+  const largest = Math.max(0, ...powers.map((p) => p.size || 0));
+  const strong = powers.filter((p) => p.size > 1e-6 * largest).sort((p, q) => q.size - p.size).slice(0, STRONGEST);
+  const found = [];
+  if (energy.some((v) => v)) found.push({ title: "energy since the start", unit: "J", times, curves: sums });
+  if (strong.length) found.push({ title: "power into", unit: "W", times, curves: strong });
+  return found;
 }
 
 // The same experiment with other values: the curves change where they stand.
 function refresh(run) {
-  const times = unpack(run.time), values = unpack(run.values), groups = [...panels(run, values, times.length)];
-  if (page.energy && page.plots.includes(page.energy)) groups.push({ curves: energyCurves(unpack(run.along.energy), unpack(run.along.time).length), times: unpack(run.along.time) });
-  if (groups.length !== page.plots.length) return false;
-  groups.forEach((group, i) => page.plots[i].replace(group.curves, group.times || times));
-  along(run.along, true);
+  const found = panels(run), times = unpack(run.time);
+  const alike = found.length === page.plots.length && found.every((panel, i) => panel.curves.length === page.plots[i].curves.length && panel.curves.every((c, k) => c.name === page.plots[i].curves[k].name));
+  if (!alike || times[0] !== page.view.whole[0] || times[times.length - 1] !== page.view.whole[1]) return false;
+  found.forEach((panel, i) => page.plots[i].replace(panel.curves, panel.times));
+  along(run.along);
   return true;
 }
 

@@ -34,6 +34,7 @@ LOOK_EVERY = 0.15  # s between two looks at the files
 LONGEST_FIRST, LONGEST = 120.0, 15.0  # s of a run that compiles, and of any other
 WAITING = 0.6  # s after which a run gives way to the next one
 MOST_COMPILED = 40  # compilations that are held at once
+COMPILED_IN = "One of these values decides more than numbers (a place in a mechanism, a length, a choice): each is compiled in, which takes longer."
 
 
 @dataclass
@@ -174,6 +175,7 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
         first = experiment not in loaded.base
         if first:
             loaded.base[experiment] = base_settings(watched.model, experiment)
+        before = watched.model.compiled
         try:
             result = watched.simulate(experiment, {**loaded.base[experiment], **settings})
         except PROBLEMS:
@@ -183,7 +185,10 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
             result = watched.simulate(experiment, settings)
         if first or not set(settings) <= set(loaded.base[experiment]):
             _settle()
-        return {"name": experiment, "kind": "run", "run": run_data(watched, experiment, result), "told": ""}
+        told = run_data(watched, experiment, result)
+        if not first and watched.model.compiled > before:
+            told["notes"].append(COMPILED_IN)
+        return {"name": experiment, "kind": "run", "run": told, "told": ""}
     except PROBLEMS as problem:
         return {"name": experiment, "kind": "failed", "told": tag("pre", str(problem))}
 

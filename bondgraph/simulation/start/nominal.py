@@ -201,11 +201,11 @@ class _Coarse:
                     if pace.size < pace.smallest:
                         return self._given_up(first.start, pace.time)
                     continue
-                self._note(pace.time - first.start)
                 if choice and choice.look(pace.time, self.found, stretch.mode) is not None:
                     return self.largest
                 if reach is not None:
                     self.largest = np.maximum(self.largest, reach(self.found))
+                self._note(pace.time - first.start)
             if pace.time < stretch.stop:
                 return self._given_up(first.start, pace.time)
             taken = pace.taken
@@ -234,9 +234,10 @@ class _Coarse:
     def _by_itself(self, loop: CompiledCoarse, pace: Pace, start: float, mode: Any) -> None:
         """As many steps as machine code makes; the last one of a stretch, and one that is not found, are left."""
         while True:
+            before = pace.time
             note = start + AGAIN * (self.past[-1][0] if self.past else 0.0)
             self.state, self.largest = loop.go(pace, note, self.state, self.largest, mode)
-            if pace.time < note or pace.taken >= MOST_STEPS:
+            if pace.time < note or pace.time == before or pace.taken >= MOST_STEPS:
                 return
             self.past.append((pace.time - start, self.largest))
 

@@ -29,6 +29,7 @@ from .reference import reference
 from .stateless import without_states
 
 if TYPE_CHECKING:
+    from ..bandwidth.leave import Leaving
     from ..closed.crossing import Crossed
     from ..closed.singular import Watcher
     from ..events.events import Events
@@ -59,6 +60,7 @@ def integrate(
     history: History | None = None,
     into: Trajectory | None = None,
     solver: str = AUTOMATIC,
+    leaving: Leaving | None = None,
 ) -> Trajectory:
     """Integrate over the stretches, into a trajectory that an error leaves as far as it came. Raises `RunFailed` with time and variable.
 
@@ -67,7 +69,7 @@ def integrate(
     `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
     `solver`: one of `methods.SOLVERS`.
 
-    `powers` are integrated along the solution, outside the error control.
+    `powers` are integrated along the solution, outside the error control. `leaving`: of what is faster than a bandwidth.
     """
     exact = solver in (AUTOMATIC, "exponential")
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)
@@ -76,7 +78,7 @@ def integrate(
 
         return EventStepper.through(events, off, fixed, state, stretches, choice, linear and exact, history, solver)
     stepper = Stepper(*fixed)
-    stepper.choice, stepper.solver = choice, solver
+    stepper.choice, stepper.solver, stepper.leaving = choice, solver, leaving
     stepper.linear = linear and exact and not constraints and history is None
     stepper.remember(history)
     x = np.array(state, dtype=float)
@@ -106,6 +108,7 @@ class Stepper:
     ) -> None:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
+        self.leaving: Leaving | None = None
         self.linear = False
         self.solver = AUTOMATIC  # what the author asks for
         self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
@@ -126,6 +129,11 @@ class Stepper:
         found = self._tolerances()
         self.constraints.scale(found.magnitude)
         return found
+
+    def look_anew(self) -> None:
+        """Forget magnitudes, and what has them."""
+        for name in ("tolerances", "loops"):
+            self.__dict__.pop(name, None)
 
     @cached_property
     def loops(self) -> LoopSolver:
@@ -172,7 +180,7 @@ class Stepper:
             self.longest = min(self.longest, float(history.lags.min()))
 
     def run_to_end(self, stretch: Segment, x: Any) -> Any:
-        """One stretch; it is cut where a delayed signal jumps."""
+        """One stretch; it is cut where a delayed signal jumps, and where something is left out."""
         start = stretch.start
         while True:
             stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
@@ -187,6 +195,8 @@ class Stepper:
         if self.history is not None:
             self.history.window = stretch.start, stretch.stop
         x = self.held(stretch.start, x, stretch.mode)
+        if self.leaving is not None and not self.linear and len(self.program.states.names):
+            x = self.leaving.begin(self, stretch, x)
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
             self.result.states[self.position] = x
             self.position += 1
@@ -284,6 +294,9 @@ class Stepper:
                     solver = self._past_singular_pose(solver, stretch)
                     if self.result.handover is not None:
                         break
+                if self.leaving is not None and self.leaving.cuts(self, solver, steps, stretch):
+                    self.reached = solver.time
+                    break
                 self.keep(solver.time, solver.state * magnitude, stretch.mode, stretch.start)
         finally:
             self.result.steps += steps

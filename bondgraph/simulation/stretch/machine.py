@@ -9,7 +9,7 @@ import numpy as np
 from ...door import Program
 from ..closed.singular import NEAR
 from ..segments import Segment
-from ..steps.compiled.advance import FINISHED, HANDOVER, STIFF
+from ..steps.compiled.advance import FINISHED, HANDOVER, MORE, STIFF
 from ..steps.compiled.run import CompiledRadau, obstacle, steps
 from ..steps.methods import AUTOMATIC, EXPLICIT, RADAU
 from ..steps.radau import StepFailed
@@ -64,13 +64,20 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, siz
         solver.measure(stepper.result.work, stepper.traffic)
     solver.begin()
 
+    leaving = stepper.leaving
+
     def look() -> list[int]:
         passed = stepper.instants[np.searchsorted(stepper.instants, solver.last_step[0], "right") : solver.position]
         stepper.look(solver, stretch, passed)
         return [*stepper.watch.left]
 
     try:
-        while answer := steps(solver, look, MOST_COMPILED):
+        while answer := steps(solver, look, MOST_COMPILED, np.inf if leaving is None else leaving.pause):
+            if answer == MORE:
+                if leaving is not None and leaving.cuts(stepper, solver, solver.steps, stretch):
+                    stepper.reached = float(solver.time)
+                    break
+                continue
             if answer == STIFF:
                 stepper.result.settled = RADAU
                 stepper.name(RADAU, "native")

@@ -62,7 +62,7 @@ def limiting_mode(stepper: Stepper, time: float, x: Any, mode: Any, step: float,
     moved = np.ones(count) if driven is None or not np.isfinite(driven).all() else np.abs(left @ driven)
     chosen = int(np.argmax(np.where(held, moved * turns, -1.0)))
     slower = (np.abs(rates) > 0) & (np.abs(rates) * APART < np.abs(rates[chosen]))
-    elements = _elements(program.states.names, np.abs(right[:, chosen] * left[chosen]))
+    elements = elements_of(program.states.names, np.abs(right[:, chosen] * left[chosen]))
     return Mode(complex(rates[chosen]), elements, not slower.any())
 
 
@@ -78,7 +78,7 @@ def notes_of(stepper: Stepper, solver: Solver, steps: int, mode: Any) -> list[st
     return [f"most of the {steps} steps follow {found}; {advice(found, stepper.solver == 'explicit')}"]
 
 
-def _elements(names: Sequence[str], shares: Any) -> tuple[str, ...]:
+def elements_of(names: Sequence[str], shares: Any) -> tuple[str, ...]:
     """The elements with the largest shares, largest first."""
     by_element: dict[str, float] = {}
     for name, share in zip(names, shares, strict=True):
@@ -95,6 +95,6 @@ def advice(mode: Mode, explicit: bool) -> str:
     if abs(mode.rate.imag) > abs(mode.rate.real):
         return (
             "if it does not matter, do not excite it: start it at rest (`equilibrium`), let what is pushed be pushed within a few of its periods, "
-            "damp it, or make the stiff part rigid; else it has to be followed, turn by turn"
+            "damp it, make the stiff part rigid, or leave it out by a `bandwidth`; else it has to be followed, turn by turn"
         )
     return "make what is so fast rigid or instantaneous, if it does not matter"

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...door import StateSpace, Storage
 
 SOURCES, LOSSES, TRANSDUCERS = ("Se", "Sf"), ("R",), ("TF", "GY")
+LEFT_OUT = "left out"
 UNEXPLAINED = 1e4  # relative tolerances of all energy that went anywhere
 GIVEN = (
     1e-6  # of the largest power of a resistor, and of the mean of all: what it may give and be none that creates energy
@@ -25,13 +26,14 @@ GIVEN = (
 
 
 def energy_balance(
-    space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = ()
+    space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = (),
+    left: Sequence[tuple[Any, Any]] = (),
 ) -> EnergyBalance:  # fmt: skip
     """Balance from the integrated powers and the stored quantities before and after.
 
     `work` has one item per port; `before` and `after` the mechanisms' energies and then the stored quantities, as the
     program's `powers` gives them; `arguments` the values of the storages' parameters. `jumps`: the same before and after
-    each event, which dissipates what is stored less after it.
+    each event, which dissipates what is stored less after it; `left`: before and after something faster than the bandwidth was left out.
     """
     elements: list[ElementEnergy] = []
     by_element: dict[str, tuple[str, float]] = {}
@@ -45,7 +47,7 @@ def energy_balance(
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
         elif kind in TRANSDUCERS:
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, 0.0, joules))
-    jumped = _jumped(space, jumps, arguments)
+    jumped = _jumped(space, [*jumps, *left], arguments)
     offset = len(space.ports)
     for i, name in enumerate(space.stored):
         change = float(after[offset + i] - before[offset + i])
@@ -67,6 +69,10 @@ def energy_balance(
     if jumps:
         lost = -sum(_change(space, *jump, arguments) for jump in jumps)
         elements.append(ElementEnergy("when", "event", 0.0, 0.0, lost))
+    if left:
+        elements.append(
+            ElementEnergy(LEFT_OUT, "bandwidth", 0.0, 0.0, -sum(_change(space, *pair, arguments) for pair in left))
+        )
     stored, supplied, dissipated = (
         float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
     )

@@ -277,17 +277,18 @@ class CompiledRadau:
         return radau
 
 
-def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int) -> int:
+def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
     """Go on to the end of the stretch, or to where other states should go on or a singular pose is near: which of them, as in `advance.py`.
+    `MORE` after `pause` steps of the stretch.
 
     `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
     """
     several, answer = 64, MORE
-    while answer in (MORE, LOOK):
+    while answer == LOOK or (answer == MORE and solver.steps < pause):
         if solver.steps >= most:
             raise StepFailed("steps")
         began = clock.perf_counter()
-        answer = solver.advance(min(several, most - solver.steps))
+        answer = solver.advance(max(1, int(min(several, most - solver.steps, pause - solver.steps))))
         if answer == LOOK:
             solver.left[look()] = 1
         elif clock.perf_counter() - began < AT_ONCE:

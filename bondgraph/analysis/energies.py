@@ -1,0 +1,119 @@
+"""Energy over time: what sources have given, what storages hold more than at the start, what resistors have taken.
+
+The work of every port is integrated along with the run: the model is written flat with one more signal with memory for each element, so that
+the run's own error control keeps it. A mechanism has what the others have not: its motion, and gravity.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Element, Kind, MechanismNode, write_text
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..model import Model
+
+POINTS = 501
+SOURCES, STORAGES, LOSSES = ("Se", "Sf"), ("C", "I", "IC"), ("R",)
+
+
+@dataclass(frozen=True, eq=False)
+class Energies:
+    """At `time` (N,): work of each element, name -> (N,) in J, and its kind. Positive: given by sources, taken by all others."""
+
+    model: str
+    experiment: str | None
+    time: NDArray[np.float64]
+    elements: Mapping[str, NDArray[np.float64]]
+    kinds: Mapping[str, str]
+
+    def sum_of(self, kinds: tuple[str, ...]) -> NDArray[np.float64]:
+        """Of all elements of some kinds."""
+        found = [v for n, v in self.elements.items() if self.kinds[n] in kinds]
+        return np.sum(found, axis=0) if found else np.zeros_like(self.time)
+
+    @property
+    def supplied(self) -> NDArray[np.float64]:
+        """By sources."""
+        return self.sum_of(SOURCES)
+
+    @property
+    def dissipated(self) -> NDArray[np.float64]:
+        """In resistors; one that gives heat as what it takes counts nothing."""
+        return self.sum_of(LOSSES)
+
+    @property
+    def stored(self) -> NDArray[np.float64]:
+        """In storages, more than at the start, without those of `motion`."""
+        return self.sum_of(STORAGES)
+
+    @property
+    def motion(self) -> NDArray[np.float64]:
+        """Of mechanisms: what is supplied and neither stored nor dissipated; zero without one."""
+        if "multibody" not in self.kinds.values():
+            return np.zeros_like(self.time)
+        return self.supplied - self.stored - self.dissipated
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Over time, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
+        from ..views.energies import plot_energies
+
+        plot_energies(self, path)
+
+
+def energies(
+    model: Model, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+    points: int | None = None, rtol: float | None = None,
+) -> Energies:  # fmt: skip
+    """Of a run of an experiment ("" the first, None none), from t = 0. Raises as `Model.simulate`."""
+    from ..model import load
+
+    made = model.compilation(model.scene(experiment, settings))
+    plan = made.plan
+    if plan.sweeps or (plan.stop is None and to is None):
+        raise UsageError("energy over time is that of one simulation: name an experiment that makes one")
+    flat = write_text(made.whole_graph).rstrip()
+    graph = load(flat).compilation().whole_graph
+    wanted = {
+        n.name: n for n in graph.nodes if isinstance(n, Element) and n.kind.value in (*SOURCES, *STORAGES, *LOSSES)
+    }
+    names = {name: f"work_of_element_{i}" for i, name in enumerate(wanted)}
+    lines = [f"  output {names[n]} = integral({_power(e)}, 0 J)" for n, e in wanted.items()]
+    powered = load("\n".join([flat.removesuffix("}"), *lines, "}"]))
+    start, stop = plan.start, plan.stop if to is None else to
+    assert stop is not None
+    if start or plan.equilibrium:
+        raise UsageError("energy over time is that of a run from t = 0 and the model's own start")
+    run = powered.simulate(
+        None,
+        to=stop,
+        points=points or int(plan.settings.get("points", POINTS)),
+        rtol=rtol if rtol is not None else 1e-8,
+        outputs=tuple(names.values()) or None,
+    )
+    found = {n: run[o] * (-1.0 if _into_source(graph, wanted[n]) else 1.0) for n, o in names.items()}
+    kinds = {n: e.kind.value for n, e in wanted.items()}
+    mechanisms = [n.name for n in graph.nodes if isinstance(n, MechanismNode)]
+    return Energies(model.name, plan.experiment, run.time, found, kinds | dict.fromkeys(mechanisms, "multibody"))
+
+
+def _power(element: Element) -> str:
+    """The power along the arrows of its ports, in the words of the language."""
+    dotted = [f"{element.name}." if len(element.ports) == 1 else f"{element.name}.{p.name}." for p in element.ports]
+    return " + ".join(f"{d}e*{d}f" for d in dotted)
+
+
+def _into_source(graph: Any, element: Element) -> bool:
+    """Whether the arrow of a source runs into it, so that its power is what it takes."""
+    if element.kind not in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
+        return False
+    (bond,) = graph.incident[graph.nodes.index(element)]
+    return bool(graph.bonds[bond].head.node == graph.nodes.index(element))

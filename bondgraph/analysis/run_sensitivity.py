@@ -1,0 +1,253 @@
+"""How a run moves with parameters: the derivatives of its outputs at every instant, integrated beside the states.
+
+With S = dx/dp the states' derivatives follow S' = f_x S + f_p (forward sensitivities; Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005), with
+the exact slopes of the compiled equations; unknowns of loops are eliminated. States and S are one system for Radau IIA of order 5
+(`scipy.integrate`), whose Newton matrix has f_x on its diagonal blocks: what S adds beside them costs an iteration and no accuracy. Where a
+jump of the right side moves with a parameter, S jumps by (f before - f after) times the slope of the instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Leaf, symbols
+from ..errors import RunFailed, UsageError
+from .operating_point import Asked, OperatingPoint
+from .sensitivity import balanced_step, independent
+from .told import finite
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..model import Model
+
+    Array = NDArray[np.float64]
+
+SCHEMA = "bondgraph-run-sensitivity/1"
+RTOL = 1e-8
+SAME_INSTANT = 1e-12  # relative
+
+
+@dataclass(frozen=True, eq=False)
+class RunSensitivity:
+    """`values` (t, m) of `outputs` over `time` (t,), and `slopes` (t, m, k), their derivatives by `parameters` (k), in SI."""
+
+    model: str
+    experiment: str | None
+    time: Array
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    at: Array
+    values: Array
+    slopes: Array
+    units: Mapping[str, str]
+
+    def of(self, output: str, parameter: str) -> Array:
+        """One derivative over time (t,). Raises `UsageError`."""
+        for name, known in ((output, self.outputs), (parameter, self.parameters)):
+            if name not in known:
+                raise UsageError(f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
+        return self.slopes[:, self.outputs.index(output), self.parameters.index(parameter)]
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-run-sensitivity/1`: {schema, model, experiment, time, parameters: {name: {value, unit}}, outputs: {name:
+        {unit, values, slopes: {parameter: [SI over SI]}}}}."""
+        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
+        told["time"] = self.time.tolist()
+        told["parameters"] = {
+            n: {"value": finite(v), "unit": self.units[n]} for n, v in zip(self.parameters, self.at, strict=True)
+        }
+        told["outputs"] = {
+            n: {
+                "unit": self.units[n], "values": self.values[:, i].tolist(),
+                "slopes": {p: self.slopes[:, i, j].tolist() for j, p in enumerate(self.parameters)},
+            }
+            for i, n in enumerate(self.outputs)
+        }  # fmt: skip
+        return told
+
+    def summary(self) -> str:
+        """For terminals: the derivatives at the end, and where they are largest."""
+        from ..views.studies import run_sensitivity_text
+
+        return run_sensitivity_text(self)
+
+
+def run_sensitivity(
+    model: Model, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None,
+    instants: Array | None, to: str | float | None, points: int, rtol: float = RTOL, moved: Mapping[str, float] | None = None,
+) -> RunSensitivity:  # fmt: skip
+    """Of a run to `to` at `points` instants, or at given `instants`. `moved`: values of the parameters, as `operating_point` takes them.
+    Raises `CompilationFailed`, `UsageError` for what jumps with states, `RunFailed`."""
+    from ..simulation.run import _stop
+    from ..simulation.settings import settle
+
+    by, fixed = independent(model, parameters, experiment, settings)
+    settled = settle(model, experiment, fixed, outputs, True, "numpy")
+    made = model.prepared(replace(settled.scene, free=frozenset(by), by=by), True, "numpy")
+    plan = made.plan
+    if instants is None:
+        instants = np.linspace(plan.start, _stop(plan, to), points)
+    if instants[0] < plan.start:
+        raise UsageError(f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
+    asked = Asked(experiment, fixed, outputs, by)
+    flow = Flow(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
+    with np.errstate(all="ignore"):
+        values, slopes = flow.go()
+    program = made.program
+    units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
+    units |= {n: q.unit for n, q in made.compilation.whole_graph.quantities.items() if n in by}
+    return RunSensitivity(
+        program.name, plan.experiment, instants, program.outputs.names, by, flow.point(flow.leg.state, flow.begins).values_of(by), values, slopes, units
+    )  # fmt: skip
+
+
+class Flow:
+    """States and their derivatives on their way through the stretches of a run."""
+
+    def __init__(self, made: Any, asked: Asked, instants: Array, values: Mapping[str, float], rtol: float) -> None:
+        from ..simulation.leg import Leg
+        from ..simulation.loops.loops import LoopSolver
+
+        program = made.program
+        if program.hybrid is not None or program.delays is not None:
+            raise UsageError(
+                "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them"
+            )
+        if program.invariants.names:
+            raise UsageError("closing joints tie states to each other: no sensitivities of runs are made of them")
+        if made.facts.claims:
+            raise UsageError("starts that are given to what is computed: no sensitivities of runs are made of them")
+        self.made, self.asked, self.instants, self.rtol, self.values = made, asked, instants, rtol, values
+        self.begins = made.plan.start
+        span = np.concatenate([[self.begins], instants[instants > self.begins]])
+        if len(span) < 2:
+            raise UsageError("a run has an end after its start")
+        self.leg = Leg(made, replace(made.plan, tolerances={}), span, 1e-6, None, False, None, values)
+        self.n, self.k, self.size = len(program.states.names), len(asked.by), len(self.leg.state)
+        self.loops = LoopSolver(
+            program, self.leg.constants, self.leg.inputs, np.where(self.leg.state != 0, np.abs(self.leg.state), 1.0)
+        )
+        self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
+
+    def point(self, state: Array, time: float) -> OperatingPoint:
+        """Slopes of everything at a state (n,), unknowns solved for."""
+        full = self.loops.solve(time, np.concatenate([state[: self.n], self.unknowns]), self.mode)
+        self.unknowns = full[self.n :]
+        return OperatingPoint(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
+
+    def rates(self, time: float, y: Array) -> Array:
+        """Of states, then of S row by row."""
+        point = self.point(y[: self.n], time)
+        A, B = point.reduced.through(point.rate_slopes(range(self.n)))
+        return np.concatenate([point.rates, (A @ y[self.n :].reshape(self.n, self.k) + B).ravel()])
+
+    def jacobian(self, time: float, y: Array) -> Array:
+        """Its blocks on the diagonal."""
+        point = self.point(y[: self.n], time)
+        A, _ = point.reduced.through(point.rate_slopes(range(self.n)))
+        whole = np.zeros((len(y), len(y)))
+        whole[: self.n, : self.n] = A
+        whole[self.n :, self.n :] = np.kron(A, np.eye(self.k))
+        return whole
+
+    def begin(self) -> Array:
+        """S at the start: of the author's starts, or of the state of rest."""
+        state = self.leg.state
+        if self.made.plan.equilibrium:
+            point = self.point(state, self.begins)
+            A, B = point.reduced.through(point.rate_slopes(range(self.n)))
+            return np.asarray(balanced_step(A, B)[0])
+        return self._slopes_of("starts", self.made.compilation.lowered.starts[: self.n])
+
+    def _slopes_of(self, word: str, roots: Sequence[Any]) -> Array:
+        """Of expressions of parameters alone, (len(roots), k)."""
+        point = self.point(self.leg.state, self.begins)
+        _, found = point.tape(f"{word} of a run", lambda: list(roots)).slopes(point.lookup, self._ways(), self.k)
+        return np.array([np.zeros(self.k) if x is None else x for x in found]).reshape(len(roots), self.k)
+
+    def _ways(self) -> dict[Leaf, Array]:
+        """Where the parameters stand in expressions, each with its own direction."""
+        lowered, quantities = self.made.compilation.lowered, self.made.compilation.state_space.quantities
+        places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
+        places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
+        names = [(j, n) for j, n in enumerate(self.asked.by) if quantities.get(n) in places]
+        return {places[quantities[n]]: np.eye(self.k)[j] for j, n in names}
+
+    def go(self) -> tuple[Array, Array]:
+        """Values (t, m) and slopes (t, m, k) of the outputs at the instants."""
+        lowered = self.made.compilation.lowered
+        ways = set(self._ways())
+        if any(symbol.key in ways for root in lowered.crossings for symbol in symbols(root)):
+            raise UsageError(
+                "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time"
+            )
+        jumps = self.made.program.instants(self.leg.constants)
+        moving = self._slopes_of("instants", lowered.instants)
+        y = np.concatenate([self.leg.state[: self.n], self.begin().ravel()])
+        size = self._sizes()
+        values, slopes = [], []
+        stretches = self.leg.stretches
+        for number, stretch in enumerate(stretches):
+            self.mode = stretch.mode
+            inside = self._inside(stretch, number + 1 == len(stretches))
+            for time, state in self._along(stretch, y, inside, size):
+                if time in inside:
+                    value, slope = self._seen(time, state)
+                    values.append(value)
+                    slopes.append(slope)
+                y = state
+            if number + 1 < len(stretches):
+                y = self._over(stretch.stop, y, stretches[number + 1].mode, jumps, moving)
+        return np.array(values), np.array(slopes)
+
+    def _inside(self, stretch: Any, last: bool) -> list[float]:
+        return [float(t) for t in self.instants if stretch.start <= t and (t < stretch.stop or last)]
+
+    def _sizes(self) -> Array:
+        """Of states, and of S: by how much a state moves where a parameter changes by its own size."""
+        states = np.asarray(self.leg._magnitudes())[: self.n]
+        own = np.abs(self.point(self.leg.state, self.begins).values_of(self.asked.by))
+        return np.concatenate([states, np.outer(states, 1 / np.where(own > 0, own, 1.0)).ravel()])
+
+    def _along(self, stretch: Any, y: Array, inside: Sequence[float], size: Array) -> list[tuple[float, Array]]:
+        """The reported instants of a stretch, and its end."""
+        from scipy.integrate import solve_ivp
+
+        if not len(y) or stretch.stop <= stretch.start:
+            return [(t, y) for t in (*inside, stretch.stop)]
+        at = sorted({*inside, float(stretch.stop)})
+        done = solve_ivp(
+            self.rates, (stretch.start, stretch.stop), y, "Radau", at, jac=self.jacobian, rtol=self.rtol, atol=self.rtol * 1e-2 * size
+        )  # fmt: skip
+        if not done.success:
+            raise RunFailed(
+                f"the derivatives could not be followed beyond t = {done.t[-1] if len(done.t) else stretch.start:.9g} s: {done.message}"
+            )
+        return list(zip(at, done.y.T, strict=True))
+
+    def _over(self, time: float, y: Array, mode: Any, jumps: Array, moving: Array) -> Array:
+        """S beyond an instant that moves with parameters."""
+        near = [i for i, t in enumerate(jumps) if abs(t - time) <= SAME_INSTANT * max(abs(time), 1e-300)]
+        way = moving[near[0]] if near else np.zeros(self.k)
+        if not way.any():
+            self.mode = mode
+            return y
+        if any((moving[i] != way).any() for i in near[1:]):
+            raise UsageError(
+                f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative"
+            )
+        before = self.point(y[: self.n], time).rates
+        self.mode = mode
+        after = self.point(y[: self.n], time).rates
+        return np.concatenate([y[: self.n], y[self.n :] + np.outer(before - after, way).ravel()])
+
+    def _seen(self, time: float, y: Array) -> tuple[Array, Array]:
+        point = self.point(y[: self.n], time)
+        space = point.compilation.state_space
+        C, D = point.of_states(list(space.outputs.values()))
+        return point.outputs, C @ y[self.n :].reshape(self.n, self.k) + D

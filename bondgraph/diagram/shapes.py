@@ -1,0 +1,144 @@
+"""Modes drawn on a mechanism: bodies at rest in grey, and as a mode displaces them.
+
+Poses are no outputs of most models. So the model is written flat with its poses as outputs, and the modes of that are asked: their
+amplitudes there move the bodies. A mode has no size; it is drawn so large that it can be seen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ..door import MechanismNode
+from ..errors import UsageError
+from .compose import group_at
+from .figure import Figure, Group
+from .mechanism import draw_mechanism
+from .poses import mechanisms, parts, pose_of
+from .scenery import Pose, Scenery, scenery_of
+
+if TYPE_CHECKING:
+    from ..analysis.modes import Mode
+    from ..door import BondGraph
+    from ..model import Model
+
+SHARE = 0.06  # of the mechanism's size: how far what moves most goes
+SMALL = 1e-6  # of the size: a first look at how far points go
+WIDEST = 0.6  # rad: an angle beyond shows nothing of a small one
+LENGTHS = ("x", "y", "z")
+GAP = 30.0  # px between pictures
+COLUMNS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """A model with its poses as outputs: at rest and as its modes move them. `names`: (mechanism, body, part) -> output."""
+
+    graph: BondGraph
+    names: Mapping[tuple[str, str, str], str]
+    rest: Mapping[str, float]
+    modes: Sequence[Mode]
+
+
+def shapes_of(model: Model, experiment: str | None, name: str | None, count: int) -> Figure:
+    """The first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism` says."""
+    found = _found(model, experiment)
+    nodes = [n for n in found.graph.nodes if isinstance(n, MechanismNode)]
+    node = next((n for n in nodes if name is None or n.name == name), None)
+    if node is None or (name is None and len(nodes) > 1):
+        raise UsageError(
+            f"which mechanism is to be drawn? there is {', '.join(f'`{n.name}`' for n in nodes) or 'none'}"
+        )
+    rest = scenery_of(found.graph, node, _poses(found, node, found.rest))
+    pictures = []
+    for mode in found.modes:
+        moved = _displaced(found, node, rest, mode)
+        if moved is not None:
+            text = f"{mode.frequency:.6g} Hz, damping {mode.damping:.3g}"
+            pictures.append(draw_mechanism(moved, text, behind=rest))
+        if len(pictures) == count:
+            break
+    if not pictures:
+        raise UsageError(f"no mode moves the mechanism `{node.name}`")
+    return _sheet(pictures, f"modes of {node.name}")
+
+
+def _found(model: Model, experiment: str | None) -> Shapes:
+    from ..model import load
+
+    flat = model.text(experiment).rstrip()
+    graph = load(flat).compilation().whole_graph
+    wanted = [(m.name, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
+    names = {key: f"pose_of_body_{i}" for i, key in enumerate(wanted)}
+    lines = [f"  output {output} = {'.'.join(key)}" for key, output in names.items()]
+    posed = load("\n".join([flat.removesuffix("}"), *lines, "}"]))
+    rest = posed.equilibrium(outputs=tuple(names.values()))
+    modes = [m for m in posed.modes() if m.frequency > 0]
+    return Shapes(graph, names, rest.outputs, modes)
+
+
+def _poses(found: Shapes, node: MechanismNode, values: Mapping[str, float]) -> dict[str, Pose]:
+    mechanism = node.mechanism
+    told = {}
+    for body in mechanism.bodies:
+        numbers = [values[found.names[node.name, body.name, part]] for part in parts(mechanism)]
+        told[body.name] = pose_of(body.turn, _unit(numbers), found.graph)
+    return told
+
+
+def _unit(numbers: Sequence[float]) -> list[float]:
+    """With the quaternion at the end, if there is one, of length 1."""
+    if len(numbers) == 3:
+        return list(numbers)
+    length = math.hypot(*numbers[3:])
+    return [*numbers[:3], *(x / length for x in numbers[3:])]
+
+
+def _displaced(found: Shapes, node: MechanismNode, rest: Scenery, mode: Mode) -> Scenery | None:
+    """At the instant at which it is farthest out; None if it does not move the mechanism."""
+    amplitudes, size = mode.outputs, _size(rest)
+    ours = {key: amplitudes[o] for key, o in found.names.items() if key[0] == node.name}
+    lengths = {key: a if key[2] in LENGTHS else a * size / 2 for key, a in ours.items()}
+    largest = max(lengths.values(), key=abs, default=0j)
+    if largest == 0:
+        return None
+    turn, first = largest.conjugate() / abs(largest), SMALL * size / abs(largest)
+
+    def at(scale: float) -> Scenery:
+        values = dict(found.rest) | {
+            found.names[key]: found.rest[found.names[key]] + scale * (a * turn).real for key, a in ours.items()
+        }
+        return scenery_of(found.graph, node, _poses(found, node, values))
+
+    far = _distance(rest, at(first)) / first
+    angle = max((abs(a) for key, a in ours.items() if key[2] not in LENGTHS), default=0.0)
+    scale = min(SHARE * size / max(far, 1e-300), WIDEST / max(angle, 1e-300))
+    return at(scale)
+
+
+def _size(scenery: Scenery) -> float:
+    points = [p for limb in scenery.limbs for p in (limb.centre, *limb.points)]
+    xs, ys = [p[0] for p in points], [p[1] for p in points]
+    return max(max(xs) - min(xs), max(ys) - min(ys), 1e-300)
+
+
+def _distance(rest: Scenery, moved: Scenery) -> float:
+    """How far the point goes that goes farthest."""
+    return max(
+        math.dist(a, b)
+        for one, other in zip(rest.limbs, moved.limbs, strict=True)
+        for a, b in zip((one.centre, *one.points), (other.centre, *other.points), strict=True)
+    )
+
+
+def _sheet(pictures: Sequence[Figure], title: str) -> Figure:
+    """Pictures in rows of three."""
+    width, height = max(p.width for p in pictures), max(p.height for p in pictures)
+    groups: list[Group] = []
+    for i, picture in enumerate(pictures):
+        dx, dy = (i % COLUMNS) * (width + GAP), (i // COLUMNS) * (height + GAP)
+        groups += [group_at(g, dx, dy) for g in picture.groups]
+    columns, rows = min(COLUMNS, len(pictures)), -(-len(pictures) // COLUMNS)
+    return replace(pictures[0], width=columns * (width + GAP) - GAP, height=rows * (height + GAP) - GAP, title=title, groups=tuple(groups))  # fmt: skip

@@ -1,0 +1,125 @@
+"""What a run with a bandwidth left out, and what it estimates that this does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .quantities import behind
+
+NAMED = 3  # modes, outputs and instants in a sentence
+
+
+@dataclass(frozen=True, slots=True)
+class FastMode:
+    """A motion faster than the bandwidth: frequency in Hz (abs(eigenvalue)/2pi), damping, elements with the largest shares in it."""
+
+    frequency: float
+    damping: float
+    elements: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """What was left out of a run with a bandwidth in Hz.
+
+    `faster`: how many modes are faster; `modes`: those that rang and were left out, at `instants` in s. `outputs`: the amplitude of this in each output
+    (SI), the largest of the run. `kept`: by how much what is kept lacks what the ringing does to it, in each output (SI). `energy`: in J, if the run has
+    a balance. `reason`: why nothing, or not all, was left out; "" if there is nothing to tell. All but the bandwidth are estimates of modes that
+    change slowly.
+    """
+
+    bandwidth: float
+    faster: int = 0
+    modes: tuple[FastMode, ...] = ()
+    instants: tuple[float, ...] = ()
+    outputs: Mapping[str, float] = field(default_factory=dict)
+    kept: Mapping[str, float] = field(default_factory=dict)
+    energy: float | None = None
+    reason: str = ""
+
+    def __str__(self) -> str:
+        return self.sentence({})
+
+    def sentence(self, units: Mapping[str, str]) -> str:
+        """As one sentence. `units`: of the outputs."""
+        head = f"bandwidth {told_hertz(self.bandwidth)}: "
+        if not self.instants:
+            return f"{head}nothing was left out: {self.reason}"
+        count = len(self.instants)
+        when = ", ".join(f"{t:.6g} s" for t in self.instants[:NAMED]) + (" …" if count > NAMED else "")
+        joules = "" if self.energy is None else f", {self.energy:.3g} J"
+        parts = [
+            f"{head}{_modes(self.modes)} left out at t = {when}{f' ({count} times)' if count > NAMED else ''}{joules}"
+        ]
+        parts.append(
+            f"the outputs lack a ringing of up to {_largest(self.outputs, units)}"
+            if any(self.outputs.values())
+            else "no output shows it"
+        )
+        if any(self.kept.values()):
+            parts.append(f"what it does to the motion that is kept is estimated at {_largest(self.kept, units)}")
+        return "; ".join([*parts, *([self.reason] if self.reason else [])])
+
+    def to_json(self) -> dict[str, Any]:
+        """Part of `bondgraph-result/1`."""
+        modes = [{"frequency": m.frequency, "damping": m.damping, "elements": list(m.elements)} for m in self.modes]
+        told = {"frequency": self.bandwidth, "faster": self.faster, "modes": modes, "instants": list(self.instants)}
+        return {
+            **told,
+            "outputs": dict(self.outputs),
+            "kept": dict(self.kept),
+            "energy": self.energy,
+            "reason": self.reason or None,
+        }
+
+
+def read_left_out(told: Mapping[str, Any]) -> LeftOut:
+    """From what `to_json` gives."""
+    modes = tuple(FastMode(m["frequency"], m["damping"], tuple(m["elements"])) for m in told["modes"])
+    return LeftOut(
+        told["frequency"], told["faster"], modes, tuple(told["instants"]), dict(told["outputs"]), dict(told["kept"]), told["energy"],
+        told["reason"] or "",
+    )  # fmt: skip
+
+
+def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
+    """Of two parts of a run."""
+    if before is None or after is None:
+        return after if before is None else before
+    energies = [part.energy for part in (before, after) if part.energy is not None]
+    reasons = dict.fromkeys(part.reason for part in (before, after) if part.reason)
+    return LeftOut(
+        after.bandwidth, max(before.faster, after.faster), tuple(dict.fromkeys([*before.modes, *after.modes])),
+        (*before.instants, *after.instants), _larger(before.outputs, after.outputs), _larger(before.kept, after.kept),
+        sum(energies) if energies else None, "; ".join(reasons),
+    )  # fmt: skip
+
+
+def told_hertz(frequency: float) -> str:
+    """A frequency as people say it."""
+    if not frequency > 0 or not math.isfinite(frequency):
+        return f"{frequency:g} Hz"
+    for unit, factor in (("GHz", 1e9), ("MHz", 1e6), ("kHz", 1e3), ("Hz", 1.0), ("mHz", 1e-3)):
+        if frequency >= 0.9999999 * factor:
+            return f"{frequency / factor:.4g} {unit}"
+    return f"{frequency:.4g} Hz"
+
+
+def _modes(modes: tuple[FastMode, ...]) -> str:
+    where = ", ".join(f"`{e}`" for e in dict.fromkeys(e for m in modes[:NAMED] for e in m.elements[:1]))
+    if len(modes) == 1:
+        return f"a mode at {told_hertz(modes[0].frequency)} (mostly in {where})"
+    slow, fast = (told_hertz(choose(m.frequency for m in modes)) for choose in (min, max))
+    return f"{len(modes)} modes of {slow} to {fast} (mostly in {where})"
+
+
+def _largest(values: Mapping[str, float], units: Mapping[str, str]) -> str:
+    names = sorted((n for n in values if values[n]), key=lambda n: -values[n])
+    return ", ".join(f"{values[n]:.3g}{behind(units.get(n, '1'))} (`{n}`)" for n in names[:NAMED])
+
+
+def _larger(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
+    return {n: max(first.get(n, 0.0), second.get(n, 0.0)) for n in {**first, **second}}

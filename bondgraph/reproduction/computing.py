@@ -1,0 +1,163 @@
+"""What entries of a list name, computed: each experiment once, whatever reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..quantities import in_unit, quantity
+from .compared import Compared, Table
+from .listed import inside
+
+if TYPE_CHECKING:
+    from ..analysis.outcome import Outcome, Point
+    from ..model import Model
+
+DIGITS = 6  # of computed tables
+
+
+class Computing:
+    """The models of a folder and what was made with them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._models: dict[str, Model] = {}
+        self._outcomes: dict[tuple[str, str], Outcome] = {}
+
+    def model(self, file: str) -> Model:
+        """A model of the folder, read once."""
+        from ..model import load
+
+        if file not in self._models:
+            self._models[file] = load(inside(self.folder, file))
+        return self._models[file]
+
+    def outcome(self, file: str, experiment: str) -> Outcome:
+        """Of an experiment; "" the model at rest."""
+        from ..studies.experiment import Options, run
+        from ..studies.sweep import sweep
+
+        key = file, experiment
+        if key not in self._outcomes:
+            model = self.model(file)
+            self._outcomes[key] = (
+                run(model, experiment, {}, Options())
+                if experiment
+                else sweep(model, {}, ("equilibrium",), False, None, {}, Options())
+            )
+        return self._outcomes[key]
+
+    # ------------------------------------------------------------ values
+    def values(self, entry: Mapping[str, Any]) -> list[Compared]:
+        """A published value, or one for each point of a sweep."""
+        outcome = self.outcome(entry["model"], entry["experiment"])
+        published = entry["published"]
+        if not isinstance(published, list):
+            return [self._value(outcome, entry, entry["what"], float(published), entry.get("point", 0))]
+        if len(published) != len(outcome):
+            raise UsageError(
+                f"{entry['what']}: {len(published)} values are published, and the experiment has {len(outcome)} points"
+            )
+        return [
+            self._value(outcome, entry, f"{entry['what']}, {_setting(outcome, i, entry)}", float(number), i)
+            for i, number in enumerate(published)
+        ]
+
+    def _value(self, outcome: Outcome, entry: Mapping[str, Any], what: str, published: float, place: Any) -> Compared:
+        name = entry["of"]
+        if name not in outcome.names or not isinstance(place, int) or not 0 <= place < len(outcome):
+            known: Sequence[str] = outcome.names
+            raise UsageError(
+                f"{entry['what']}: there is no `{name}` at point {place} of `{entry['experiment']}`; there is {', '.join(known)}"
+            )
+        number = taken(outcome.points[place], name, entry, float(outcome(name)[place]))
+        computed = in_unit(number, entry["unit"], outcome.units[name], what)
+        return Compared(
+            entry["where"], what, entry["unit"], published, computed, float(entry["digits"]), str(entry.get("note", ""))
+        )
+
+    # ------------------------------------------------------------ tables
+    def table(self, entry: Mapping[str, Any]) -> Table:
+        """All points of an experiment, as it reports them."""
+        outcome = self.outcome(entry["model"], entry["experiment"])
+        names = list(outcome.names)
+        shown = [outcome.shown.get(n, (outcome.units[n], 1.0, 0.0)) for n in names]
+        swept = {n: _shown_sweep(outcome, n, entry) for n in outcome.swept}
+        shown = [swept.get(n, s) for n, s in zip(names, shown, strict=True)]
+        rows = []
+        for i, point in enumerate(outcome.points):
+            numbers = [taken(point, n, entry, float(outcome(n)[i])) for n in names]
+            rows.append(tuple(x * scale + offset for x, (_, scale, offset) in zip(numbers, shown, strict=True)))
+        heads = tuple(_head(n, s[0]) for n, s in zip(names, shown, strict=True))
+        return Table(entry["where"], entry["what"], heads, tuple(rows), str(entry.get("note", "")))
+
+    def inversion(self, entry: Mapping[str, Any]) -> Table:
+        """Inputs that hold setpoints at rest, and what the model shows there, found again by its own search for rest."""
+        model, by, outputs = self.model(entry["model"]), list(map(str, entry["by"])), list(map(str, entry["outputs"]))
+        known = model.compilation().whole_graph.outputs
+        show = [_unit_of(text, known) for text in entry.get("show", ())]
+        units = model.compilation().whole_graph.quantities
+        rows, heads = [], list[str]()
+        for setpoint in entry["setpoints"]:
+            if not isinstance(setpoint, Mapping) or not set(setpoint) <= set(outputs):
+                raise UsageError(f"{entry['what']}: a setpoint gives values to {', '.join(outputs)}")
+            wanted = {n: quantity(str(setpoint.get(n, 0.0)), known[n].unit, n) for n in outputs}
+            inputs = model.invert(wanted, by).inputs
+            rest = model.equilibrium(settings=inputs)
+            missed = max(abs(rest[n] - wanted[n]) for n in outputs)
+            signed = [inputs[a] - (inputs[b] if b else 0.0) for a, _, b in (pair.partition("/") for pair in by)]
+            heads = [
+                "setpoint",
+                *(_head(a, units[a.partition("/")[0]].unit) for a in by),
+                *(_head(n, u) for n, u in show), "off by (SI)",
+            ]  # fmt: skip
+            values = [in_unit(rest[n], u, known[n].unit or "1", n) if u else rest[n] for n, u in show]
+            told = ", ".join(f"{n} = {v}" for n, v in setpoint.items())
+            rows.append((told, *signed, *values, missed))
+        return Table(entry["where"], entry["what"], tuple(heads), tuple(rows), str(entry.get("note", "")))
+
+
+def taken(point: Point, name: str, entry: Mapping[str, Any], final: float) -> float:
+    """What is asked of a run: where it ends, or how far an output goes, after some instant."""
+    take = entry.get("take", "final")
+    if take == "final" or point.run is None or name not in point.run:
+        return final
+    from ..simulation.run import seconds
+
+    run = point.run
+    values = run[name][run.time >= seconds(str(entry.get("after", "0 s")))]
+    if not len(values):
+        raise UsageError(f"{entry['what']}: the run ends before {entry['after']}")
+    least, most = float(np.min(values)), float(np.max(values))
+    return {"minimum": least, "maximum": most, "peak to peak": most - least}[take]
+
+
+def _setting(outcome: Outcome, i: int, entry: Mapping[str, Any]) -> str:
+    """What is swept there, in words."""
+    told = []
+    for name, value in outcome.points[i].settings.items():
+        unit, scale, _ = _shown_sweep(outcome, name, entry)
+        told.append(f"{name} = {value * scale:.6g}{'' if unit == '1' else f' {unit}'}")
+    return ", ".join(told)
+
+
+def _shown_sweep(outcome: Outcome, name: str, entry: Mapping[str, Any]) -> tuple[str, float, float]:
+    """What is swept, in the unit that the entry names (`swept_in`), else in SI."""
+    unit = str(entry.get("swept_in", outcome.swept[name]))
+    return unit, in_unit(1.0, unit, outcome.swept[name], name), 0.0
+
+
+def _head(name: str, unit: str) -> str:
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def _unit_of(text: str, known: Mapping[str, Any]) -> tuple[str, str]:
+    """`missed1 in nm`."""
+    name, _, unit = text.partition(" in ")
+    if name not in known:
+        raise UsageError(f"there is no output `{name}`; outputs are {', '.join(known)}")
+    return name, unit

@@ -1,0 +1,90 @@
+"""A state without what rings in it: the slow motion that has the same slow coordinates.
+
+On a slow motion the fast coordinates only follow, so that all their derivatives are small. The state whose fast part of x'' vanishes misses the slow
+motion by a part (slow rate / fast rate)^2 of what the fast coordinates follow (Gear, Kaper, Kevrekidis and Zagaris, Projecting to a slow manifold,
+SIAM J. Appl. Dyn. Syst. 4, 2005); a step towards a vanishing third derivative brings one order more, and says whether the orders get smaller. Newton
+steps take the fast part of the Jacobian from the split where the run stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .split import Flow, Split, one
+
+ROUNDS = 3  # of splits, each at the state that the one before led to
+ITERATIONS = 12
+CLOSE = 1e-8  # of what is removed: where iterations end
+STRAIGHT = 1e-4  # of the first change: a second one below that says that the fast motions are the same at both ends
+LOOK = 0.01  # of a radian of the fastest motion: differences in time
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """`state` (n,) over the magnitudes of the flow, what was `removed` from the one before, the `split` there; `rest`: what the orders used still miss."""
+
+    state: Any
+    removed: Any
+    split: Split
+    rest: Any
+
+
+def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwidth: float) -> Settled | str:
+    """The slow motion near a state in SI, with its unknowns; or why there is none."""
+    before = state[: flow.count] / flow.magnitude
+    here, now, times, near = before, first, np.array([time]), state[None]
+    rest = np.zeros(flow.count)
+    for number in range(ROUNDS):
+        moved, last, contraction = _iterated(flow, now, time, here, mode, state)
+        if not np.isfinite(moved).all():
+            return "no slow motion is found near it"
+        here, rest = moved, last
+        if contraction < STRAIGHT or number == ROUNDS - 1:
+            break
+        (again,) = flow.splits(times, flow.whole(times, one(mode), near, here[None]), one(mode), bandwidth)
+        if isinstance(again, str):
+            return again
+        if len(again.values) != len(first.values):
+            return "how much is faster than the bandwidth depends on what would be left out"
+        now = again
+    thrice = now.inverse @ now.inverse @ now.inverse
+    here = here - thrice @ _third(flow, now, time, here, mode, state)
+    last = thrice @ _third(flow, now, time, here, mode, state)
+    return Settled(here, before - here, now, np.abs(rest) + np.abs(last))
+
+
+def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
+    """The state whose fast part of x'' vanishes, the last change on the way there, and the second in parts of the first."""
+    twice = at.inverse @ at.inverse
+    sizes: list[float] = []
+    change = np.full(len(here), np.inf)
+    while len(sizes) < ITERATIONS:
+        step = twice @ second(flow, at, time, here, mode, near)
+        sizes.append(float(np.linalg.norm(step)))
+        if not np.isfinite(sizes[-1]) or (len(sizes) > 1 and sizes[-1] > 0.5 * sizes[-2]):
+            break  # rounding, or there is none
+        here, change = here - step, step
+        if sizes[-1] <= CLOSE * sizes[0]:
+            break
+    return here, change, sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] else 0.0
+
+
+def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> Any:
+    """The second derivative at a state over the magnitudes; `near`: one in SI with its unknowns. `matrix`: the Jacobian there, if it is not that of `at`."""
+    ahead = LOOK / float(np.abs(at.values).max())
+    rates = flow.rates(np.array([time, time + ahead]), one(mode, 2), np.stack([near, near]), np.stack([here, here]))
+    return (at.matrix if matrix is None else matrix) @ rates[0] + (rates[1] - rates[0]) / ahead
+
+
+def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+    """The third one."""
+    ahead = LOOK / float(np.abs(at.values).max())
+    (rate,) = flow.rates(np.array([time]), one(mode), near[None], here[None])
+    now = second(flow, at, time, here, mode, near)
+    there = here + ahead * rate + 0.5 * ahead**2 * now
+    times = np.array([time + ahead])
+    (matrix,) = flow.matrices(times, one(mode), flow.whole(times, one(mode), near[None], there[None]))
+    return (second(flow, at, time + ahead, there, mode, near, matrix) - now) / ahead

@@ -1,0 +1,170 @@
+"""Where a run stands: which of its motions are faster than the bandwidth, and how a state splits into those and the others.
+
+The fast motions are the invariant subspace of the eigenvalues beyond the circle of the bandwidth, of the Jacobian with the unknowns of
+loops eliminated. Its projector needs the fast eigenvectors alone, right and left ones: what is slow may have Jordan blocks (rigid motion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..loops.loops import Eliminated
+
+if TYPE_CHECKING:
+    from ..stretch.integrate import Stepper
+
+LARGEST = 200  # states up to which all eigenvectors are computed
+TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length
+STEADY = 1e-8  # of its rate: what rounding may make a motion grow by
+GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be left out
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """n states over their magnitudes, m fast eigenvalues. `matrix` (n, n); `values` (m,) in 1/s; `right` (n, m), `dual` (m, n) with dual right = 1."""
+
+    matrix: Any
+    values: Any
+    right: Any
+    dual: Any
+    slowest: float  # the rate of the fastest motion that is kept, 1/s
+
+    @property
+    def slow(self) -> Any:
+        """The projector onto what is not fast."""
+        return np.eye(len(self.matrix)) - (self.right @ self.dual).real
+
+    def envelope(self, change: Any) -> Any:
+        """The largest that each state gets by the fast part of a change, whatever the phases of its modes."""
+        return np.abs(self.right) @ np.abs(self.dual @ change)
+
+    @property
+    def inverse(self) -> Any:
+        """The inverse of the matrix on the fast motions, zero on the others."""
+        return (self.right / self.values @ self.dual).real
+
+    def grows(self, span: float) -> bool:
+        """Whether a fast motion grows within so many seconds."""
+        real = self.values.real
+        return bool((real > np.maximum(GROWN / span, STEADY * np.abs(self.values))).any())
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """The modes of k places: some of `kinds`, by their numbers (k,)."""
+
+    kinds: tuple[Any, ...]
+    numbers: Any
+
+    def __getitem__(self, places: Any) -> Modes:
+        return Modes(self.kinds, self.numbers[places])
+
+    def each(self, function: Callable[[Any, Any, Any], Any], times: Any, states: Any) -> Any:
+        """A function of times, states and one mode, for those of each mode at once."""
+        first = self.numbers[0]
+        if (self.numbers == first).all():
+            return np.asarray(function(times, states, self.kinds[first]))
+        places = [np.flatnonzero(self.numbers == kind) for kind in np.unique(self.numbers)]
+        values = [np.asarray(function(times[at], states[at], self.kinds[self.numbers[at[0]]])) for at in places]
+        return np.concatenate(values)[np.argsort(np.concatenate(places), kind="stable")]
+
+
+def one(mode: Any, count: int = 1) -> Modes:
+    """One mode at all of so many places."""
+    return Modes((mode,), np.zeros(count, dtype=int))
+
+
+class Flow:
+    """A program as rates of states over `magnitude` (n,), whatever unknowns its loops have."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper, self.program = stepper, stepper.program
+        self.count = len(self.program.states.names)
+        self.magnitude = stepper.tolerances.magnitude[: self.count]
+        self.fixed = (stepper.inputs, stepper.constants)
+        self.eliminated = Eliminated(self.program)
+
+    def whole(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
+        """States and unknowns in SI; `scaled` (k, n) at `times` (k,), with as many modes; `near` (k, …): states whose unknowns are a guess."""
+        states = np.concatenate([scaled * self.magnitude, near[:, self.count :]], axis=1)
+        return states if states.shape[1] == self.count else modes.each(self.stepper.loops.solve_all, times, states)
+
+    def rates(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
+        """Shape (k, n), for states over their magnitudes."""
+
+        def at(times: Any, states: Any, mode: Any) -> Any:
+            return self.program.derivative(times, states, *self.fixed, mode)
+
+        return modes.each(at, times, self.whole(times, modes, near, scaled))[:, : self.count] / self.magnitude
+
+    def outputs(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
+        """Shape (k, outputs)."""
+
+        def at(times: Any, states: Any, mode: Any) -> Any:
+            return self.program.output(times, states, *self.fixed, mode)
+
+        return modes.each(at, times, self.whole(times, modes, near, scaled))
+
+    def matrices(self, times: Any, modes: Modes, states: Any) -> Any:
+        """The Jacobians (k, n, n) of the rates, unknowns following. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
+
+        def entries(times: Any, states: Any, mode: Any) -> Any:
+            return self.eliminated.entries(times, states, *self.fixed, mode)
+
+        size, n = states.shape[1], self.count
+        whole = np.zeros((len(times), size, size))
+        whole[:, *self.program.pattern] = modes.each(entries, times, states)
+        found = whole[:, :n, :n]
+        if size > n:
+            rows = np.abs(whole[:, n:]).max(axis=2, keepdims=True)
+            below = whole[:, n:] / np.where(rows > 0, rows, 1.0)
+            found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
+        return found * self.magnitude / self.magnitude[:, None]
+
+    def splits(self, times: Any, states: Any, modes: Modes, bandwidth: float) -> list[Split | str]:
+        """The motions faster than a bandwidth in Hz, at states in SI; or why they are not told from the others."""
+        if not len(times):
+            return []
+        if self.count > LARGEST:
+            why = f"it has {self.count} states, of which up to {LARGEST} are split into fast and slow ones"
+            return [why] * len(times)
+        try:
+            return split(self.matrices(times, modes, states), 2 * np.pi * bandwidth)
+        except np.linalg.LinAlgError:
+            return ["its modes are not found"] * len(times)
+
+
+def split(matrices: Any, rate: float) -> list[Split | str]:
+    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. Raises `LinAlgError`."""
+    values, right = np.linalg.eig(matrices)
+    try:
+        inverses: Any = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        inverses = np.full_like(right, np.inf)
+    sizes, small = np.abs(values), np.linalg.norm(inverses, axis=2).max(axis=1) * TOLD_APART < 1
+    found: list[Split | str] = []
+    for matrix, value, size, vectors, inverse, fine in zip(
+        matrices, values, sizes, right, inverses, small, strict=True
+    ):
+        chosen = np.flatnonzero(size > rate)
+        dual = inverse[chosen] if fine or not len(chosen) else _dual(matrix, vectors[:, chosen])
+        if dual is None:
+            found.append("its fast motions hang together in one that has no modes")
+            continue
+        slowest = float(size[size <= rate].max(initial=0.0))
+        found.append(Split(matrix, value[chosen].astype(complex), vectors[:, chosen].astype(complex), dual, slowest))
+    return found
+
+
+def _dual(matrix: Any, right: Any) -> Any:
+    """The left vectors that belong to the fast right ones, where what is slow has no modes (rigid motion); None if what is fast has none."""
+    values, left = np.linalg.eig(matrix.T)
+    left = left[:, np.argsort(-np.abs(values), kind="stable")[: right.shape[1]]].T
+    products = left @ right
+    if np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
+        return None
+    return np.linalg.solve(products, left)

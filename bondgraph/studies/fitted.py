@@ -1,0 +1,142 @@
+"""What a fit found: parameters with intervals, how well the data are met, what they leave open."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis.told import finite
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .identify import Direction, Explanation
+
+    Array = NDArray[np.float64]
+
+SCHEMA = "bondgraph-fit/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A parameter in SI: where the search began, where it ended, its standard error and 95 % interval."""
+
+    name: str
+    unit: str
+    start: float
+    value: float
+    error: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One measured quantity: the rows (from 0) of a file in which it is measured, in SI, with standard deviations (or sizes, if none are given)."""
+
+    file: str
+    name: str
+    unit: str
+    rows: tuple[int, ...]
+    measured: Array
+    sigma: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """`found["d"]` is the fitted value in SI. `squares`: the sum of squared residuals over sigma; `freedom`: data less parameters;
+    `scatter`: squares over degrees of freedom. `directions`: of relative changes, the least sure first. `explanations`: few parameters that
+    meet the data alone, if they were looked for."""
+
+    model: str
+    experiment: str | None
+    parameters: tuple[Fitted, ...]
+    correlations: Array
+    series: tuple[Series, ...]
+    computed: tuple[Array, ...]
+    squares: float
+    freedom: int
+    weighted: bool
+    scatter: float
+    directions: tuple[Direction, ...]
+    explanations: tuple[Explanation, ...]
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> float:
+        return self.of(name).value
+
+    def of(self, name: str) -> Fitted:
+        """A parameter by its name. Raises `UsageError`."""
+        for one in self.parameters:
+            if one.name == name:
+                return one
+        raise UsageError(f"`{name}` was not fitted; {', '.join(p.name for p in self.parameters)} were")
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """The fitted values, as other calls take them."""
+        return {p.name: p.value for p in self.parameters}
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-fit/1`: {schema, model, experiment, parameters: {name: {unit, start, value, standard_error, low, high}},
+        correlations (rows), squares, freedom, scatter, weighted, data: [{file, name, unit, rows, measured, computed, sigma}],
+        directions: [{deviation, open, weights}], explanations: [{values, changes, squares, left}], notes}, in SI and Hz."""
+        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
+        told["parameters"] = {
+            p.name: {
+                "unit": p.unit, "start": p.start, "value": p.value, "standard_error": finite(p.error), "low": finite(p.low), "high": finite(p.high)
+            }
+            for p in self.parameters
+        }  # fmt: skip
+        told["correlations"] = [[finite(x) for x in row] for row in self.correlations]
+        told |= {
+            "squares": finite(self.squares),
+            "freedom": self.freedom,
+            "scatter": finite(self.scatter),
+            "weighted": self.weighted,
+        }
+        told["data"] = [
+            {
+                "file": s.file, "name": s.name, "unit": s.unit, "rows": list(s.rows), "measured": s.measured.tolist(),
+                "computed": c.tolist(), "sigma": s.sigma.tolist() if self.weighted else None,
+            }
+            for s, c in zip(self.series, self.computed, strict=True)
+        ]  # fmt: skip
+        told["directions"] = [
+            {"deviation": finite(d.deviation), "open": d.open, "weights": d.weights} for d in self.directions
+        ]
+        told["explanations"] = [
+            {"values": e.values, "changes": {n: finite(x) for n, x in e.changes.items()}, "squares": e.squares, "left": e.left}
+            for e in self.explanations
+        ]  # fmt: skip
+        return {**told, "notes": list(self.notes)}
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Row, measured, computed and sigma of all data in SI, one below the other, into a .csv, .npz, .nc or .mat file. Raises OSError, `UsageError`."""
+        from ..exports import write_columns
+
+        columns: dict[str, Array] = {
+            "series": np.concatenate([np.full(len(s.rows), float(i)) for i, s in enumerate(self.series, 1)]),
+            "row": np.concatenate([np.array(s.rows, dtype=float) + 1 for s in self.series]),
+            "measured": np.concatenate([s.measured for s in self.series]),
+            "computed": np.concatenate(self.computed),
+            "sigma": np.concatenate([s.sigma for s in self.series]),
+        }
+        names = {f"series {i}": f"{s.name} [{s.unit}] of {s.file}" for i, s in enumerate(self.series, 1)}
+        write_columns(path, columns, dict.fromkeys(columns, "1"), "datum", {"model": self.model, **names})
+
+    def summary(self) -> str:
+        """Tables for terminals."""
+        from ..views.studies import fit_text
+
+        return fit_text(self)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Computed over measured, one panel for each quantity. Raises as `Result.plot`."""
+        from ..views.study_plots import plot_fit
+
+        plot_fit(self, path)

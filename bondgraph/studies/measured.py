@@ -1,0 +1,146 @@
+"""Measurements data: a CSV file whose headings are names with units, `fx [uN],x [um],sigma x [um]`.
+
+A column of a parameter or input is what was set, all others what was found: outputs at rest, `frequency 1 [Hz]` and so on of the modes that
+move (slowest first), or outputs over a column `time [s]`. `sigma NAME` is the standard deviation of what stands beside it. An empty field was
+not measured; what is no number is an error. Lines that begin with `#` say nothing.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_HEAD = re.compile(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", re.DOTALL)
+OF_MODES = re.compile(r"(frequency|damping) [1-9]\d*")
+SIGMA = "sigma "
+LARGEST = 10_000_000  # fields
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """`settings` and `found` are columns (n,) in SI by name; in `found` NaN where nothing was measured. `sigmas` of some of them.
+    `time` (n,) in s, None if the data are of rest."""
+
+    file: str
+    settings: Mapping[str, Array]
+    found: Mapping[str, Array]
+    sigmas: Mapping[str, Array]
+    time: Array | None
+
+    def __len__(self) -> int:
+        return len(next(iter(self.found.values())))
+
+
+def read_measured(path: str | os.PathLike[str], units: Mapping[str, str], settable: frozenset[str]) -> Measurements:
+    """From a file. `units`: in SI, of what the model has; `settable`: its parameters and inputs. Raises `UsageError`, OSError."""
+    file = os.fspath(path)
+    with open(file, encoding="utf-8-sig", newline="") as stream:
+        rows = [
+            (i, row)
+            for i, row in enumerate(csv.reader(stream), 1)
+            if any(x.strip() for x in row) and not row[0].startswith("#")
+        ]
+    if len(rows) < 2:
+        raise UsageError(f"{file}: a line of headings and at least one of numbers are needed")
+    heads = rows[0][1]
+    if len(heads) * len(rows) > LARGEST:
+        raise UsageError(f"{file}: at most {LARGEST} fields are read")
+    columns = {}
+    for place, head in enumerate(heads):
+        name, values = _column(file, place, head, rows[1:], units)
+        if name in columns:
+            raise UsageError(f"{file}: two columns are called `{name}`")
+        columns[name] = values
+    ragged = next((i for i, row in rows if len(row) != len(heads)), None)
+    if ragged is not None:
+        raise UsageError(f"{file}, line {ragged}: as many fields as headings are needed, {len(heads)}")
+    return _sorted_out(file, columns, settable)
+
+
+def _column(
+    file: str, place: int, head: str, rows: Sequence[tuple[int, Sequence[str]]], units: Mapping[str, str]
+) -> tuple[str, Array]:
+    from ..door import CompilationFailed, Source, read_unit
+
+    match = _HEAD.fullmatch(head)
+    name, own = (match[1], match[2]) if match is not None else (head, None)
+    bare = name.removeprefix(SIGMA)
+    kind = (
+        "s"
+        if bare == "time"
+        else "Hz"
+        if bare.startswith("frequency ")
+        else "1"
+        if OF_MODES.fullmatch(bare)
+        else units.get(bare)
+    )
+    if kind is None or not bare:
+        raise UsageError(f"{file}: the model has no `{bare}`; a heading is a name with its unit, as in `x [um]`")
+    try:
+        scale, wanted = (read_unit(Source(f"heading `{name}`", u)) for u in (own or "1", kind))
+    except CompilationFailed:
+        raise UsageError(f"{file}: `{own}` in the heading of `{name}` is no unit") from None
+    if scale.dimension != wanted.dimension:
+        told = f"in {own}" if own else "without a unit"
+        raise UsageError(f"{file}: `{name}` is in {kind}; it stands there {told}")
+    if name != bare and scale.offset:
+        raise UsageError(f"{file}: `{name}` is a difference; write it in K")
+    return name, np.array([_number(file, line, name, row, place, scale.to_si) for line, row in rows])
+
+
+def _number(file: str, line: int, name: str, row: Sequence[str], place: int, to_si: object) -> float:
+    text = row[place].strip() if place < len(row) else ""
+    if not text:
+        return math.nan
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UsageError(f"{file}, line {line}: `{text}` in the column `{name}` is no number")
+    return float(to_si(value))  # type: ignore[operator]
+
+
+def _sorted_out(file: str, columns: Mapping[str, Array], settable: frozenset[str]) -> Measurements:
+    settings = {n: c for n, c in columns.items() if n in settable}
+    sigmas = {n.removeprefix(SIGMA): c for n, c in columns.items() if n.startswith(SIGMA)}
+    found = {n: c for n, c in columns.items() if n not in settings and not n.startswith(SIGMA) and n != "time"}
+    time = columns.get("time")
+    if not found:
+        raise UsageError(f"{file}: nothing is measured: a column of an output or of `frequency 1 [Hz]` is needed")
+    for name, column in [*settings.items(), *([("time", time)] if time is not None else [])]:
+        if np.isnan(column).any():
+            raise UsageError(f"{file}: `{name}` is not given in every line")
+    for name, column in sigmas.items():
+        if name not in found:
+            raise UsageError(f"{file}: `sigma {name}` stands beside no `{name}`")
+        there = ~np.isnan(found[name])
+        if not (column[there] > 0).all():
+            raise UsageError(f"{file}: `sigma {name}` is not above zero wherever `{name}` is measured")
+    if time is not None:
+        if settings:
+            raise UsageError(
+                f"{file}: over time nothing else is set line by line; leave out `{next(iter(settings))}`, or set it for all"
+            )
+        if any(OF_MODES.fullmatch(n) for n in found):
+            raise UsageError(f"{file}: frequencies of modes stand in no column over time")
+        if (np.diff(time) <= 0).any():
+            raise UsageError(f"{file}: the column `time` does not grow from line to line")
+    empty = next((n for n, c in found.items() if np.isnan(c).all()), None)
+    if empty is not None:
+        raise UsageError(f"{file}: the column `{empty}` is empty")
+    return Measurements(file, settings, found, sigmas, time)

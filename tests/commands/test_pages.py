@@ -1,0 +1,58 @@
+"""`report` and `serve` as a user meets them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bondgraph.commands import commands
+from tests.compiling import ROOT
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(commands, [*arguments])
+
+
+def test_report_writes_a_page(tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    assert run("report", "models/rlc.bg", "-o", str(out)).exit_code == 0
+    assert out.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_report_tells_what_is_wrong(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.bg"
+    wrong.write_text("model A {\n  C c : F = k*x\n}\n", encoding="utf-8")
+    out = tmp_path / "page.html"
+    found = run("report", str(wrong), "-o", str(out))
+    assert found.exit_code == 1 and "wrong.bg:2:13: BG101" in found.stderr and not out.exists()
+    assert run("report", "models/rlc.bg", "-o", str(tmp_path / "page.pdf")).exit_code == 2
+    assert run("report", str(tmp_path / "none.bg"), "-o", str(out)).exit_code == 2
+    assert run("serve", str(tmp_path / "none.bg")).exit_code == 2
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent otherwise there")
+def test_serve_says_where_and_ends() -> None:
+    command = [sys.executable, "-u", "-m", "bondgraph", "serve", "models/rlc.bg"]
+    server = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout is not None
+        address = server.stdout.readline().rpartition(" at ")[2].split()[0]
+        with urllib.request.urlopen(address, timeout=20) as answer:
+            assert answer.read().startswith(b"<!DOCTYPE html>")
+            assert answer.headers["X-Frame-Options"] == "DENY" and answer.headers["Referrer-Policy"] == "no-referrer"
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(address.partition("?")[0], timeout=20)
+        server.send_signal(signal.SIGINT)
+        told, wrong = server.communicate(timeout=20)
+        assert server.returncode == 0 and "ended" in told and wrong == ""
+    finally:
+        server.kill()
+        server.communicate()

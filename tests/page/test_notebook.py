@@ -1,0 +1,84 @@
+"""What notebooks show: models with their picture, results with curves, equations typeset; hostile and very large ones too."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import bondgraph
+from bondgraph import Graph
+from bondgraph.results import Column, Result
+from tests.compiling import MODELS
+from tests.page.test_page import HOSTILE, read
+
+
+def test_a_model() -> None:
+    model = bondgraph.load(MODELS / "oscillator.bg")
+    shown = model._repr_html_()
+    found = read(shown)
+    assert "explicit ODE; 2 states" in shown and "k3 = 20000 N/m^3" in shown
+    assert found.tags.count("svg") == 1 and model._repr_svg_() in shown
+
+
+def test_a_wrong_model_tells_what_is_wrong() -> None:
+    shown = bondgraph.load("model M { 1 body : translation; C c : F = k*x; body -> c }")._repr_html_()
+    assert "line 1, column" in shown and "`k`" in shown
+
+
+def test_a_hostile_model() -> None:
+    found = read(bondgraph.load(HOSTILE)._repr_html_())
+    assert not {"script", "img", "b"} & set(found.tags) and found.doing == []
+
+
+def test_what_is_large_stays_small() -> None:
+    parts = "\n".join(f"  1 a{i} : translation; R r{i} : F = {i + 1} [N*s/m]*v; a{i} -> r{i}" for i in range(100))
+    model = bondgraph.load(f"model M {{\n{parts}\n}}")
+    assert model._repr_svg_() is None and len(model._repr_html_()) < 5_000
+    wide = Result("M", None, np.arange(3.0), tuple(Column(f"y{i}", "1") for i in range(900)), np.zeros((3, 900)))
+    assert "and 860 more" in wide._repr_html_() and len(wide._repr_html_()) < 120_000
+
+
+def test_a_result() -> None:
+    time = np.linspace(0, 1, 11)
+    result = Result(
+        "M<b>", "<i>", time, (Column("x<script>", "m"), Column("gap", "1")), np.stack([time**2, time * np.nan], 1)
+    )
+    shown = result._repr_html_()
+    found = read(shown)
+    assert "script" not in found.tags and "b" not in found.tags
+    assert found.tags.count("path") == 1  # there is no curve of what is no number
+    assert "0.5" not in shown.split("<svg")[0] and ">1<" in shown.replace(" ", "")
+
+
+def test_a_graph_that_is_built() -> None:
+    g = Graph("M")
+    mass = g.I("mass", "p = 2 [kg]*v", start={"v": "1 [m/s]"})
+    body = g.one("body", "translation")
+    body >> (mass, g.C("spring", "F = 8 [N/m]*x"))
+    assert "<svg" in g._repr_html_() and "2 states" in g._repr_html_()
+
+
+def test_equations() -> None:
+    model = bondgraph.load(MODELS / "oscillator.bg")
+    shown = model.state_equations()._repr_latex_()
+    assert shown.startswith("$") and shown.endswith("$") and shown.count(r"\frac{\mathrm{d}}{\mathrm{d}t}") == 2
+    assert r"\mathrm{spring.x}" in shown and r"\frac{\mathrm{mass.p}}{\mathrm{m}}" in shown
+    assert dict(model.state_equations()) == model.state_equations()
+    assert model.algebraic_equations() == {} and model.algebraic_equations()._repr_latex_() is None
+
+
+def test_many_equations_are_cut() -> None:
+    import sympy
+
+    from bondgraph.views.equations import Equations
+
+    shown = Equations({f"x{i}": sympy.Symbol("y$_{}") for i in range(100)}, rates=True)._repr_latex_()
+    assert "and 60 more" in shown and shown.count("$") == 2 + 40 and shown.count(r"\$") == 40
+
+
+def test_a_bond_graph() -> None:
+    shown = bondgraph.load(MODELS / "dc_motor.bg").compilation().whole_graph._repr_html_()
+    assert "11 nodes, 10 bonds" in shown and shown.count("<tr>") == 10
+    assert "<td>GY motor</td><td>&#8640;</td><td>1 rotor</td><td>rotation</td><td>line 24</td>" in shown
+    long = "\n".join(f"  1 a{i} : translation; R r{i} : F = {i + 1} [N*s/m]*v; a{i} -> r{i}" for i in range(100))
+    graph = bondgraph.load(f"model M {{\n{long}\n}}").compilation().whole_graph
+    assert "and 40 more" in graph._repr_html_() and len(graph._repr_html_()) < 12_000
