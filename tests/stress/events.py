@@ -147,7 +147,7 @@ def stick_slip(cycles: int = 5, fall: float = 0.0) -> Case:
         return {"x": np.where(times < first, v * times, x)}
 
     stop = first + cycles * (slip + stick)
-    allowed = max(10.0, cycles)  # each cycle begins where the one before ended: their errors in time add up
+    allowed = max(10.0, cycles / 20)  # each cycle begins where the one before ended: their errors in time add up
     case = Case(
         "stick and slip", f"friction falls within {fall:g} m/s, cycles", cycles, STICK_SLIP, {"fall": fall}, stop, expected,
         points=501, allowed=allowed,
