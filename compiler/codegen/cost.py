@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..algebra.expression import Apply, Expression
+from ..algebra.expression import MINUS_ONE, Apply, Expression
 from ..source import Span
 from .dependence import INPUT, MODE, STATE, TIME
 from .lower import Lowered
@@ -111,4 +111,6 @@ def _operations(node: Apply) -> int:
     if node.operator == "solve":
         size = int((len(node.operands) + 0.25) ** 0.5)  # n^2 + n operands
         return (2 * size**3 + 3 * size**2 - 5 * size) // 6 + size**2
+    if node.operator == "multiply" and node.operands[0] == MINUS_ONE:  # a sign is none: what is added is subtracted
+        return len(node.operands) - 2
     return max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1

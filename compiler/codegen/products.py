@@ -12,9 +12,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from heapq import heapify, heappop, heappush
 from itertools import combinations, count
-from typing import Any
+from typing import Any, TypeGuard
 
-from ..algebra.expression import MINUS_ONE, Apply, Expression
+from ..algebra.expression import MINUS_ONE, ONE, Apply, Expression, Number
 from .dependence import INPUT, MODE, STATE, TIME
 from .events import Located, LoweredEvents
 from .limits import Limit, LimitValue
@@ -36,7 +36,7 @@ def with_shared_products(lowered: Lowered) -> Lowered:
     printed = {name: getattr(lowered, name) for name in PRINTED}
     order = operations_in_order(list(_expressions(printed)), {})
     bits = lowered.dependences(order)
-    products = _Products(lambda x: bits[id(x)] & (TIME | INPUT | STATE | MODE) != 0)
+    products = _Products(lambda x: not isinstance(x, Number) and bits[id(x)] & (TIME | INPUT | STATE | MODE) != 0)
     for node in order:
         products.read(node)
     products.pair()
@@ -79,12 +79,13 @@ class _Products:
         """Take a product apart, if it is one."""
         if node.operator != "multiply" or len(node.operands) > LONGEST:
             return
-        rest = [o for o in node.operands if o != MINUS_ONE]
-        if (len(node.operands) - len(rest)) % 2:
+        rest = [Number(-o.value) if _is_negative(o) else o for o in node.operands]
+        rest = [o for o in rest if o != ONE]
+        if sum(map(_is_negative, node.operands)) % 2:
             self.negative.add(node)
         still = [self._number(o) for o in rest if not self.moves(o)]
         if len(still) > 1:
-            key = tuple(sorted(still))
+            key = tuple(sorted(still, key=lambda i: (not isinstance(self.factors[i], Number), i)))
             part = self.constants.setdefault(key, _Part([self.factors[i] for i in key]))
             still = [self._number(part)]
         self.made_of[node] = still + [self._number(o) for o in rest if self.moves(o)]
@@ -145,6 +146,10 @@ class _Products:
         if factor.value is None:
             factor.value = Apply("multiply", tuple(self._written(f, new) for f in factor.factors), True)
         return factor.value
+
+
+def _is_negative(x: Expression) -> TypeGuard[Number]:
+    return isinstance(x, Number) and x.value < 0.0
 
 
 def _pairs(numbers: Sequence[int]) -> list[Pair]:

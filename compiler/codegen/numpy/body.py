@@ -82,7 +82,9 @@ class Body:
                 return _bracketed(self._sum(operands), strength > 1)
             case "multiply":
                 if operands[0] == Number(-1.0):
-                    return _bracketed("-" + " * ".join(self._text(o, 3) for o in operands[1:]), strength > 1)
+                    first, *rest = operands[1:]
+                    factors = (self._text(first, 2), *(self._text(o, 3) for o in rest))
+                    return _bracketed("-" + " * ".join(factors), strength > 1)
                 return _bracketed(" * ".join(self._text(o, 2) for o in operands), strength > 2)
             case "divide":
                 bottom = self._text(operands[1], 4)
