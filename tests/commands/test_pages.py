@@ -45,13 +45,13 @@ def test_serve_says_where_and_ends() -> None:
     try:
         assert server.stdout is not None
         address = server.stdout.readline().rpartition(" at ")[2].split()[0]
-        with urllib.request.urlopen(address, timeout=20) as answer:
+        with urllib.request.urlopen(address, timeout=60) as answer:
             assert answer.read().startswith(b"<!DOCTYPE html>")
             assert answer.headers["X-Frame-Options"] == "DENY" and answer.headers["Referrer-Policy"] == "no-referrer"
         with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(address.partition("?")[0], timeout=20)
+            urllib.request.urlopen(address.partition("?")[0], timeout=60)
         server.send_signal(signal.SIGINT)
-        told, wrong = server.communicate(timeout=20)
+        told, wrong = server.communicate(timeout=60)
         assert server.returncode == 0 and "ended" in told and wrong == ""
     finally:
         server.kill()
