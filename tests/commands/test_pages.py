@@ -38,10 +38,17 @@ def test_report_tells_what_is_wrong(tmp_path: Path) -> None:
     assert run("serve", str(tmp_path / "none.bg")).exit_code == 2
 
 
+def _heeds_interrupts() -> None:
+    """What a shell starts in the background ignores Ctrl-C, and so would what it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent otherwise there")
 def test_serve_says_where_and_ends() -> None:
     command = [sys.executable, "-u", "-m", "bondgraph", "serve", "models/rlc.bg"]
-    server = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    server = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_heeds_interrupts
+    )
     try:
         assert server.stdout is not None
         address = server.stdout.readline().rpartition(" at ")[2].split()[0]
