@@ -84,7 +84,9 @@ def test_an_output_of_time_alone_has_no_state() -> None:
 
 def test_generated_code_has_no_trace() -> None:
     source = compiled(TWO, outputs=("x1",)).program.source
-    assert not any(word in source for word in ("mass_2", "mass[2]", "spring[2]", "damper_2", "damper[2]", "np.exp", "unused"))
+    assert not any(
+        word in source for word in ("mass_2", "mass[2]", "spring[2]", "damper_2", "damper[2]", "np.exp", "unused")
+    )
 
 
 class TestZeros:
