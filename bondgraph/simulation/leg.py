@@ -15,7 +15,7 @@ from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
-from .start.nominal import Looks, Magnitudes, nominal_magnitudes
+from .start.nominal import Looks, Magnitudes, least_tolerances, nominal_magnitudes
 from .start.start import consistent_start
 from .steps.methods import AUTOMATIC
 from .stretch.integrate import integrate
@@ -160,6 +160,9 @@ class Leg:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
         magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
+        if self.atol is None and self.constraints:
+            least = least_tolerances(self.program, self.constraints, self.looked_from, self.stretches[0])
+            absolute = np.maximum(absolute, least)
         held = np.full(len(self.state), self.atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
         absolute[multipliers] = np.inf  # they follow from the states, and grow without bound near a singular pose

@@ -32,9 +32,7 @@ _HOLDERS = (Limit, LimitValue, Located, LoweredEvents, Solved)  # that have expr
 
 
 def with_shared_products(lowered: Lowered) -> Lowered:
-    """The same values, from fewer multiplications. Where closing joints bind, all stays as it is: what must cancel there cancels in the author's order."""
-    if lowered.invariants:
-        return lowered
+    """The same values, from fewer multiplications."""
     printed = {name: getattr(lowered, name) for name in PRINTED}
     order = operations_in_order(list(_expressions(printed)), {})
     bits = lowered.dependences(order)

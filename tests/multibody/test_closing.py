@@ -192,6 +192,16 @@ model Crank {
 """
 
 
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
+def test_what_closing_joints_lock_costs_no_small_steps(kind: str, target: str) -> None:
+    """No freedom is left: all that moves is rounding, and shares of that are no tolerance."""
+    found = bondgraph.load(CASES[f"{kind} in the plane"]).simulate(to=0.3, rtol=1e-10, points=4, target=target)
+    assert found.steps <= 200  # some twenty to ninety, as rounding has it
+    np.testing.assert_allclose(found["x"], 1.2, atol=1e-14)
+    np.testing.assert_allclose(found["y"], -0.4, atol=1e-14)
+
+
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 def test_loops_stay_closed_at_every_reported_instant(rtol: float, tmp_path: Path) -> None:
     """Position and velocity, whatever the tolerance; between steps as well."""

@@ -26,13 +26,15 @@ def trusted(
 ) -> Look:
     """A coarse run over the stretches, or over its beginning only. `driven`: something depends on time.
 
-    What nothing drives swings about as far as it did at first, or grows by and by: then its tolerances grow with it. Where states get far from
-    where they began, they must do so on a tenth, a hundredth … of the way as well, in proportion; the longest part of the way counts that
-    passes, or the shortest that does on its own tenth.
+    What nothing drives swings about as far as its forces bring it at first, or grows by and by: then its tolerances grow with it. Where states
+    get much farther, they must do so on a tenth, a hundredth … of the way as well, in proportion; the longest part of the way counts that
+    passes, or the shortest that does on its own tenth, with what the beginning tells.
     """
     looks = [look_along(stretches)]
-    found, first = looks[0].largest, stretches[0]
-    if driven or len(stretches) > 1 or len(found) > LARGEST or (found <= ASTRAY * looks[0].beginning).all():
+    found, first, beginning = looks[0].largest, stretches[0], looks[0].beginning
+    if driven or len(stretches) > 1 or len(found) > LARGEST:
+        return looks[0]
+    if (found <= ASTRAY * np.maximum(beginning, SLIGHT * _most_alike(program, beginning))).all():
         return looks[0]
 
     def largest(part: int) -> Any:
@@ -46,12 +48,17 @@ def trusted(
         return all(_follows_from(program, largest(part), largest(part + k), FAR * SHORTER**-k) for k in shorter)
 
     parts = [(part, PARTS - 1) for part in range(PARTS)] + [(part, 1) for part in reversed(range(PARTS))]
-    return next((looks[part] for part, most in parts if is_sound(part, most)), looks[0])
+    sound = next((looks[part] for part, most in parts if is_sound(part, most)), looks[0])
+    return replace(sound, largest=np.maximum(sound.largest, beginning))
 
 
 def _follows_from(program: Program, found: Any, before: Any, times: float) -> bool:
     """Whether magnitudes are not so many times beyond those of a part of the way."""
-    units = np.array([*program.states.units, *program.unknowns.units])
-    alike = np.array([before[units == unit].max() for unit in units])
-    most = times * np.maximum(before, SLIGHT * alike)
+    most = times * np.maximum(before, SLIGHT * _most_alike(program, before))
     return bool((found <= np.where(most > 0, most, np.inf)).all())
+
+
+def _most_alike(program: Program, values: Any) -> Any:
+    """For every state and unknown the largest value of its unit."""
+    units = np.array([*program.states.units, *program.unknowns.units])
+    return np.array([values[units == unit].max() for unit in units])

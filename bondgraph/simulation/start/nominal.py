@@ -38,6 +38,7 @@ NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
 ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves, which is rounding
+ROUNDED = 1e-3  # of that: what a projection on closing joints leaves
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 LARGEST = 200  # states up to which the modes are computed
 SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
@@ -133,6 +134,16 @@ def _smallest(program: Program, constraints: Constraints | None, state: Any, fir
     return result
 
 
+def least_tolerances(program: Program, constraints: Constraints, state: Any, first: Segment) -> Any:
+    """What no absolute tolerance can be less than, as closing joints hold positions and speeds up to rounding; 0 for other states.
+
+    What such joints lock altogether stays where it is up to that, however small a share of its magnitude a tolerance may be.
+    """
+    result, places = np.zeros(len(state)), np.concatenate([constraints.positions, constraints.speeds])
+    result[places] = ROUNDED * _smallest(program, constraints, state, first)[places]
+    return result
+
+
 def _kind(name: str, mechanisms: Sequence[str]) -> str:
     """What a state has in common with its like: the mechanism that it belongs to, or its name without the indices of arrays."""
     return next((m for m in mechanisms if name.startswith(f"{m}.")), re.sub(r"\[[^\]]*\]", "", name))
@@ -160,7 +171,7 @@ class _Coarse:
         self.program, self.constants, self.inputs = program, constants, inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.stopped: float | None = None  # where it gave up
-        self.beginning = self.largest  # with what a free motion from the start would reach
+        self.beginning = self.largest  # with what the motion would reach that the forces at the start tell
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
         self.found = self.state  # by the last step, before it is projected
@@ -184,7 +195,6 @@ class _Coarse:
         """The largest magnitudes on the way, as far as it gets."""
         first = stretches[0]
         reach = self._reach(first)
-        self.beginning = self.largest if reach is None else np.maximum(self.largest, reach(self.state))
         whole, taken = stretches[-1].stop - first.start, 0
         loop = None if choice else self._loop(reach)
         for stretch in stretches:
@@ -212,15 +222,27 @@ class _Coarse:
         return self.largest
 
     def _reach(self, first: Segment) -> Callable[[Any], Any] | None:
-        """What a free motion from a state reaches, if that can be told."""
+        """What a free motion from a state reaches, if that can be told; the forces at the start tell the beginning."""
+        fixed, count = (self.inputs, self.constants, first.mode), int(self.differential.sum())
         if self.differential.all():
             if len(self.state) > LARGEST:  # a matrix of many is not even formed
                 return None
-            fixed = (self.inputs, self.constants, first.mode)
-            return _free_motion(self.program.jacobian(first.start, self.state, *fixed), self.state)
-        if self.constraints is not None and len(self.eliminated.places) == (~self.differential).sum():
-            return self._free_on_constraints(first, self.constraints)
-        return None
+            jacobian, basis = self.program.jacobian(first.start, self.state, *fixed), None
+        elif self.constraints is not None and len(self.eliminated.places) == len(self.state) - count:
+            basis = self.constraints.tangents(first.start, self.state, first.mode)
+            jacobian = self._on_constraints(first, basis)
+        else:
+            return None
+        reach = None if jacobian is None else _free_motion(jacobian)
+        if jacobian is None or reach is None:
+            return None
+        slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
+        away = reach.rest(jacobian, slope if basis is None else basis.T @ slope)
+        found = _along(reach, basis, len(self.state))
+        if away is not None:
+            whole = away if basis is None else np.concatenate([basis @ away, np.zeros(len(self.state) - count)])
+            self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
+        return found
 
     def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
         """The loop over steps in machine code, where they are projected on nothing."""
@@ -280,26 +302,18 @@ class _Coarse:
             return lambda start, stop: True
         return follower(self.program, self.inputs, self.constants, stretch, coarse=COARSE)
 
-    def _free_on_constraints(self, first: Segment, constraints: Constraints) -> Callable[[Any], Any] | None:
-        """The same for the motions that closing joints leave, with their multipliers eliminated."""
-        count, size = constraints.count, len(self.state)
+    def _on_constraints(self, first: Segment, basis: Any) -> Any:
+        """The Jacobian of the motions that closing joints leave, with their multipliers eliminated; None where those are not determined."""
+        count, size = len(basis), len(self.state)
         whole = np.zeros((size, size))
-        fixed = (self.inputs, self.constants, first.mode)
-        whole[self.rows, self.columns] = self.eliminated.entries(first.start, self.state, *fixed)
-        basis = constraints.tangents(first.start, self.state, first.mode)
+        whole[self.rows, self.columns] = self.eliminated.entries(
+            first.start, self.state, self.inputs, self.constants, first.mode
+        )
         try:
             follow = np.linalg.solve(whole[count:, count:], whole[count:, :count])
         except np.linalg.LinAlgError:
             return None
-        inner = basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
-        reach = _free_motion(inner, basis.T @ self.state[:count])
-        if reach is None:
-            return None
-
-        def on_constraints(x: Any) -> Any:
-            return np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
-
-        return on_constraints
+        return basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
 
     def _sure_step(self, time: float, size: float, mode: Any, careful: bool) -> Any:
         """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
@@ -409,10 +423,26 @@ class FreeMotion:
     def __call__(self, x: Any) -> Any:
         return self.amplitudes @ np.abs(self.inverse @ (x / self.scale)) * self.scale
 
+    def rest(self, jacobian: Any, rates: Any) -> Any | None:
+        """How far away, by the Jacobian, lies what has no rates; None where nothing holds it."""
+        try:
+            away = -np.linalg.solve(jacobian * self.scale / self.scale[:, None], rates / self.scale) * self.scale
+        except np.linalg.LinAlgError:
+            return None
+        return away if np.isfinite(away).all() else None
 
-def _free_motion(jacobian: Any, state: Any) -> FreeMotion | None:
-    """The free linear motion from a state; None where its modes are too many, or too close to each other to tell their amplitudes apart."""
-    if not 0 < len(state) <= LARGEST or not np.isfinite(jacobian).all():
+
+def _along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], Any]:
+    """The same for all of a state whose motions lie along the columns of a basis."""
+    if basis is None:
+        return reach
+    count = len(basis)
+    return lambda x: np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
+
+
+def _free_motion(jacobian: Any) -> FreeMotion | None:
+    """The free linear motion of a state; None where its modes are too many, or too close to each other to tell their amplitudes apart."""
+    if not 0 < len(jacobian) <= LARGEST or not np.isfinite(jacobian).all():
         return None
     scale = balance(jacobian)
     try:
