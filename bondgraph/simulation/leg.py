@@ -15,7 +15,8 @@ from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, segments
-from .start.nominal import Looks, Magnitudes, least_tolerances, nominal_magnitudes
+from .start.coarse import Looks
+from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 from .start.start import consistent_start
 from .steps.methods import AUTOMATIC
 from .stretch.integrate import integrate

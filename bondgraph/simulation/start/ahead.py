@@ -12,7 +12,7 @@ from ..segments import Segment
 
 if TYPE_CHECKING:
     from ...door import Program
-    from .nominal import Look
+    from .coarse import Look
 
 ASTRAY = 1e3  # times what the beginning says
 FAR = 2.0  # times as much as a steady growth would bring

@@ -1,4 +1,4 @@
-"""The loop of the coarse run over steps of `euler.py`, in the subset that becomes machine code: as `nominal._Coarse.peak`, whose names stand here.
+"""The loop of the coarse run over steps of `euler.py`, in the subset that becomes machine code: as `start.coarse.CoarseRun.peak`, whose names stand here.
 
 It comes back where Python must look: before the step that ends a stretch, where a step is not found however short, and now and then to
 note how far it was.
@@ -10,14 +10,14 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from ....door import Record
-from ...start import nominal
+from ...start import coarse as look
 from .euler import Euler, euler
 from .sparse import ANEW, FINE, SINGULAR
 
 if TYPE_CHECKING:
     from ....door import Floats
 
-CAREFUL, MOST_STEPS = nominal.CAREFUL, nominal.MOST_STEPS
+CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
 
 
 class Coarse(Record):

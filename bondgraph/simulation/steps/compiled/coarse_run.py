@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...start.nominal import smallest_angles
+from ...start.coarse import smallest_angles
 from .coarse import Coarse
 from .euler import Euler
 from .fields import is_sparse
@@ -16,13 +16,14 @@ from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
     from ....door import Program
-    from ...start.nominal import FreeMotion, Pace
+    from ...start.coarse import Pace
+    from ...start.motion import FreeMotion
 
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
 
 
 class CompiledEuler:
-    """Steps of the coarse run: `nominal._Coarse._step` from where the unknowns of loops are known."""
+    """Steps of the coarse run: `start.coarse.CoarseRun._step` from where the unknowns of loops are known."""
 
     def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
         rows, columns = program.pattern

@@ -1,4 +1,4 @@
-"""One step of the coarse run by implicit Euler, in the subset that becomes machine code: see `nominal._Coarse`, whose names stand here."""
+"""One step of the coarse run by implicit Euler, in the subset that becomes machine code: see `start.coarse.CoarseRun`, whose names stand here."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from ....door import Record
-from ...start import nominal
+from ...start import coarse as look
 from .dense import back, eliminate
 from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
@@ -14,8 +14,8 @@ from .stepper import Function
 if TYPE_CHECKING:
     from ....door import Floats, Ints
 
-NEWTON_ITERATIONS = nominal.NEWTON_ITERATIONS
-CLOSE, ROUNDING, SMALLEST_RATIO = nominal.CLOSE, nominal.ROUNDING, nominal.SMALLEST_RATIO
+NEWTON_ITERATIONS = look.NEWTON_ITERATIONS
+CLOSE, ROUNDING, SMALLEST_RATIO = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO
 INFINITE = float("inf")
 
 

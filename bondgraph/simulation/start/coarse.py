@@ -1,0 +1,298 @@
+"""The coarse run of implicit Euler over the whole time, in some 60 steps; L-stable, so what is fast only follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import Eliminated, LoopSolver
+from ..segments import Segment, follower
+from ..steps.factorise import is_large, once, sparse
+from .motion import LARGEST, FreeMotion, along, free_motion
+
+if TYPE_CHECKING:
+    from ..steps.compiled.coarse_run import CompiledCoarse, CompiledEuler
+
+STEPS = 60  # of the coarse run
+MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
+COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
+EXPLODED = 1e3  # times as large within the second half of the way
+CAREFUL = 300  # of these: up to then a step must not overshoot what grows
+AGAIN = 1.25  # times as far as when it was noted last how large all was
+SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
+NEWTON_ITERATIONS = 8
+CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
+ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
+SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves, which is rounding
+SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
+
+
+class Looks(Protocol):
+    """Looks at states on the way; where it sees something, what follows says nothing any more."""
+
+    def look(self, time: float, state: Any, mode: Any) -> object | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A coarse run: the largest magnitudes on the way, those that the beginning tells, shape (n,), and where it gave up."""
+
+    largest: Any
+    beginning: Any
+    stopped: float | None
+
+
+def smallest_angles(program: Program) -> Any:
+    """What an angle or its rate is rounding below, for all states and unknowns; 0 for what has a unit."""
+    units = np.array([*program.states.units, *program.unknowns.units])
+    return np.where(np.isin(units, ["1", "1/s"]), SMALLEST_ANGLE, 0.0)
+
+
+@dataclass(slots=True)
+class Pace:
+    """Where a coarse run is on a stretch, and how it goes on."""
+
+    time: float
+    size: float  # of the next step
+    taken: int  # steps that were tried, on all stretches
+    usual: float
+    smallest: float
+    stop: float
+
+
+class CoarseRun:
+    """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
+
+    def __init__(
+        self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None
+    ) -> None:  # fmt: skip
+        self.constraints = constraints
+        self.program, self.constants, self.inputs = program, constants, inputs
+        self.state, self.largest = np.array(state, dtype=float), np.abs(state)
+        self.stopped: float | None = None  # where it gave up
+        self.beginning = self.largest  # with what the motion would reach that the forces at the start tell
+        self.differential = np.arange(len(state)) < len(program.states.names)
+        self.smallest = smallest_angles(program)
+        self.found = self.state  # by the last step, before it is projected
+        self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
+        self.eliminated = Eliminated(program)
+        self.rows, self.columns = program.pattern
+        kind = sparse if is_large(len(state), len(self.rows)) else once
+        self.shifted = kind(self.rows, self.columns, self.differential)
+        self.compiled = self._compiled()
+
+    def _compiled(self) -> CompiledEuler | None:
+        """The steps in machine code, if the program is that."""
+        if self.program.native is None:
+            return None
+        from ..steps.compiled.coarse_run import CompiledEuler
+        from ..steps.compiled.run import obstacle
+
+        return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
+
+    def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
+        """The largest magnitudes on the way, as far as it gets."""
+        first = stretches[0]
+        reach = self._reach(first)
+        whole, taken = stretches[-1].stop - first.start, 0
+        loop = None if choice else self._loop(reach)
+        for stretch in stretches:
+            length = stretch.stop - stretch.start
+            usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
+            pace = Pace(stretch.start, usual, taken, usual, SMALLEST_STEP * whole, stretch.stop)
+            follows = self._follows(stretch, len(stretches))
+            while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
+                pace.size *= 0.25
+            while pace.time < stretch.stop and pace.taken < MOST_STEPS:
+                if loop is not None:
+                    self._by_itself(loop, pace, first.start, stretch.mode)
+                if not self._further(pace, follows, stretch.mode):
+                    if pace.size < pace.smallest:
+                        return self._given_up(first.start, pace.time)
+                    continue
+                if choice and choice.look(pace.time, self.found, stretch.mode) is not None:
+                    return self.largest
+                if reach is not None:
+                    self.largest = np.maximum(self.largest, reach(self.found))
+                self._note(pace.time - first.start)
+            if pace.time < stretch.stop:
+                return self._given_up(first.start, pace.time)
+            taken = pace.taken
+        return self.largest
+
+    def _reach(self, first: Segment) -> Callable[[Any], Any] | None:
+        """What a free motion from a state reaches, if that can be told; the forces at the start tell the beginning."""
+        fixed, count = (self.inputs, self.constants, first.mode), int(self.differential.sum())
+        if self.differential.all():
+            if len(self.state) > LARGEST:  # a matrix of many is not even formed
+                return None
+            jacobian, basis = self.program.jacobian(first.start, self.state, *fixed), None
+        elif self.constraints is not None and len(self.eliminated.places) == len(self.state) - count:
+            basis = self.constraints.tangents(first.start, self.state, first.mode)
+            jacobian = self._on_constraints(first, basis)
+        else:
+            return None
+        reach = None if jacobian is None else free_motion(jacobian)
+        if jacobian is None or reach is None:
+            return None
+        slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
+        away = reach.rest(jacobian, slope if basis is None else basis.T @ slope)
+        found = along(reach, basis, len(self.state))
+        if away is not None:
+            whole = away if basis is None else np.concatenate([basis @ away, np.zeros(len(self.state) - count)])
+            self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
+        return found
+
+    def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
+        """The loop over steps in machine code, where they are projected on nothing."""
+        if self.compiled is None or self.constraints or not self.differential.all():
+            return None
+        from ..steps.compiled.coarse_run import CompiledCoarse
+
+        assert reach is None or isinstance(reach, FreeMotion)
+        return CompiledCoarse(self.compiled, reach)
+
+    def _by_itself(self, loop: CompiledCoarse, pace: Pace, start: float, mode: Any) -> None:
+        """As many steps as machine code makes; the last one of a stretch, and one that is not found, are left."""
+        while True:
+            before = pace.time
+            note = start + AGAIN * (self.past[-1][0] if self.past else 0.0)
+            self.state, self.largest = loop.go(pace, note, self.state, self.largest, mode)
+            if pace.time < note or pace.time == before or pace.taken >= MOST_STEPS:
+                return
+            self.past.append((pace.time - start, self.largest))
+
+    def _further(self, pace: Pace, follows: Callable[[float, float], bool], mode: Any) -> bool:
+        """One step, if it is found; else the next one will be shorter."""
+        pace.taken += 1
+        if pace.taken == CAREFUL:  # something grows all the time, as the foot of a pulse does: on at the usual pace
+            pace.size = pace.usual
+        if pace.time + 1.001 * pace.size >= pace.stop:
+            pace.size = pace.stop - pace.time
+            if pace.size > pace.smallest and not follows(pace.time, pace.stop):
+                pace.size *= 0.75
+        found = self._sure_step(pace.time, pace.size, mode, pace.taken < CAREFUL)
+        if found is None:
+            pace.size *= 0.25
+            return False
+        pace.time = pace.stop if pace.time + 1.001 * pace.size >= pace.stop else pace.time + pace.size
+        pace.size = min(pace.usual, 2 * pace.size)
+        self.found = found
+        self.state = found if self.constraints is None else self.constraints.project(pace.time, found, mode)
+        self.largest = np.maximum(self.largest, np.abs(found))
+        return True
+
+    def _note(self, far: float) -> None:
+        """How large all was until here."""
+        if far >= AGAIN * (self.past[-1][0] if self.past else 0.0):
+            self.past.append((far, self.largest))
+
+    def _given_up(self, start: float, time: float) -> Any:
+        """The magnitudes where this ends before the run does. What has grown without bound on the second half of the way counts as it was
+        before: tolerances of what a state becomes when it explodes would be none for all that the run reports until then."""
+        self.stopped = time
+        half = [largest for length, largest in self.past if length <= 0.5 * (time - start)]
+        before = half[-1] if half else self.largest
+        return np.where((before > 0) & (self.largest > EXPLODED * before), before, self.largest)
+
+    def _follows(self, stretch: Segment, stretches: int) -> Callable[[float, float], bool]:
+        """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
+        if not 1 < stretches <= STEPS:
+            return lambda start, stop: True
+        return follower(self.program, self.inputs, self.constants, stretch, coarse=COARSE)
+
+    def _on_constraints(self, first: Segment, basis: Any) -> Any:
+        """The Jacobian of the motions that closing joints leave, with their multipliers eliminated; None where those are not determined."""
+        count, size = len(basis), len(self.state)
+        whole = np.zeros((size, size))
+        whole[self.rows, self.columns] = self.eliminated.entries(
+            first.start, self.state, self.inputs, self.constants, first.mode
+        )
+        try:
+            follow = np.linalg.solve(whole[count:, count:], whole[count:, :count])
+        except np.linalg.LinAlgError:
+            return None
+        return basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
+
+    def _sure_step(self, time: float, size: float, mode: Any, careful: bool) -> Any:
+        """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+        found = self._step(self.state, time + size, size, mode)
+        if found is None or not careful:
+            return found
+        grows = self.differential & (np.abs(found) > 1.5 * np.abs(self.state)) & (self.state != 0)
+        if not grows.any():
+            return found
+        middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
+        end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
+        return None if end is None or (np.abs(found) > 1.2 * np.abs(end))[grows].all() else found
+
+    def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
+        """The state at the end of a step; None if it is not found."""
+        program, fixed = self.program, (self.inputs, self.constants, mode)
+        x = begin
+        if len(program.unknowns.names):
+            try:
+                magnitude = np.where(self.largest > 0, self.largest, 1.0)
+                x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
+            except RunFailed:
+                return None
+        if self.compiled is not None:
+            return self.compiled.step(begin, x, self.largest, (time, size), mode)
+        before = np.inf
+        for _ in range(NEWTON_ITERATIONS):
+            slope = self.eliminated.rates(time, x, *fixed)
+            entries = self.eliminated.entries(time, x, *fixed)
+            if not (np.isfinite(slope).all() and np.isfinite(entries).all()):
+                return None
+            moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))
+            scale = self._scale(moved, np.abs(size * entries))
+            unit = np.where(self.differential, scale, 1.0)
+            rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
+            try:
+                step = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows]).solve(rest / unit)
+            except (np.linalg.LinAlgError, RuntimeError, ValueError):
+                return None
+            change = step * scale
+            norm = self._share(x, change, np.abs(size * entries))
+            if not np.isfinite(norm) or norm > 2 * before:
+                return None
+            x = x + change
+            if norm <= CLOSE:
+                return x
+            before = norm
+        return None
+
+    def _share(self, x: Any, change: Any, gain: Any) -> float:
+        """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing.
+
+        Scales of the linear algebra do not serve here: they follow the slopes, which vanish where the iteration ends.
+        """
+        moving = np.zeros(len(x))
+        np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
+        whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
+        whole = np.maximum(whole, self.smallest)
+        return float((np.abs(change) / np.where(whole > 0, whole, 1.0))[self.differential].max(initial=0.0))
+
+    def _scale(self, moved: Any, gain: Any) -> Any:
+        """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.
+
+        A number of its own, however small, would be large in some units and overflow in others.
+        """
+        scale = np.array(moved)
+        for _ in range(len(scale)):
+            still = scale == 0
+            if not still.any():
+                break
+            reached = np.zeros(len(scale))
+            np.maximum.at(reached, self.rows, gain * scale[self.columns])
+            if not reached[still].any():
+                break
+            scale[still] = reached[still]
+        scale[scale == 0] = 1.0
+        return np.maximum(scale, SMALLEST_RATIO * scale.max())
