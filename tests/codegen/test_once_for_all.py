@@ -11,7 +11,7 @@ from types import FrameType
 
 import pytest
 
-from compiler.driver import Compilation
+from compiler.driver import Compilation, check
 from compiler.scene import Scene
 from compiler.source import Source
 from tests.benchmarks import large_models
@@ -57,20 +57,18 @@ def test_other_words_are_another_law() -> None:
 
 
 def test_equal_words_in_another_domain() -> None:
-    """`e = 2*f` means volts beside a capacitor and newtons beside a spring: each domain has a law of its own."""
-    text = """plain model M {
-  Se a : u = 1
-  Se b : F = 1
-  R r : e = 2*f
-  R d : e = 2*f
-  I l : lambda = 1*i
-  I m : p = 1*v
-  1 coil : electric
-  1 body : translation
-  a -> coil -> r, l
-  b -> body -> d, m
-  output x = r.e, y = d.e
+    """What is right beside a coil is wrong beside a mass, and is told there."""
+    text = """model M {
+  Se a : u = 1 V
+  Se b : F = 1 N
+  R r : e = 2 [ohm]*f
+  R d : e = 2 [ohm]*f
+  I l : lambda = 1 mH*i
+  I m : p = 1 kg*v
+  a -> 1(r, l)
+  b -> 1(d, m)
+  output x = r.i, y = d.v
 }"""
-    space = Compilation(Source("two.bg", text), Scene(None, None)).state_space
-    names = {v.name for v in space.variables}
-    assert {"r.i", "d.v"} <= names
+    (found,) = check(Source("two.bg", text))
+    assert (found.code, found.span.line) == ("BG103", 5)
+    assert "`d`" in found.sentence
