@@ -260,9 +260,22 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'bondgraph.door' has no attribute {name!r}")
     module, _, attribute = home.partition(":")
     try:
+        if not _opened:
+            _open()
         return getattr(import_module(f"compiler.{module}"), attribute or name)
     except ModuleNotFoundError as error:
         raise _other_compiler(error) from error
+
+
+_opened: list[bool] = []
+
+
+def _open() -> None:
+    """Give the compiler a place for what is the same for every text."""
+    from . import cache
+
+    import_module("compiler.kept").keep_on(cache)
+    _opened.append(True)
 
 
 def _other_compiler(error: ModuleNotFoundError) -> ImportError:
