@@ -275,7 +275,7 @@ class Builder:
         return tree.Study(self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ())
 
     def listed(self, parts: list[Any]) -> tuple[tree.Given, ...]:
-        return tuple(p for p in parts if not isinstance(p, Token))  # commas: lark shares the list's rule
+        return tuple(p for p in parts if not isinstance(p, Word))  # commas: lark shares the list's rule
 
     drives = wishes = listed
 
@@ -291,7 +291,7 @@ class Builder:
         return tree.Given(self._span([parts[0], value]), parts[0], value=value)
 
     def correlation(self, parts: list[Any]) -> tree.Given:
-        word, first, second, value = (p for p in parts if not isinstance(p, Token) or p.type == "NAME")
+        word, first, second, value = (p for p in parts if not isinstance(p, Word) or p.type == "NAME")
         value = _done(value)
         return tree.Given(self._span([word, value]), first, second, value, word=str(word))
 
