@@ -51,7 +51,10 @@ def apart() -> list[str]:
     """What tells LLVM that memories of different kinds do not overlap (type-based alias analysis)."""
     lines = ['!0 = !{!"memories"}']
     for number, name in enumerate(MEMORIES, 1):
-        lines += [f'!{2 * number - 1} = !{{!"{name}", !0}}', f"!{2 * number} = !{{!{2 * number - 1}, !{2 * number - 1}, i64 0}}"]
+        lines += [
+            f'!{2 * number - 1} = !{{!"{name}", !0}}',
+            f"!{2 * number} = !{{!{2 * number - 1}, !{2 * number - 1}, i64 0}}",
+        ]
     return lines
 
 
