@@ -274,6 +274,58 @@ class Builder:
     def response(self, parts: list[Any]) -> tree.Study:
         return tree.Study(self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ())
 
+    def listed(self, parts: list[Any]) -> tuple[tree.Given, ...]:
+        return tuple(p for p in parts if not isinstance(p, Word))  # commas: lark shares the list's rule
+
+    drives = wishes = listed
+
+    def named(self, parts: list[Any]) -> tree.Given:
+        return tree.Given(parts[0].span, parts[0])
+
+    def drive(self, parts: list[Any]) -> tree.Given:
+        paths = [p for p in parts if isinstance(p, tree.Path)]
+        return tree.Given(self._span(paths), paths[0], paths[1] if len(paths) > 1 else None)
+
+    def wish(self, parts: list[Any]) -> tree.Given:
+        value = _done(parts[1])
+        return tree.Given(self._span([parts[0], value]), parts[0], value=value)
+
+    def correlation(self, parts: list[Any]) -> tree.Given:
+        word, first, second, value = (p for p in parts if not isinstance(p, Word) or p.type == "NAME")
+        value = _done(value)
+        return tree.Given(self._span([word, value]), first, second, value, word=str(word))
+
+    def sought(self, parts: list[Any]) -> tree.Given:
+        return tree.Given(self._span(parts), parts[0], range=parts[1])
+
+    def _analysis(
+        self, role: str, given: Any, wanted: Any = (), span: Any = None, attributes: Any = None
+    ) -> tree.Analysis:
+        given, wanted = given or (), wanted or ()
+        known = [*given, *wanted, *([span] if span is not None else [])]
+        where = self._span([known[0], known[-1]]) if known else Span(self.source, 0, 0)
+        return tree.Analysis(where, role, given, wanted, (), span, attributes or ())
+
+    def linearize(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("linearize", *parts)
+
+    def sensitivity(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("sensitivity", *parts)
+
+    def continuation(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("continue", (parts[0],), (), *parts[1:])
+
+    def inversion(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("invert", *parts)
+
+    def chance(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("montecarlo", self.listed(parts[:-1]), (), None, parts[-1])
+
+    def fit(self, parts: list[Any]) -> tree.Analysis:
+        given = tuple(p for p in parts if isinstance(p, tree.Given))
+        files = tuple(p for p in parts if isinstance(p, tree.Text))
+        return tree.Analysis(self._span([given[0], files[-1]]), "fit", given, (), files, None, parts[-1] or ())
+
     def report(self, parts: list[Any]) -> tree.Report:
         return tree.Report(self._span(parts), tuple(parts))
 
