@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
+from ...algebra.systems import SYSTEMS
 from ...errors import printable
 from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
@@ -108,7 +109,7 @@ class Writer:
             if id(node) in seen or isinstance(node, Number):
                 continue
             seen.add(id(node))
-            vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
+            vector = isinstance(node, Apply) and node.operator in SYSTEMS  # only its items are numbers
             if not vector and not bits[id(node)] & changing:
                 found[node] = None
                 continue
