@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,7 +14,7 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments import Segment, follower
-from ..steps.factorise import is_large, once, sparse
+from ..steps.factorise import Shifted, is_large, once, sparse
 from .motion import LARGEST, FreeMotion, along, free_motion
 
 if TYPE_CHECKING:
@@ -83,9 +84,13 @@ class CoarseRun:
         self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        kind = sparse if is_large(len(state), len(self.rows)) else once
-        self.shifted = kind(self.rows, self.columns, self.differential)
         self.compiled = self._compiled()
+
+    @cached_property
+    def shifted(self) -> Shifted:
+        """The linear systems of steps that are not made in machine code."""
+        kind = sparse if is_large(len(self.state), len(self.rows)) else once
+        return kind(self.rows, self.columns, self.differential)
 
     def _compiled(self) -> CompiledEuler | None:
         """The steps in machine code, if the program is that."""
