@@ -232,15 +232,23 @@ class Reduced:
         """All states from the free coordinates."""
         return self.directions @ amplitudes if self.tied else amplitudes
 
-    def through(self, slopes: Any) -> tuple[Any, Any]:
-        """From columns of states, unknowns and `by` to columns of free coordinates, and of `by`."""
+    def by_states(self, slopes: Any) -> tuple[Any, Any]:
+        """From columns of states, unknowns and `by` to columns of all states, each by itself, and of `by`."""
         n, (m, width) = len(self.directions), self.unknowns.shape
         whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
         whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
-        states = whole[:, :n]
+        return whole[:, :n], whole[:, n:width]
+
+    def through(self, slopes: Any) -> tuple[Any, Any]:
+        """From columns of states, unknowns and `by` to columns of free coordinates, and of `by`."""
+        states, moved = self.by_states(slopes)
         if not self.tied:
-            return states, whole[:, n:width]
-        return states @ self.directions, states @ self.following + whole[:, n:width]
+            return states, moved
+        return states @ self.directions, states @ self.following + moved
+
+    def held(self, moved: Any) -> Any:
+        """How states (n, k) follow `by`, with what is tied as the free ones say."""
+        return self.directions @ moved[self.chosen] + self.following if self.tied else moved
 
 
 def _reduced(point: OperatingPoint) -> Reduced:

@@ -4,6 +4,9 @@ With S = dx/dp the states' derivatives follow S' = f_x S + f_p (forward sensitiv
 the exact slopes of the compiled equations; unknowns of loops are eliminated. States and S are one system for Radau IIA of order 5
 (`scipy.integrate`), whose Newton matrix has f_x on its diagonal blocks: what S adds beside them costs an iteration and no accuracy. Where a
 jump of the right side moves with a parameter, S jumps by (f before - f after) times the slope of the instant.
+
+Closing joints tie states: with their multipliers eliminated f is defined for all states and keeps what the joints tie, and so S keeps its
+derivative, g_x S + g_p = 0, which it has at the start; rounding of the integration is put right at each instant that is reported.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 SCHEMA = "bondgraph-run-sensitivity/1"
 RTOL = 1e-8
 SAME_INSTANT = 1e-12  # relative
+TIED = 1e-9  # of the slopes at a start: what closing joints leave as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +122,6 @@ class Flow:
             raise UsageError(
                 "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them"
             )
-        if program.invariants.names:
-            raise UsageError("closing joints tie states to each other: no sensitivities of runs are made of them")
         if made.facts.claims:
             raise UsageError("starts that are given to what is computed: no sensitivities of runs are made of them")
         self.made, self.asked, self.instants, self.rtol, self.values = made, asked, instants, rtol, values
@@ -143,13 +145,13 @@ class Flow:
     def rates(self, time: float, y: Array) -> Array:
         """Of states, then of S row by row."""
         point = self.point(y[: self.n], time)
-        A, B = point.reduced.through(point.rate_slopes(range(self.n)))
+        A, B = point.reduced.by_states(point.rate_slopes(range(self.n)))
         return np.concatenate([point.rates, (A @ y[self.n :].reshape(self.n, self.k) + B).ravel()])
 
     def jacobian(self, time: float, y: Array) -> Array:
         """Its blocks on the diagonal."""
         point = self.point(y[: self.n], time)
-        A, _ = point.reduced.through(point.rate_slopes(range(self.n)))
+        A, _ = point.reduced.by_states(point.rate_slopes(range(self.n)))
         whole = np.zeros((len(y), len(y)))
         whole[: self.n, : self.n] = A
         whole[self.n :, self.n :] = np.kron(A, np.eye(self.k))
@@ -160,9 +162,30 @@ class Flow:
         state = self.leg.state
         if self.made.plan.equilibrium:
             point = self.point(state, self.begins)
-            A, B = point.reduced.through(point.rate_slopes(range(self.n)))
-            return np.asarray(balanced_step(A, B)[0])
-        return self._slopes_of("starts", self.made.compilation.lowered.starts[: self.n])
+            reduced = point.reduced
+            A, B = reduced.through(point.rate_slopes(reduced.chosen))
+            moved = np.asarray(balanced_step(A, B)[0])
+            return reduced.directions @ moved + reduced.following if reduced.tied else moved
+        return self._assembled(self._slopes_of("starts", self.made.compilation.lowered.starts[: self.n]))
+
+    def _assembled(self, moved: Array) -> Array:
+        """S at a start that closing joints have a say in: what was said of a state holds, the others follow, if there is one way for them."""
+        reduced = self.point(self.leg.state, self.begins).reduced
+        if not reduced.tied:
+            return moved
+        given = np.array([s.given for s in self.made.compilation.state_space.states], dtype=bool)
+        missed = moved - reduced.held(moved)
+        size = np.abs(moved).max(initial=0.0) + np.abs(reduced.following).max(initial=0.0)
+        if np.abs(missed).max(initial=0.0) <= TIED * size:
+            return moved
+        ways = reduced.directions[given]  # how what was said moves with the free coordinates
+        if np.linalg.matrix_rank(ways) < ways.shape[1]:
+            raise UsageError(
+                "parameters move where a loop is closed at the start, and the model does not say which of its coordinates stay: "
+                "give starts to as many as are free"
+            )
+        free, *_ = np.linalg.lstsq(ways, moved[given] - reduced.following[given], rcond=None)
+        return np.asarray(reduced.directions @ free + reduced.following)
 
     def _slopes_of(self, word: str, roots: Sequence[Any]) -> Array:
         """Of expressions of parameters alone, (len(roots), k)."""
@@ -247,7 +270,11 @@ class Flow:
         return np.concatenate([y[: self.n], y[self.n :] + np.outer(before - after, way).ravel()])
 
     def _seen(self, time: float, y: Array) -> tuple[Array, Array]:
-        point = self.point(y[: self.n], time)
-        space = point.compilation.state_space
-        C, D = point.of_states(list(space.outputs.values()))
-        return point.outputs, C @ y[self.n :].reshape(self.n, self.k) + D
+        constraints = self.leg.constraints
+        state = np.concatenate([y[: self.n], self.unknowns])
+        if constraints:
+            state = constraints.project(time, state, self.mode)
+        point = self.point(state, time)
+        outputs = list(point.compilation.state_space.outputs.values())
+        C, D = point.reduced.by_states(point.slopes(outputs))
+        return point.outputs, C @ point.reduced.held(y[self.n :].reshape(self.n, self.k)) + D

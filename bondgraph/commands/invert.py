@@ -50,6 +50,10 @@ def command(
         (plot, PICTURES, "--plot"),
     )
     check_targets(*written)
+    if to is None and setpoints is None:
+        for path, _, option in written:
+            if path is not None:
+                raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
     model, most = asked.model, dict(map(setting, limits))
     if setpoints is not None:
         found: Any = model.invert_file(

@@ -113,7 +113,7 @@ class Analysed(Compiled):
         to: str | float | None = None, points: int = 101, outputs: tuple[str, ...] | None = None, rtol: float = 1e-8,
     ) -> RunSensitivity:  # fmt: skip
         """Derivatives of a run's outputs at all instants by parameters or inputs, integrated beside the states (no differences). Steps whose
-        instants move with a parameter count. Raises as `simulate`, and `UsageError` for events, delays and closing joints."""
+        instants move with a parameter count. Raises as `simulate`, and `UsageError` for events and delays."""
         from ..analysis.run_sensitivity import run_sensitivity
 
         return run_sensitivity(

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph import UsageError
 from bondgraph.commands import commands
+from tests.compiling import MODELS
 
 DECAY = """
 model Decay {
@@ -47,6 +48,22 @@ model Loop {
   output u = store.u, i = first.i
 }
 """
+
+
+def test_a_loop_of_hinges() -> None:
+    """Of a four-bar by a length that moves where the loop is drawn: against runs beside each other."""
+    model, step, outputs = bondgraph.load(MODELS / "four_bar.bg"), 1e-5, ("swing", "load_x")
+    found = model.sensitivity_of_run("crank", to=0.01, points=3, outputs=outputs)
+    value = model.parameters["crank"].value
+    beside = [
+        model.simulate(
+            settings={"crank": value + sign * step}, to=0.01, points=3, rtol=1e-11, outputs=outputs, target="numpy"
+        )
+        for sign in (1, -1)
+    ]
+    for output in outputs:
+        wanted = (beside[0][output] - beside[1][output]) / (2 * step)
+        assert found.of(output, "crank") == pytest.approx(wanted, rel=1e-5, abs=1e-6 * np.abs(wanted).max())
 
 
 def test_a_charge_that_is_switched_on() -> None:
