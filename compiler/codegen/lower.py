@@ -121,7 +121,7 @@ class Lowered:
             raise ValueError(leaf.role)
         variable = self.space.variables[self.parameters[leaf.position]]
         if variable.value is None:
-            raise ValuesNeeded([variable.name])
+            raise ValuesNeeded({variable.name: f"the range of a table, which reads `{variable.name}`"})
         return variable.value
 
     _bits: dict[Expression, int] = field(default_factory=dict)
