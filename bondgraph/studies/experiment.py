@@ -11,7 +11,7 @@ from ..analysis.outcome import Outcome, Point
 from ..door import Varying
 from ..simulation.run import Wanted
 from .asked import Settings, Whole, why
-from .sharing import Sharing, answers
+from .sharing import Question, Sharing, answers
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -47,7 +47,7 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
     return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown)
 
 
-def made(model: Model, asked: Whole, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
+def made(model: Model, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
     """The points of a grid; those that failed say why. Raises what went wrong in the first if it went wrong in all."""
     found: list[Any] = answers(model, asked, grid, sharing)
     problems = [x for x in found if isinstance(x, Exception)]

@@ -94,7 +94,7 @@ def _one(found: Section, path: Path) -> tuple[list[Any] | None, Any]:
         found.say(f"{path.stem} has no run of its own.")
         return None, None
     floor = max(difference(near, reference), 4e-16)
-    if "Radau" not in reference.solver and "DOP" not in reference.solver:
+    if "Radau" not in reference.solver and "Dormand" not in reference.solver:
         return [reference.solver, "", "", floor, *[""] * len(TOLERANCES)], None
     errors = np.array([difference(_run(model, t), reference) for t in TOLERANCES])
     counted = errors > max(ROUNDINGS * 2e-16, 10 * floor)

@@ -48,6 +48,9 @@ P = np.array(
 D = P @ np.array([1.0, 2.0, 3.0])
 INNER = tuple(C[:-1].tolist())  # places of a step where the limits of a model are looked at
 NEWTON_ITERATIONS = 6
+FIRST = 1e-2  # of what other iterations may leave: one that begins without a guess tells too little of how it converges
+SLOWEST = 0.9  # contraction of a single number of the stages by an iteration: what is slower counts as that
+CREEPING = 0.5  # and what is faster needs no look of its own
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 # A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
 # its start than a share of it; but not again and again.
@@ -57,6 +60,25 @@ CLOSE, ROUNDS = 1e-9, 12  # of a step, to which a bend is found, and tries to fi
 BEYOND = 1e-6  # of a step that ends at a bend: so far behind its end the other side is looked at
 STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps that are so much shorter must have helped
 PATIENT = 3  # rejected tries after which steps get shorter at once
+LOOSE = 1e-6  # a relative tolerance above which the estimate is held to less than it
+
+
+def allowed_estimate(relative: float) -> float:
+    """How many times a tolerance the estimate may be.
+
+    Steps go as the fourth root of the estimate and the error as their fifth power: for an error that follows the tolerance, tolerance^(4/5) is asked of
+    the estimate where that is less (Hairer and Wanner, section IV.8, take the power 2/3 throughout)."""
+    return 1.0 if relative <= LOOSE else float((relative / LOOSE) ** -0.2)
+
+
+def newton_tolerance(relative: float, share: float = 1.0) -> float:
+    """What an iteration may leave, in parts of a tolerance; or a share of that."""
+    return float(max(10 * np.finfo(float).eps / relative, share * min(0.03, relative**0.5)))
+
+
+def creeping_tolerance(relative: float) -> float:
+    """The same of a single number of the stages: more, as one alone shows what rounding leaves."""
+    return max(newton_tolerance(relative), float(100 * np.finfo(float).eps / relative))
 
 
 class Factorised(Protocol):
@@ -115,9 +137,10 @@ class Radau:
         self.error: Any = np.zeros(len(state))  # of the last step, in units of its tolerance
         self._rate = self._function(time, state)
         self._size = size if np.isfinite(size) else self._first_size()
-        self._newton_tolerance = max(
-            10 * np.finfo(float).eps / problem.relative, min(0.03, problem.relative**0.5)
-        )  # fmt: skip
+        self._newton_tolerance = newton_tolerance(problem.relative)
+        self._first_newton_tolerance = newton_tolerance(problem.relative, FIRST)
+        self._creeping_tolerance = creeping_tolerance(problem.relative)
+        self._allowed = allowed_estimate(problem.relative)
         self._jacobian: Any = None
         self._explicit = bool(np.all(problem.differential))  # no unknowns of loops
         self._current = False  # whether the Jacobian is that of this state
@@ -332,6 +355,7 @@ class Radau:
         f = np.empty_like(stages)
         m_real, m_complex = MU_REAL / size * m, MU_COMPLEX / size * m
         last, rate = None, 0.0
+        before: Any = None
         for iteration in range(NEWTON_ITERATIONS):
             for i in range(3):
                 f[i] = self._function(time + size * C[i], state + stages[i])
@@ -341,7 +365,8 @@ class Radau:
             change[0] = self._real.solve(TI_REAL @ f - m_real * w[0])
             both = self._complex.solve(TI_COMPLEX @ f - m_complex * (w[1] + 1j * w[2]))
             change[1], change[2] = both.real, both.imag
-            norm = _norm(change / scale)
+            share = np.abs(change / scale)
+            norm = _norm(share)
             if not np.isfinite(norm):
                 return None
             if last:
@@ -351,16 +376,19 @@ class Radau:
                     return None
             w += change
             stages = T @ w
-            if norm == 0 or (last and rate / (1 - rate) * norm < self._newton_tolerance):
+            first = self._last_size == 0 and iteration + 1 < NEWTON_ITERATIONS
+            asked = self._first_newton_tolerance if first else self._newton_tolerance
+            creeps = bool(last) and _left(share, before) >= self._creeping_tolerance
+            if norm == 0 or (last and rate / (1 - rate) * norm < asked and not creeps):
                 return stages, iteration + 1, rate
-            last = norm
+            last, before = norm, share
         return None
 
     def _estimate(self, time: float, state: Any, size: float, stages: Any, new: Any, rejected: bool) -> Any:
         """The error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
         assert self._real is not None
         problem = self.problem
-        scale = problem.absolute + np.maximum(np.abs(state), np.abs(new)) * problem.relative
+        scale = self._allowed * (problem.absolute + np.maximum(np.abs(state), np.abs(new)) * problem.relative)
         rest = np.where(problem.differential, E @ stages / size, 0.0)
         error = self._real.solve(self._rate + rest)
         if _norm(error / scale) > 1 and (rejected or self._stages is None or self._last_size == 0):
@@ -402,6 +430,13 @@ class Radau:
 
 def _norm(x: Any) -> float:
     return float(np.linalg.norm(x) / max(1, x.size) ** 0.5)
+
+
+def _left(share: Any, before: Any) -> float:
+    """The most that further iterations would change a single number: a Jacobian that is far too steep for one of them lets it creep, which hides beside
+    large changes of the others. The last changes in units of the tolerance, and those before."""
+    rate = np.minimum(share / np.where(before > 0, before, np.inf), SLOWEST)
+    return float(np.where(rate > CREEPING, share * rate / (1 - rate), 0.0).max(initial=0.0))
 
 
 def _false_position(function: Callable[[float], Any], item: Any, a: float, b: float, at_a: float, at_b: float) -> float:

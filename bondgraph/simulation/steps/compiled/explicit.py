@@ -12,16 +12,18 @@ from math import isfinite, pow, sqrt, ulp
 from typing import TYPE_CHECKING
 
 from .. import pair
+from .along import first_bend_of_pair
 from .step import ERROR, ROUND_OFF, follows, is_stubborn, put_end, rates, renew
 from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ....door import Floats
 
-C, STARTS, FROM, A, E5, E3, D = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5, pair.E3, pair.D
-STAGES, ALL_STAGES = pair.STAGES, pair.ALL_STAGES
+C, STARTS, FROM, A, E5, E3 = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5, pair.E3
+STAGES = pair.STAGES
 SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = pair.SEEN, pair.UNSEEN, pair.LOOKS, pair.BETWEEN, pair.THROUGH
 CAREFUL = pair.CAREFUL
+NEAREST, MOST_BENDS = pair.NEAREST, pair.MOST_BENDS
 SHORTEST, LONGEST, SAFETY = pair.SHORTEST, pair.LONGEST, pair.SAFETY
 STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = pair.STABLE, pair.SELDOM, pair.LOOK_AGAIN, pair.ITERATIONS
 
@@ -36,6 +38,8 @@ def explicit_step(s: Stepper) -> int:
     if s.fastest > 0.0:
         size = min(size, STABLE / s.fastest)
     rejected = 0
+    bent = 0
+    share = 1.0
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
     while size > 2.0 * least and not follows(s, s.time, s.time + size, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH):
@@ -51,6 +55,12 @@ def explicit_step(s: Stepper) -> int:
             evaluate_stage(s, stage, size)
         combine(s, STAGES, size, s.new)
         norm = norm_of_pair(s, size)
+        if s.bend_count > 0 and bent < MOST_BENDS and isfinite(norm):
+            share = first_bend_of_pair(s, size)
+            if share < 1.0:
+                bent += 1
+                size *= share
+                continue
         if norm <= 1.0:
             break
         rejected += 1
@@ -60,6 +70,8 @@ def explicit_step(s: Stepper) -> int:
     grown = LONGEST if norm == 0.0 else max(SHORTEST, min(LONGEST, SAFETY * pow(norm, -0.125)))
     put_explicit_end(s, end, size)
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
+    if bent > 0:
+        s.size = max(s.size, size / max(share, NEAREST))
     if s.size * s.fastest > STABLE:
         s.held_by_stability += 1
         s.free_steps = 0
@@ -173,48 +185,3 @@ def norm_of_pair(s: Stepper, size: float) -> float:
     if fifth == 0.0 and third == 0.0:
         return 0.0
     return CAREFUL * fifth / sqrt((fifth + 0.01 * third) * float(n))
-
-
-def densify(s: Stepper) -> None:
-    """The polynomial of the last step, from three more slopes."""
-    n = s.n
-    before = (s.ends - 2) * n
-    size = s.end_time[s.ends - 1] - s.end_time[s.ends - 2]
-    for stage in range(STAGES + 1, ALL_STAGES):
-        for i in range(n):
-            s.rest[i] = 0.0
-        for k in range(STARTS[stage], STARTS[stage + 1]):
-            for i in range(n):
-                s.rest[i] += A[k] * s.slope[FROM[k] * n + i]
-        for i in range(n):
-            s.rest[i] = s.end_state[before + i] + size * s.rest[i]
-        rates(s, s.end_time[s.ends - 2] + C[stage] * size, s.rest, s.slope[stage * n :])
-    for i in range(n):
-        change = s.end_state[before + n + i] - s.end_state[before + i]
-        s.dense[i] = change
-        s.dense[n + i] = size * s.slope[i] - change
-        s.dense[2 * n + i] = 2.0 * change - size * (s.slope[STAGES * n + i] + s.slope[i])
-        for row in range(4):
-            total = 0.0
-            for stage in range(ALL_STAGES):
-                total += D[row * ALL_STAGES + stage] * s.slope[stage * n + i]
-            s.dense[(3 + row) * n + i] = size * total
-    s.dense_known = 1
-
-
-def polynomial(s: Stepper, time: float, out: Floats) -> None:
-    """The scaled states within the last step."""
-    if s.dense_known == 0:
-        densify(s)
-    n = s.n
-    before = s.ends - 2
-    at = (time - s.end_time[before]) / (s.end_time[before + 1] - s.end_time[before])
-    back = 1.0 - at
-    for i in range(n):
-        value = at * s.dense[6 * n + i] + s.dense[5 * n + i]
-        value = back * value + s.dense[4 * n + i]
-        value = at * value + s.dense[3 * n + i]
-        value = back * value + s.dense[2 * n + i]
-        value = at * value + s.dense[n + i]
-        value = back * value + s.dense[i]
-        out[i] = s.end_state[before * n + i] + at * value

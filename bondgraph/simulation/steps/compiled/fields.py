@@ -14,7 +14,7 @@ from ...watch.choice import WORST
 from .. import pair
 from ..factorise import is_large
 from ..methods import ENERGY, RADAU
-from ..radau import STUBBORN
+from ..radau import FIRST, STUBBORN, allowed_estimate, creeping_tolerance, newton_tolerance
 from .factors import ComplexFactors, Factors, room_for
 
 if TYPE_CHECKING:
@@ -58,12 +58,13 @@ def fields_at(
     values: dict[str, Any] = {
         "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
-        "bends": program.bends, "bend_count": bends, "bend_seen": room(5 * bends), "bend_side": room(bends),
+        "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
         "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential, "method": method,
         "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
         "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
-        "newton_tolerance": max(10 * np.finfo(float).eps / relative, min(0.03, relative**0.5)),
+        "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
+        "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
         "node_time": known.times, "node_value": known.values.ravel(), "signal_nodes": len(known.times), "node_next": 0,
         "steady": int(len(known.values) > 0 and not np.ptp(known.values, axis=0).any()),
         "signal_count": len(allowed), "allowed": allowed, "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(allowed)), "earliest": earliest, "latest": latest,
@@ -74,7 +75,8 @@ def fields_at(
         "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if method == ENERGY else order), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
-        "change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n), "norms": room(STUBBORN), "sizes": room(STUBBORN),
+        "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n),
+        "norms": room(STUBBORN), "sizes": room(STUBBORN),
         "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
         "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),
         "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),

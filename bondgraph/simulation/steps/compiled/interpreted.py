@@ -17,8 +17,8 @@ from .. import pair
 from ..methods import ENERGY
 from ..radau import StepFailed
 from .advance import begin, one_step
+from .along import densify
 from .conserving import sample_step
-from .explicit import densify
 from .fields import fields_at
 from .holding import Held
 from .run import FAILURES

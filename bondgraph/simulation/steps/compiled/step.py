@@ -20,6 +20,7 @@ C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
+SLOWEST, CREEPING = radau.SLOWEST, radau.CREEPING
 SHORTER = radau.SHORTER
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
@@ -324,10 +325,16 @@ def newton(s: Stepper, size: float) -> int:
         solve_real(s, s.change)
         solve_complex(s, s.change[n:], s.change[2 * n :])
         norm = 0.0
+        creeping = 0.0
         for i in range(3):
             for k in range(n):
-                part = s.change[i * n + k] / s.scale[k]
+                part = abs(s.change[i * n + k] / s.scale[k])
                 norm += part * part
+                before = s.last_change[i * n + k]
+                rate = min(part / before, SLOWEST) if before > 0.0 else 0.0
+                if rate > CREEPING:
+                    creeping = max(creeping, part * rate / (1.0 - rate))
+                s.last_change[i * n + k] = part
         norm = sqrt(norm) / sqrt(3.0 * float(n))
         if not isfinite(norm):
             return 0
@@ -343,7 +350,10 @@ def newton(s: Stepper, size: float) -> int:
         for i in range(3):
             for k in range(n):
                 s.z[i * n + k] = T[3 * i] * s.w[k] + T[3 * i + 1] * s.w[n + k] + T[3 * i + 2] * s.w[2 * n + k]
-        if norm == 0.0 or (last > 0.0 and s.contraction / (1.0 - s.contraction) * norm < s.newton_tolerance):
+        first = s.last_size == 0.0 and iteration + 1 < NEWTON_ITERATIONS
+        asked = s.first_newton_tolerance if first else s.newton_tolerance
+        left = s.contraction / (1.0 - s.contraction) * norm
+        if norm == 0.0 or (last > 0.0 and left < asked and creeping < s.creeping_tolerance):
             return iteration + 1
         last = norm
     return 0
@@ -368,7 +378,9 @@ def estimate(s: Stepper, size: float, rejected: bool) -> float:
         solve_real(s, s.error)
         norm = share(s)
     for i in range(n):
-        s.error[i] = s.error[i] / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
+        s.error[i] = s.error[i] / (
+            s.allowed_estimate * (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
+        )
     return norm
 
 
@@ -376,7 +388,7 @@ def share(s: Stepper) -> float:
     """The norm of the error in units of the tolerance."""
     total = 0.0
     for i in range(s.n):
-        part = s.error[i] / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
+        part = s.error[i] / (s.allowed_estimate * (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative))
         total += part * part
     return sqrt(total) / sqrt(float(s.n))
 

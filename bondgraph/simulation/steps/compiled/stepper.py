@@ -48,6 +48,9 @@ class Stepper(Record):
     held: Ints  # n: 1 where they do not grow
     peak: Floats  # n
     newton_tolerance: float
+    first_newton_tolerance: float
+    creeping_tolerance: float
+    allowed_estimate: float  # of Radau, in units of the tolerance
     # what a step must see
     signal_count: int
     allowed: Floats  # signal_count
@@ -62,7 +65,7 @@ class Stepper(Record):
     longest: float
     # bends of laws
     bend_count: int
-    bend_seen: Floats  # 5 bend_count: where a step begins, at its stages, and room
+    bend_seen: Floats  # 6 bend_count: at places of a step, and room
     bend_side: Floats  # bend_count: on which side of all bends the Jacobian was taken
     # where it stands
     time: float
@@ -114,6 +117,7 @@ class Stepper(Record):
     w: Floats  # 3 n
     f: Floats  # 3 n
     change: Floats  # 3 n
+    last_change: Floats  # 3 n: its size in the last iteration, in units of the tolerance
     scale: Floats  # n
     new: Floats  # n
     error: Floats  # n: of the last step, in units of its tolerance

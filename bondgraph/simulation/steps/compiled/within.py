@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from .. import pair, radau
 from ..methods import ENERGY, EXPLICIT, RADAU
+from .along import polynomial
 from .conserving import sample_step, within_step
-from .explicit import polynomial
 from .holding import hold
 from .stepper import Stepper
 

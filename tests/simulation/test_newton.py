@@ -1,0 +1,48 @@
+"""What Newton's iteration within a step of Radau must not leave, and how tight the estimate is held."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.simulation.steps.factorise import dense
+from bondgraph.simulation.steps.radau import LOOSE, Problem, Radau, StepFailed, allowed_estimate
+from tests.compiling import MODELS
+
+
+def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
+    """The Jacobian holds one state back as if its law were 1e5 times as steep; it stands still beside another that moves by 100."""
+    places = np.array([0, 1])
+
+    def rates(time: float, state: np.ndarray) -> np.ndarray:
+        return np.array([100.0, 1.0])
+
+    def steep(time: float, state: np.ndarray) -> np.ndarray:
+        return np.array([-3.0, -1e5])
+
+    shifted = dense(places, places, np.array([True, True]))
+    absolute = np.array([1e-3, 1e-3])
+    problem = Problem(rates, steep, shifted, np.array([True, True]), 1e-3, absolute, lambda start, end: True)
+    solver = Radau(problem, 0.0, np.zeros(2), 1.0, 0.1)
+    try:
+        for _ in range(5):
+            solver.step()
+    except StepFailed:
+        pass
+    assert solver.state[1] == pytest.approx(solver.time, abs=2e-3)
+
+
+def test_loose_tolerances_ask_more_of_the_estimate() -> None:
+    """error ~ estimate^(5/4): the fourth of five powers of ten at 1e-1 below, none at tight tolerances."""
+    assert allowed_estimate(LOOSE) == allowed_estimate(1e-12) == 1.0
+    assert allowed_estimate(1e5 * LOOSE) == pytest.approx(0.1)
+
+
+def test_a_first_step_errs_no_more_than_others() -> None:
+    """A slider-crank: what its first step lost, its phase kept; at 1e-4 and 1e-5 the force erred by 66 and 38 tolerances."""
+    model = bondgraph.load(MODELS / "crank_linkage.bg")
+    exact = model.simulate(rtol=1e-9, points=41)
+    for rtol in (1e-4, 1e-5):
+        found = model.simulate(rtol=rtol, points=41)
+        assert np.abs(found["force"] - exact["force"]).max() < 10 * rtol * np.abs(exact["force"]).max()
