@@ -15,6 +15,7 @@ from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments import Segment, follower
 from ..steps.factorise import Shifted, is_large, once, sparse
+from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ class CoarseRun:
         self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
+        self.keeping, self.kept = keeps_factors(program), KeptFactors()
         self.compiled = self._compiled()
 
     @cached_property
@@ -249,6 +251,11 @@ class CoarseRun:
                 return None
         if self.compiled is not None:
             return self.compiled.step(begin, x, self.largest, (time, size), mode)
+        if self.keeping:
+            found = self.kept.step(begin, size, lambda y: self.eliminated.rates(time, y, *fixed), self._share, CLOSE)
+            if found is not None:
+                return found
+            self.kept.size = 0.0
         before = np.inf
         for _ in range(NEWTON_ITERATIONS):
             slope = self.eliminated.rates(time, x, *fixed)
@@ -260,7 +267,10 @@ class CoarseRun:
             unit = np.where(self.differential, scale, 1.0)
             rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
             try:
-                step = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows]).solve(rest / unit)
+                factors = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
+                if self.keeping:
+                    self.kept.keep(size, factors, scale, entries)
+                step = factors.solve(rest / unit)
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
             change = step * scale

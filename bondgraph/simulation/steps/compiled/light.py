@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+ENTRIES = 5  # in a row, on the average: a tree has 3, its diagonal counted twice 4
 MOST = 6  # neighbours of a node when its turn comes; beyond that a library is quicker
 DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
 
@@ -25,6 +26,8 @@ class Factors(NamedTuple):
 def light_factors(rows: Any, columns: Any, values: Any, count: int) -> Factors | None:
     """The factors of the matrix with these entries, which are added where they fall together, with all pivots on its diagonal; None if
     it fills, or has a pivot that is small beside its column."""
+    if len(rows) > ENTRIES * count:
+        return None
     matrix = _scaled(rows, columns, values, count)
     if matrix is None:
         return None
