@@ -10,7 +10,17 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-NAMES = ("work_precision", "targets", "native", "fourbars", "large_models", "large_files", "state_equations", "pages")
+NAMES = (
+    "work_precision",
+    "targets",
+    "native",
+    "fourbars",
+    "large_models",
+    "large_files",
+    "state_equations",
+    "pages",
+    "tolerances",
+)
 WITH_PARTS = ("targets", "work_precision")
 
 
