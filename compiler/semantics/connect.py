@@ -184,12 +184,13 @@ class Connector:
             return self._nest_place(scope, place)
         entry = self._entry(scope, place)
         steps = list(place.steps)
-        name = place.head
+        first = True
         own_wall = _is_wall(entry)
         while steps:
             step = steps[0]
             if isinstance(step, tree.Index):
                 if not isinstance(entry, Array):
+                    name = place.head if first else place.words
                     raise Wrong(WrongType(place.span, f"No index after `{name}`", "one", "It is no array."))
                 index = self.elaborator.index_of(step, scope)
                 assert index is not None
@@ -208,6 +209,7 @@ class Connector:
                 if isinstance(inner, Broken):
                     raise AlreadyTold
                 if inner is None or not _is_wall(inner):
+                    name = place.head if first else place.words
                     walls = _walls(entry)
                     hint = suggestion(
                         step.name,
@@ -219,6 +221,7 @@ class Connector:
             elif hasattr(entry, "parts"):
                 inner_part = entry.parts.entries.get(step.name)
                 if inner_part is None:
+                    name = place.head if first else place.words
                     hint = suggestion(step.name, list(entry.parts.entries))
                     raise Wrong(UnknownName(place.span, step.name, f"the mechanism `{name}`", hint))
                 entry = inner_part
@@ -226,7 +229,7 @@ class Connector:
                 break
             if isinstance(entry, Broken):
                 raise AlreadyTold
-            name = place.words
+            first = False
             steps.pop(0)
         component = None
         if steps:

@@ -72,8 +72,13 @@ class Path(Expression):
             if isinstance(step, Member):
                 text += f".{step.name}"
             else:
-                text += f"[{','.join(''.join(i.span.words.split()) for i in step.items)}]"
+                text += f"[{','.join([_without_spaces(i.span) for i in step.items])}]"
         return text
+
+
+def _without_spaces(span: Span) -> str:
+    text = span.text
+    return text if text.isalnum() else "".join(span.words.split())
 
 
 @dataclass(frozen=True, slots=True)
