@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
+    from compiler.chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
     from compiler.codegen.cost import Cost, cost
     from compiler.codegen.limits import Leaf
     from compiler.codegen.llvm.described import Described, bind
@@ -52,7 +53,23 @@ if TYPE_CHECKING:
     from compiler.native.translate import translate
     from compiler.reduction.order import blocks
     from compiler.reduction.state_space import LinearLoop, StateSpace, Unknown
-    from compiler.scene import SOLVERS, Facts, Override, Plan, Reported, Scene, Study
+    from compiler.scene import (
+        SOLVERS,
+        Analysis,
+        Differentiating,
+        Drawn,
+        Facts,
+        Fitting,
+        Following,
+        Inverting,
+        Linearizing,
+        Override,
+        Plan,
+        Reported,
+        Scene,
+        Study,
+        Varying,
+    )
     from compiler.semantics.domain_table import ELEMENT_KINDS
     from compiler.semantics.errors import Unsupported
     from compiler.semantics.scales import scale_of
@@ -111,16 +128,21 @@ _HOMES = {
     "Leaf": "codegen.limits",
     "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lower",
     "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",
+    "Analysis": "scene", "Differentiating": "scene", "Drawn": "scene", "Fitting": "scene", "Following": "scene", "Inverting": "scene",
+    "Linearizing": "scene", "Varying": "scene", "DISTRIBUTIONS": "chance", "SPREAD": "chance", "fault": "chance", "kinds_told": "chance",
 }  # fmt: skip
 
 __all__ = [
     "BUNDLES",
+    "DISTRIBUTIONS",
     "DOMAINS",
     "ELEMENT_KINDS",
     "INTS",
     "RESERVED",
     "SECOND",
     "SOLVERS",
+    "SPREAD",
+    "Analysis",
     "Apply",
     "Assignment",
     "Because",
@@ -135,6 +157,8 @@ __all__ = [
     "Dependence",
     "Described",
     "Diagnostic",
+    "Differentiating",
+    "Drawn",
     "Element",
     "EquationSystem",
     "EventNote",
@@ -143,18 +167,22 @@ __all__ = [
     "Expression",
     "Facts",
     "Fields",
+    "Fitting",
     "Floats",
+    "Following",
     "GraphNode",
     "Handed",
     "Hybrid",
     "InternalError",
     "Ints",
+    "Inverting",
     "Joint",
     "Junction",
     "Kind",
     "Leaf",
     "LimitNote",
     "LinearLoop",
+    "Linearizing",
     "Literal",
     "Lowered",
     "MachineCode",
@@ -185,6 +213,7 @@ __all__ = [
     "Unknown",
     "Unsupported",
     "ValuesNeeded",
+    "Varying",
     "affine_parts",
     "bind",
     "blocks",
@@ -198,8 +227,10 @@ __all__ = [
     "derivative",
     "evaluate",
     "examine",
+    "fault",
     "format_text",
     "freedoms_of",
+    "kinds_told",
     "native_available",
     "number_text",
     "object_code",
@@ -229,9 +260,22 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'bondgraph.door' has no attribute {name!r}")
     module, _, attribute = home.partition(":")
     try:
+        if not _opened:
+            _open()
         return getattr(import_module(f"compiler.{module}"), attribute or name)
     except ModuleNotFoundError as error:
         raise _other_compiler(error) from error
+
+
+_opened: list[bool] = []
+
+
+def _open() -> None:
+    """Give the compiler a place for what is the same for every text."""
+    from . import cache
+
+    import_module("compiler.kept").keep_on(cache)
+    _opened.append(True)
 
 
 def _other_compiler(error: ModuleNotFoundError) -> ImportError:

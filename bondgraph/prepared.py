@@ -40,6 +40,9 @@ def many_runs(plan: Plan, scene: Scene) -> str | None:
     names = ", ".join(f"`{s.name}`" for s in plan.sweeps if s.name not in set_here)
     if names:
         return f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes"
+    varied = {d.name for s in plan.studies for d in getattr(s, "vary", ())}
+    if not varied <= set_here:
+        return f"the experiment `{plan.experiment}` is a `montecarlo`: it is many runs, which `Model.run` makes"
     if plan.studies and plan.stop is None:
         steps = ", ".join(f"`{s.role}`" for s in plan.studies)
         return f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -87,6 +88,107 @@ class Study:
 
 
 @dataclass(frozen=True, slots=True)
+class Linearizing:
+    """`linearize`: from these to those; the model's inputs and all outputs if none are named."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    role: str = "linearize"
+
+
+@dataclass(frozen=True, slots=True)
+class Differentiating:
+    """`sensitivity`: of what the other steps find, by these; by all parameters if none are named."""
+
+    by: tuple[str, ...]
+    role: str = "sensitivity"
+
+
+@dataclass(frozen=True, slots=True)
+class Following:
+    """`continue`: states of rest while a parameter or input goes from `low` to `high`. `points`: the range over the first step."""
+
+    name: str
+    low: float
+    high: float
+    points: int = 50
+    most: int = 2000
+    branches: bool = False
+    role: str = "continue"
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What an output shall be, in SI; along a path a `text` over time and numbers alone."""
+
+    output: str
+    value: float = 0.0
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Inverting:
+    """`invert`: the inputs, or pairs `push/pull`, that give what is wanted: at rest (`stop` None), or from `start` to `stop`."""
+
+    inputs: tuple[str, ...]
+    wanted: tuple[Wish, ...]
+    start: float = 0.0
+    stop: float | None = None
+    points: int = 501
+    moving: bool = False
+    limits: tuple[tuple[str, float], ...] = ()
+    role: str = "invert"
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A distribution of a quantity: one of `DISTRIBUTIONS`, cut off at `low` and `high`, in SI."""
+
+    name: str
+    kind: str
+    numbers: tuple[float, ...]
+    low: float = -math.inf
+    high: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Varying:
+    """`montecarlo`: what the other steps find at `samples` points. `indices`: rows that Sobol indices stand on."""
+
+    vary: tuple[Drawn, ...]
+    correlations: tuple[tuple[tuple[str, str], float], ...] = ()
+    samples: int = 1000
+    seed: int = 0
+    indices: int | None = None
+    role: str = "montecarlo"
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A parameter that a fit looks for between bounds in SI (None: it keeps its sign)."""
+
+    name: str
+    low: float | None = None
+    high: float | None = None
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Fitting:
+    """`fit`: the parameters that explain measured files. `measured`: what the headings name; `explain`: tell which few parameters
+    would do alone (None: if some stay open)."""
+
+    sought: tuple[Unknown, ...]
+    files: tuple[str, ...]
+    measured: tuple[str, ...]
+    explain: bool | None = None
+    role: str = "fit"
+
+
+Analysis = Study | Linearizing | Differentiating | Following | Inverting | Varying | Fitting
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """What an experiment says about its run, in SI."""
 
@@ -100,7 +202,7 @@ class Plan:
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish
     sweeps: tuple[Swept, ...] = ()  # the last runs fastest
-    studies: tuple[Study, ...] = ()  # in the order of the experiment
+    studies: tuple[Analysis, ...] = ()  # in the order of the experiment
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
+from .outcome_numbers import numbers_of
 from .told import finite
 
 if TYPE_CHECKING:
@@ -38,9 +39,36 @@ class Point:
     responses: tuple[Response, ...] = ()
     run: Result | None = None
     failure: str = ""  # why there is nothing, if so
+    analyses: tuple[
+        tuple[str, Any], ...
+    ] = ()  # what other steps found, by the word of the step, in the order of the experiment
+
+    def of(self, role: str) -> Any:
+        """What the first step of that word found: `of("invert").inputs`. Raises `UsageError`."""
+        for word, found in self.analyses:
+            if word == role:
+                return found
+        raise UsageError(f"there is no `{role}` here; there is {', '.join(w for w, _ in self.analyses) or 'none'}")
+
+    def _of_analyses(self) -> dict[str, tuple[float, str]]:
+        """Numbers with units; a second step that has a name again gets it with its number."""
+        told: dict[str, tuple[float, str]] = {}
+        for i, (role, found) in enumerate(self.analyses, 1):
+            told |= {(n if n not in told else f"{n} ({i})"): v for n, v in numbers_of(role, found).items()}
+        return told
+
+    def units(self) -> dict[str, str]:
+        """SI units of `numbers`; what is not here is in Hz."""
+        found: dict[str, str] = {}
+        if self.equilibrium is not None:
+            found |= {n: self.equilibrium.units.get(n, "1") for n in self.equilibrium.outputs}
+        found |= {n: unit for n, (_, unit) in self._of_analyses().items()}
+        if self.run is not None:
+            found |= {n: self.run.unit(n) for n in self.run.names}
+        return found
 
     def numbers(self) -> dict[str, float]:
-        """What a table shows of it: outputs at rest, frequencies, outputs at the end of the run."""
+        """What a table shows of it: outputs at rest, frequencies, what other steps found, outputs at the end of the run."""
         found: dict[str, float] = {}
         if self.equilibrium is not None:
             found |= dict(self.equilibrium.outputs)
@@ -49,12 +77,13 @@ class Point:
             found |= {f"frequency {i}": m.frequency for i, m in enumerate(moving[:MODES], 1)}
         for response in self.responses:
             found |= {f"peak of {given} to {seen}": at for given, seen, at in response.peaks()}
+        found |= {n: value for n, (value, _) in self._of_analyses().items()}
         if self.run is not None:
             found |= {n: self.run.final(n) for n in self.run.names}
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """{settings, equilibrium, modes, responses, run, failure}: what is there, each by its own schema."""
+        """{settings, equilibrium, modes, responses, analyses: [{step, …}], run, failure}: what is there, each by its own schema."""
         told: dict[str, Any] = {"settings": {n: finite(v) for n, v in self.settings.items()}}
         for word in ("equilibrium", "modes", "run"):
             found = getattr(self, word)
@@ -62,6 +91,8 @@ class Point:
                 told[word] = found.to_json()
         if self.responses:
             told["responses"] = [r.to_json() for r in self.responses]
+        if self.analyses:
+            told["analyses"] = [{"step": role, **found.to_json()} for role, found in self.analyses]
         if self.failure:
             told["failure"] = self.failure
         return told
@@ -95,11 +126,8 @@ class Outcome(Sequence[Point]):
     def units(self) -> dict[str, str]:
         """SI units of the columns of `table`."""
         found = dict(self.swept)
-        for point in next(([p] for p in self.points if not p.failure), []):
-            if point.equilibrium is not None:
-                found |= {n: point.equilibrium.units.get(n, "1") for n in point.equilibrium.outputs}
-            if point.run is not None:
-                found |= {n: point.run.unit(n) for n in point.run.names}
+        for point in self.points:  # a later one may have more: another fold, another mode
+            found = point.units() | found
         return {n: found.get(n, "Hz") for n in self.names}
 
     @property

@@ -6,24 +6,11 @@ from collections.abc import Sequence
 
 import click
 
-from .options import (
-    TABLES,
-    analysed_option,
-    check_target,
-    echo,
-    file_argument,
-    json_option,
-    load,
-    model_option,
-    named,
-    setting,
-    settings_option,
-)
-from .telling import problems_told
+from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
+from .options import TABLES, setting
 
 
-@click.command("fit")
-@file_argument
+@analysis("fit", of_outputs=False)
 @click.option(
     "--data", "data", multiple=True, required=True, metavar="D.csv",
     help="Measured: `fx [uN],x [um],sigma x [um]`, `frequency 1 [Hz]`, or outputs over `time [s]` (several times: all of them).",
@@ -33,25 +20,14 @@ from .telling import problems_told
     help="What to find: `d=1.5 um .. 2.5 um`, `k=log 1 N/m .. 100 N/m`, or its name alone.",
 )  # fmt: skip
 @click.option("--explain/--no-explain", default=None, help="Tell which few parameters would explain the data alone.")
-@analysed_option
-@settings_option
 @click.option("--out", metavar="F.csv|.npz|.nc|.mat", help="Write measured and computed.")
-@click.option("--plot", metavar="F.png", help="Draw measured and computed (.png, .svg or .pdf).")
-@json_option
-@model_option
+@picture_option("F.png", "Draw measured and computed")
 def command(
-    file: str, data: Sequence[str], parameters: Sequence[str], explain: bool | None, experiment: str, settings: Sequence[str], out: str | None,
-    plot: str | None, as_json: bool, model: str | None,
+    asked: Asked, data: Sequence[str], parameters: Sequence[str], explain: bool | None, out: str | None, plot: str | None
 ) -> None:  # fmt: skip
     """Find the parameters that explain measured data, and how sure they are."""
-    with problems_told():
-        for path, endings, option in ((out, TABLES, "--out"), (plot, (".png", ".svg", ".pdf"), "--plot")):
-            if path is not None:
-                check_target(path, endings, option)
-        sought = dict(setting(p) if "=" in p else (p.strip(), "") for p in parameters)
-        found = load(file, model).fit(list(data), sought, named(experiment), dict(map(setting, settings)), explain)
-        if out is not None:
-            found.write(out)
-        if plot is not None:
-            found.plot(plot)
-        echo(found, as_json)
+    check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))
+    sought = dict(setting(p) if "=" in p else (p.strip(), "") for p in parameters)
+    found = asked.model.fit(list(data), sought, asked.experiment, asked.settings, explain)
+    write_all((out, found.write), (plot, found.plot))
+    asked.answer(found)

@@ -6,23 +6,11 @@ from collections.abc import Sequence
 
 import click
 
-from .options import (
-    analysed_option,
-    check_target,
-    echo,
-    file_argument,
-    json_option,
-    load,
-    model_option,
-    named,
-    setting,
-    settings_option,
-)
-from .telling import problems_told
+from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
+from .options import setting
 
 
-@click.command("invert")
-@file_argument
+@analysis("invert", of_outputs=False)
 @click.option(
     "--want", "targets", multiple=True, required=True, metavar="OUTPUT=VALUE",
     help="An output at rest, `x=8 um`; with --to along a path, `x=8 um*smoothstep9(time, 0 s, 5 ms)`.",
@@ -41,31 +29,24 @@ from .telling import problems_told
 @click.option(
     "--controller", metavar="F.bg", help="Write the model with these inputs; their table goes beside it, as F.csv."
 )
-@click.option("--plot", metavar="F.png", help="Draw inputs and outputs along the path (.png, .svg or .pdf).")
-@analysed_option
-@settings_option
-@json_option
-@model_option
+@picture_option("F.png", "Draw inputs and outputs along the path")
 def command(
-    file: str, targets: Sequence[str], inputs: Sequence[str], to: str | None, start: str, points: int, moving: bool, limits: Sequence[str],
-    out: str | None, controller: str | None, plot: str | None, experiment: str, settings: Sequence[str], as_json: bool, model: str | None,
+    asked: Asked, targets: Sequence[str], inputs: Sequence[str], to: str | None, start: str, points: int, moving: bool, limits: Sequence[str],
+    out: str | None, controller: str | None, plot: str | None,
 ) -> None:  # fmt: skip
     """Find inputs that give outputs: held at rest, or along a path in time."""
-    with problems_told():
-        written = ((out, (".csv",), "--out"), (controller, (".bg",), "--controller"), (plot, (".png", ".svg", ".pdf"), "--plot"))  # fmt: skip
-        for path, endings, option in written:
+    written = ((out, (".csv",), "--out"), (controller, (".bg",), "--controller"), (plot, PICTURES, "--plot"))
+    check_targets(*written)
+    model, wanted = asked.model, dict(map(setting, targets))
+    if to is None:
+        for path, _, option in written:
             if path is not None:
-                check_target(path, endings, option)
-                if to is None:
-                    raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
-        chosen, wanted, given = load(file, model), dict(map(setting, targets)), dict(map(setting, settings))
-        if to is None:
-            echo(chosen.invert(wanted, inputs, named(experiment), given), as_json)
-            return
-        found = chosen.invert(
-            wanted, inputs, named(experiment), given, to=to, start=start, points=points, moving=moving, limits=dict(map(setting, limits))
-        )  # fmt: skip
-        for path, write in ((out, found.to_csv), (controller, found.to_model), (plot, found.plot)):
-            if path is not None:
-                write(path)
-        echo(found, as_json)
+                raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
+        asked.answer(model.invert(wanted, inputs, asked.experiment, asked.settings))
+        return
+    found = model.invert(
+        wanted, inputs, asked.experiment, asked.settings, to=to, start=start, points=points, moving=moving,
+        limits=dict(map(setting, limits)),
+    )  # fmt: skip
+    write_all((out, found.to_csv), (controller, found.to_model), (plot, found.plot))
+    asked.answer(found)

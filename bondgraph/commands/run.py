@@ -27,7 +27,6 @@ from .options import (
 from .telling import harmless, problems_told
 
 if TYPE_CHECKING:
-    from ..door import Scene
     from ..model import Model
     from ..results import Result
 
@@ -92,13 +91,14 @@ def command(
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen, asked = load(file, model), None if experiment == "none" else experiment
         given = dict(map(setting, settings))
-        if not given:  # what is set is an argument, or compiled in: the run finds that out
-            _make_ready(chosen, chosen.scene(asked, {}, (), tuple(outputs) or None), energy, target)
+        analyses = _make_ready(chosen, asked, given, tuple(outputs) or None, energy, target)
         arguments: dict[str, Any] = {
             "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
             "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver, "bandwidth": bandwidth,
         }  # fmt: skip
         try:
+            if analyses and start is None and over is None and plot_energy is None:
+                raise ManyRuns("the experiment has analyses besides its simulation")
             result = chosen.simulate(asked, start=start, **arguments)
         except ManyRuns:
             if start is not None:
@@ -119,15 +119,21 @@ def command(
             energies(chosen, asked, given, to, points, rtol).plot(plot_energy)
 
 
-def _make_ready(model: Model, scene: Scene, energy: bool, target: str | None) -> None:
-    """Compile before anything runs; a run may be long, and what it leaves behind is collected again, but for what is there now."""
-    from ..prepared import chosen_target
+def _make_ready(
+    model: Model, experiment: str | None, given: dict[str, str], outputs: tuple[str, ...] | None, energy: bool, target: str | None
+) -> bool:  # fmt: skip
+    """Compile before anything runs; a run may be long, and what it leaves behind is collected again, but for what is there now.
 
-    _ = model.prepared(scene, energy, chosen_target(target)).plan
-    if gc.isenabled():
-        return  # somebody else looks after it
-    gc.freeze()
-    gc.enable()
+    Whether the experiment has analyses besides."""
+    from ..prepared import chosen_target
+    from ..simulation.settings import settle
+
+    chosen = chosen_target(target)
+    plan = model.prepared(settle(model, experiment, given, outputs, energy, chosen).scene, energy, chosen).plan
+    if not gc.isenabled():  # else somebody looks after it
+        gc.freeze()
+        gc.enable()
+    return bool(plan.studies)
 
 
 def _show(result: Result, out: str | None, plot: str | None, over: str | None, as_json: bool, summary: bool) -> None:

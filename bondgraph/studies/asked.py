@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,11 @@ import numpy as np
 from ..analysis.modes import moving_frequencies
 from ..analysis.operating_point import Asked, operating_point
 from ..analysis.outcome import MODES, Point
-from ..door import CompilationFailed, Study
+from ..door import Analysis, CompilationFailed, Differentiating, Study, Varying
 from ..errors import RunFailed, UsageError
 from ..simulation.run import Wanted, simulate
+from .sharing import Sharing
+from .steps import differentiated, made_of, varied
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -80,7 +82,7 @@ class Whole:
 
     experiment: str | None
     settings: tuple[tuple[str, str | float], ...]
-    studies: tuple[Study, ...]
+    studies: tuple[Analysis, ...]
     simulates: bool
     outputs: tuple[str, ...] | None
     wanted: Wanted
@@ -88,23 +90,47 @@ class Whole:
     def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
         """At one point; what goes wrong there is raised where the answers are put together."""
         try:
-            return self._point(model, point)
+            return self.made(model, point, Sharing(workers=1))
         except WRONG as problem:
             return problem
 
-    def _point(self, model: Model, point: Mapping[str, float]) -> Point:
-        settings, found = {**dict(self.settings), **point}, Point(point)
-        for study in self.studies:
-            match study.role:
-                case "equilibrium":
+    def made(self, model: Model, point: Mapping[str, float], sharing: Sharing) -> Point:
+        """At one point; `sharing`: who makes the points of a study with chance in it."""
+        settings = {**dict(self.settings), **point}
+        studies = self._at(model, settings) if point else self.studies
+        chance = next((s for s in studies if isinstance(s, Varying)), None)
+        of = tuple(dict.fromkeys(s.role for s in studies if s.role in STEPS)) + ("simulate",) * self.simulates
+        if chance is not None:  # which makes all the others
+            found = varied(model, chance, of, self.experiment, settings, self.outputs, self.wanted, sharing)
+            return Point(point, analyses=((chance.role, found),))
+        return self._point(model, Point(point), studies, of, settings)
+
+    def _at(self, model: Model, settings: Settings) -> tuple[Analysis, ...]:
+        """The steps, whose numbers may go with what is swept."""
+        if all(isinstance(s, Study) for s in self.studies):
+            return self.studies
+        return model.compilation(model.scene(self.experiment, settings, outputs=self.outputs)).plan.studies
+
+    def _point(
+        self, model: Model, found: Point, studies: Sequence[Analysis], of: tuple[str, ...], settings: Settings
+    ) -> Point:
+        for study in studies:
+            match study:
+                case Study(role="equilibrium"):
                     found = replace(found, equilibrium=model.equilibrium(self.experiment, settings, self.outputs))
-                case "modes":
+                case Study(role="modes"):
                     found = replace(found, modes=model.modes(self.experiment, settings))
-                case "response":
+                case Study():
                     made = model.response(
                         study.given, study.seen, study.low, study.high, study.points, self.experiment, settings
                     )  # fmt: skip
                     found = replace(found, responses=(*found.responses, made))
+                case Differentiating():
+                    some = differentiated(model, study, of, self.experiment, settings, self.outputs, self.wanted)
+                    found = replace(found, analyses=(*found.analyses, *((study.role, one) for one in some)))
+                case _:
+                    one = made_of(model, study, self.experiment, settings, self.outputs)
+                    found = replace(found, analyses=(*found.analyses, (study.role, one)))
         if self.simulates:
             found = replace(found, run=simulate(model, self.experiment, settings, self.outputs, self.wanted))
         return found

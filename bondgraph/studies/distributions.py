@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..door import DISTRIBUTIONS, SPREAD, fault, kinds_told
 from ..errors import UsageError
 from ..quantities import quantity
 
@@ -22,19 +23,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-KINDS = {
-    "normal": ("mean", "standard deviation"),
-    "lognormal": ("mean", "standard deviation"),
-    "uniform": ("low", "high"),
-    "triangular": ("low", "most likely", "high"),
-}
 EDGE = 2.0**-53  # a point on the edge of the cube has no value of a distribution without ends
 _CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """One of `KINDS` with its numbers in SI; cut off at `low` and `high`."""
+    """One of `DISTRIBUTIONS` with its numbers in SI; cut off at `low` and `high`."""
 
     kind: str
     numbers: tuple[float, ...]
@@ -73,20 +68,16 @@ class Distribution:
 def distribution(text: str, unit: str, name: str) -> Distribution:
     """From its text; `unit` is one of the parameter's kind, `name` the parameter's. Raises `UsageError`."""
     call = _CALL.fullmatch(text)
-    if call is None or call[1] not in (*KINDS, "truncated"):
-        kinds = ", ".join(f"{k}({', '.join(w)})" for k, w in KINDS.items())
-        raise UsageError(
-            f"{name}: `{text.strip()}` is no distribution; there are {kinds}, and truncated(one of these, low, high)"
-        )
+    if call is None or call[1] not in (*DISTRIBUTIONS, "truncated"):
+        raise UsageError(f"{name}: `{text.strip()}` is no distribution; there are {kinds_told()}")
     parts = _parts(call[2])
     if call[1] == "truncated":
         return _truncated(parts, unit, name, text)
-    words = KINDS[call[1]]
+    words = DISTRIBUTIONS[call[1]]
     if len(parts) != len(words):
         raise UsageError(f"{name}: {call[1]} takes {len(words)} numbers: {', '.join(words)}; this is `{text.strip()}`")
-    spreads = ("standard deviation",)
     numbers = tuple(
-        _spread(p, unit, name) if word in spreads else quantity(p, unit, name)
+        _spread(p, unit, name) if word == SPREAD else quantity(p, unit, name)
         for p, word in zip(parts, words, strict=True)
     )
     return checked(Distribution(call[1], numbers), name)
@@ -110,21 +101,9 @@ def _truncated(parts: Sequence[str], unit: str, name: str, text: str) -> Distrib
 
 def checked(found: Distribution, name: str) -> Distribution:
     """The same, if there is such a distribution. Raises `UsageError`."""
-    if not all(map(math.isfinite, found.numbers)):
-        raise UsageError(f"{name}: a distribution has finite numbers")
-    match found.kind, found.numbers:
-        case "normal" | "lognormal", (_, spread) if not spread > 0:
-            raise UsageError(f"{name}: a standard deviation is larger than zero, not {spread:g}")
-        case "lognormal", (mean, _) if not mean > 0:
-            raise UsageError(f"{name}: what is lognormal has a mean above zero, not {mean:g}")
-        case "uniform", (low, high) if not low < high:
-            raise UsageError(f"{name}: uniform goes from low to high; {low:g} is not below {high:g}")
-        case "triangular", (low, mode, high) if not (low <= mode <= high and low < high):
-            raise UsageError(
-                f"{name}: triangular goes from low by the most likely to high; this is {low:g}, {mode:g}, {high:g}"
-            )
-    if not found.low < found.high:
-        raise UsageError(f"{name}: truncated from low to high; {found.low:g} is not below {found.high:g}")
+    wrong = fault(found.kind, found.numbers, found.low, found.high)
+    if wrong:
+        raise UsageError(f"{name}: {wrong}")
     ends = found._frozen().cdf([found.low, found.high])
     if not ends[1] - ends[0] > 1e-12:
         raise UsageError(f"{name}: nothing of the distribution lies between {found.low:g} and {found.high:g}")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.outcome import Outcome, Point
+from ..door import Varying
 from ..simulation.run import Wanted
 from .asked import Settings, Whole, why
 from .sharing import Sharing, answers
@@ -39,7 +40,9 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
     ]
     simulates = plan.stop is not None or not plan.studies
     asked = Whole(plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted)
-    points = made(model, asked, grid, sharing or Sharing(workers=1))
+    chosen = sharing or Sharing(workers=1)
+    alone = not left and any(isinstance(s, Varying) for s in plan.studies)  # then its own points are what is shared out
+    points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown)
 

@@ -119,7 +119,8 @@ def outcome_text(found: Outcome) -> str:
     """A row for each point of a sweep; of a single point all that it has."""
     if not found.swept:
         (point,) = found.points
-        parts = [p.summary() for p in (point.equilibrium, point.modes, *point.responses, point.run) if p is not None]
+        made = (point.equilibrium, point.modes, *point.responses, *(found for _, found in point.analyses), point.run)
+        parts = [p.summary() for p in made if p is not None]
         return "\n\n".join(parts)
     names = found.names[:WIDEST]
     units = [_column_unit(found, n) for n in names]

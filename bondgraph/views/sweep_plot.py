@@ -22,9 +22,12 @@ def plot_outcome(found: Outcome, path: str | os.PathLike[str]) -> None:
         drawn(lambda: _figure(found), path)
         return
     (point,) = found.points
-    pictured = (*point.responses, point.run)[0]
+    drawable = (found for _, found in point.analyses if hasattr(found, "plot"))
+    pictured = next((p for p in (*point.responses, *drawable, point.run) if p is not None), None)
     if pictured is None:
-        raise UsageError("there is nothing to draw: the experiment has neither a sweep nor a response nor a simulation")
+        raise UsageError(
+            "there is nothing to draw: the experiment has neither a sweep nor a response nor another step that makes a picture"
+        )
     pictured.plot(path)
 
 

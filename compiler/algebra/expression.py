@@ -7,7 +7,7 @@ variable of a model). The constructors below fold numbers and drop zeros and one
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeGuard
@@ -212,7 +212,7 @@ LONGEST_OPENED = (
 
 
 def _opens(x: Expression, operator: str) -> TypeGuard[Apply]:
-    return isinstance(x, Apply) and x.operator == operator and not x.closed and len(x.operands) <= LONGEST_OPENED
+    return type(x) is Apply and x.operator == operator and not x.closed and len(x.operands) <= LONGEST_OPENED
 
 
 def add(*terms: Expression) -> Expression:
@@ -220,11 +220,16 @@ def add(*terms: Expression) -> Expression:
     number = 0.0
     rest: list[Expression] = []
     for term in terms:
-        for part in term.operands if _opens(term, "add") else (term,):
-            if isinstance(part, Number):
-                number += part.value
-            else:
-                rest.append(part)
+        if type(term) is Number:
+            number += term.value
+        elif type(term) is Apply and _opens(term, "add"):
+            for part in term.operands:
+                if type(part) is Number:
+                    number += part.value
+                else:
+                    rest.append(part)
+        else:
+            rest.append(term)
     if number != 0.0:
         rest.append(Number(number))
     if not rest:
@@ -237,28 +242,37 @@ def multiply(*factors: Expression) -> Expression:
     number = 1.0
     rest: list[Expression] = []
     for factor in factors:
-        for part in factor.operands if _opens(factor, "multiply") else (factor,):
-            if isinstance(part, Number):
-                number *= part.value
-            else:
-                rest.append(part)
+        if type(factor) is Number:
+            number *= factor.value
+        elif type(factor) is Apply and _opens(factor, "multiply"):
+            for part in factor.operands:
+                if type(part) is Number:
+                    number *= part.value
+                else:
+                    rest.append(part)
+        else:
+            rest.append(factor)
     if number == 0.0:
         return ZERO
-    rest = _join_roots(rest)
+    if len(rest) > 1:
+        rest = _join_roots(rest)
     if not rest:
         return Number(number)
     if number != 1.0:
         if len(rest) == 1 and _opens(rest[0], "add") and number == -1.0:
-            return Apply("add", tuple(negate(term) for term in rest[0].operands))
+            return Apply("add", tuple([negate(term) for term in rest[0].operands]))
         rest.insert(0, Number(number))
     return rest[0] if len(rest) == 1 else Apply("multiply", tuple(rest))
 
 
 def _join_roots(factors: list[Expression]) -> list[Expression]:
     """abs(x) sign(x) = x: keeps V = gain sqrt(abs(c)) sign(c), squared, smooth at c = 0."""
-    signs = {f.operands[0] for f in factors if isinstance(f, Apply) and f.operator == "sign"}
-    if not signs:
+    for factor in factors:
+        if type(factor) is Apply and factor.operator == "sign":
+            break
+    else:
         return factors
+    signs = {f.operands[0] for f in factors if isinstance(f, Apply) and f.operator == "sign"}
     result = list(factors)
     for inner in signs:
         magnitude, sign = Apply("abs", (inner,)), Apply("sign", (inner,))
@@ -397,13 +411,13 @@ def symbols(x: Expression) -> Iterator[Symbol]:
     stack = [x]
     while stack:
         node = stack.pop()
-        if node in seen:
+        if type(node) is Number or node in seen:
             continue
         seen.add(node)
         if isinstance(node, Symbol):
             yield node
         elif isinstance(node, Apply):
-            stack.extend(reversed(node.operands))
+            stack.extend(node.operands[::-1])
 
 
 def operations(x: Expression) -> Iterator[Apply]:
@@ -425,26 +439,33 @@ def depends_on(x: Expression, symbol: Symbol) -> bool:
 
 def substitute(x: Expression, replacement: Callable[[Symbol], Expression]) -> Expression:
     """Replace every symbol, folding what becomes a number."""
-    known: dict[Expression, Expression] = {}
+    known: dict[Apply, Expression] = {}
 
-    def walk(node: Expression) -> Expression:
-        if isinstance(node, Number):
-            return node
+    def walk(node: Apply) -> Expression:
         found = known.get(node)
         if found is None:
-            if isinstance(node, Symbol):
-                found = replacement(node)
-            else:
-                assert isinstance(node, Apply)
-                found = rebuild(node.operator, tuple(walk(o) for o in node.operands))
-            known[node] = found
+            operands = []
+            for operand in node.operands:
+                kind = type(operand)
+                if kind is Apply:
+                    operand = walk(operand)  # type: ignore[arg-type]
+                elif kind is Symbol:
+                    operand = replacement(operand)  # type: ignore[arg-type]
+                operands.append(operand)
+            known[node] = found = rebuild(node.operator, operands)
         return found
 
-    return walk(x)
+    if isinstance(x, Apply):
+        return walk(x)
+    return replacement(x) if isinstance(x, Symbol) else x
 
 
-def rebuild(operator: str, operands: tuple[Expression, ...]) -> Expression:
+def rebuild(operator: str, operands: Sequence[Expression]) -> Expression:
     """The operator applied through its own constructor."""
+    if operator == "multiply":
+        return multiply(*operands)
+    if operator == "add":
+        return add(*operands)
     if operator == "divide":
         return divide(*operands)
     if operator == "power":

@@ -333,7 +333,9 @@ def _lower_assignment(
         slot: int = symbol.key
         return arguments[slot]
 
-    value = switching.replaced(substitute(step.formula.expression, put))
+    quiet = switching.has_nothing_in(step.formula, arguments)
+    value = substitute(step.formula.expression, put)
+    value = value if quiet else switching.replaced(value)
     result.values[step.target] = value
     result.limits += ranges(step, put, result.space.variables, result.parameter_values)
     if isinstance(value, Apply):
@@ -348,7 +350,8 @@ def _lower_assignment(
         slope = substitute(partial(step.formula, slot), put)
         if slope == ZERO:
             continue
-        slope = switching.replaced(slope)
+        if not quiet:
+            slope = switching.replaced(slope)
         for column, inner in slopes[argument].items():
             terms.setdefault(column, []).append(multiply(slope, inner))
     found = {column: add(*parts) for column, parts in terms.items()}

@@ -13,21 +13,26 @@ def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, 
     met: set[int] = set()  # by identity, which is quick; of equal ones the first counts
     done: set[Expression] = set()
     for root in roots:
-        stack = [(root, False)]
+        if type(root) is not Apply or id(root) in met:
+            continue
+        stack: list[Apply | None] = [root]
         while stack:
-            node, ready = stack.pop()
-            if ready:
-                assert isinstance(node, Apply)
-                order.append(node)
+            node = stack.pop()
+            if node is None:  # what stands below it has its operands before it
+                ready = stack.pop()
+                assert ready is not None
+                order.append(ready)
                 continue
-            if id(node) in met or not isinstance(node, Apply):
+            if id(node) in met:
                 continue
             met.add(id(node))
             if node in done or node in known:
                 continue
             done.add(node)
-            stack.append((node, True))
-            stack += [(o, False) for o in reversed(node.operands)]
+            stack += (node, None)
+            for operand in node.operands[::-1]:
+                if type(operand) is Apply and id(operand) not in met:
+                    stack.append(operand)
     return order
 
 

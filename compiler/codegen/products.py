@@ -8,13 +8,13 @@ author wrote them: their rounding depends on it, that of a product hardly does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from heapq import heapify, heappop, heappush
 from itertools import combinations, count
-from typing import Any, TypeGuard
+from typing import Any
 
-from ..algebra.expression import MINUS_ONE, ONE, Apply, Expression, Number
+from ..algebra.expression import MINUS_ONE, Apply, Expression, Number
 from .dependence import INPUT, MODE, STATE, TIME
 from .events import Located, LoweredEvents
 from .limits import Limit, LimitValue
@@ -34,16 +34,34 @@ _HOLDERS = (Limit, LimitValue, Located, LoweredEvents, Solved)  # that have expr
 def with_shared_products(lowered: Lowered) -> Lowered:
     """The same values, from fewer multiplications."""
     printed = {name: getattr(lowered, name) for name in PRINTED}
-    order = operations_in_order(list(_expressions(printed)), {})
-    bits = lowered.dependences(order)
-    products = _Products(lambda x: not isinstance(x, Number) and bits[id(x)] & (TIME | INPUT | STATE | MODE) != 0)
+    roots: list[Expression] = []
+    _gather(printed, roots)
+    order = operations_in_order(roots, {})
+    products = _Products(_moving(order, lowered))
     for node in order:
-        products.read(node)
+        if node.operator == "multiply":
+            products.read(node)
     products.pair()
     new: dict[Expression, Expression] = {}
     for node in order:
         new[node] = products.written(node, new)
     return replace(lowered, **{name: _mapped(value, new) for name, value in printed.items()})
+
+
+def _moving(order: Sequence[Apply], lowered: Lowered) -> dict[Expression, bool]:
+    """Of all operations and symbols whether they change along a run."""
+    moves: dict[Expression, bool] = {}
+    for node in order:  # operands first
+        found = False
+        for operand in node.operands:
+            if type(operand) is Number:
+                continue
+            known = moves.get(operand)
+            if known is None:
+                known = moves[operand] = lowered.dependence(operand) & (TIME | INPUT | STATE | MODE) != 0
+            found = found or known
+        moves[node] = found
+    return moves
 
 
 class _Part:
@@ -61,7 +79,7 @@ Pair = tuple[int, int]  # numbers of factors, the lower one first
 class _Products:
     """Every product as a sign and a list of factors, which have numbers in the order in which they are met."""
 
-    def __init__(self, moves: Any) -> None:
+    def __init__(self, moves: Mapping[Expression, bool]) -> None:
         self.moves = moves
         self.numbers: dict[Factor, int] = {}
         self.factors: list[Factor] = []
@@ -76,19 +94,28 @@ class _Products:
         return number
 
     def read(self, node: Apply) -> None:
-        """Take a product apart, if it is one."""
-        if node.operator != "multiply" or len(node.operands) > LONGEST:
+        """Take a product apart."""
+        if len(node.operands) > LONGEST:
             return
-        rest = [Number(-o.value) if _is_negative(o) else o for o in node.operands]
-        rest = [o for o in rest if o != ONE]
-        if sum(map(_is_negative, node.operands)) % 2:
+        still: list[Expression] = []
+        moving: list[Expression] = []
+        negative = False
+        for operand in node.operands:
+            if isinstance(operand, Number):
+                if operand.value < 0.0:
+                    negative, operand = not negative, Number(-operand.value)
+                if operand.value != 1.0:
+                    still.append(operand)
+            else:
+                (moving if self.moves[operand] else still).append(operand)
+        if negative:
             self.negative.add(node)
-        still = [self._number(o) for o in rest if not self.moves(o)]
-        if len(still) > 1:
-            key = tuple(sorted(still, key=lambda i: (not isinstance(self.factors[i], Number), i)))
+        numbers = [self._number(o) for o in still]
+        if len(numbers) > 1:
+            key = tuple(sorted(numbers, key=lambda i: (not isinstance(self.factors[i], Number), i)))
             part = self.constants.setdefault(key, _Part([self.factors[i] for i in key]))
-            still = [self._number(part)]
-        self.made_of[node] = still + [self._number(o) for o in rest if self.moves(o)]
+            numbers = [self._number(part)]
+        self.made_of[node] = numbers + [self._number(o) for o in moving]
 
     def pair(self) -> None:
         """Make parts of the pairs that several products have, the most frequent first."""
@@ -134,9 +161,9 @@ class _Products:
         """A node over operands that are written already."""
         numbers = self.made_of.get(node)
         if numbers is None:
-            operands = tuple(new.get(o, o) for o in node.operands)
+            operands = tuple([new.get(o, o) if type(o) is Apply else o for o in node.operands])
             return node if operands == node.operands else Apply(node.operator, operands, node.closed)
-        parts = tuple(self._written(self.factors[i], new) for i in numbers)
+        parts = tuple([self._written(self.factors[i], new) for i in numbers])
         value = parts[0] if len(parts) == 1 else Apply("multiply", parts, True)
         return Apply("multiply", (MINUS_ONE, value), node.closed) if node in self.negative else value
 
@@ -148,28 +175,30 @@ class _Products:
         return factor.value
 
 
-def _is_negative(x: Expression) -> TypeGuard[Number]:
-    return isinstance(x, Number) and x.value < 0.0
-
-
 def _pairs(numbers: Sequence[int]) -> list[Pair]:
     return list(dict.fromkeys(combinations(sorted(numbers), 2)))
 
 
-def _expressions(value: Any) -> Iterator[Expression]:
+def _gather(value: Any, found: list[Expression]) -> None:
     """All expressions in fields, tables and lists."""
     if isinstance(value, Expression):
-        yield value
+        found.append(value)
     elif isinstance(value, dict):
         for key, item in value.items():
-            yield from _expressions(key)
-            yield from _expressions(item)
+            for part in (key, item):
+                if type(part) is Apply:
+                    found.append(part)
+                elif type(part) is not int:
+                    _gather(part, found)
     elif isinstance(value, (tuple, list)):
         for item in value:
-            yield from _expressions(item)
+            if type(item) is Apply:
+                found.append(item)
+            elif type(item) is not int:
+                _gather(item, found)
     elif isinstance(value, _HOLDERS):
         for field in fields(value):
-            yield from _expressions(getattr(value, field.name))
+            _gather(getattr(value, field.name), found)
 
 
 def _mapped(value: Any, new: dict[Expression, Expression]) -> Any:
@@ -177,9 +206,12 @@ def _mapped(value: Any, new: dict[Expression, Expression]) -> Any:
     if isinstance(value, Expression):
         return new.get(value, value)
     if isinstance(value, dict):
-        return {_mapped(key, new): _mapped(item, new) for key, item in value.items()}
+        return {
+            (key if type(key) is int else _mapped(key, new)): (new[item] if type(item) is Apply else _mapped(item, new))
+            for key, item in value.items()
+        }
     if isinstance(value, (tuple, list)):
-        return type(value)(_mapped(item, new) for item in value)
+        return type(value)([item if type(item) is int else _mapped(item, new) for item in value])
     if isinstance(value, _HOLDERS):
         return replace(value, **{f.name: _mapped(getattr(value, f.name), new) for f in fields(value) if f.init})
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
 from typing import TYPE_CHECKING
 
@@ -17,10 +18,12 @@ from ..algebra.expression import (
     call,
     divide,
     negate,
+    operations,
     rebuild,
     select,
     substitute,
 )
+from ..algebra.formula import Formula
 from ..algebra.table import domain, is_table, table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
     from .lower import Lowered
 
 # What is narrow where its argument is zero, if it is narrow at all: a bell, a smooth step; or has no slope there, as a root.
+SMOOTH = frozenset(
+    {"add", "multiply", "divide", "power", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "exp", "log"}
+)  # fmt: skip
 NARROW = frozenset({"power", "sqrt", "tanh", "atan", "asinh", "cosh", "exp", "multiply"})
 
 
@@ -58,9 +64,18 @@ class Switching:
         self.modes: dict[Expression, Expression] = {}
         self.opened: dict[int, Expression] = {}  # items of the mode as the conditions on time that they stand for
         self.bends: set[Expression] = set()
+        self._quiet: dict[Formula, bool] = {}
+        self.all_quiet = True  # so far: no law that has been looked at jumps or bends
         self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
         self.located = False  # whether conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
+
+    def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
+        """Whether a law over these arguments, which have been looked at, neither jumps nor bends: then there is nothing to replace."""
+        if formula not in self._quiet:
+            self._quiet[formula] = all(node.operator in SMOOTH for node in operations(formula.expression))
+        self.all_quiet &= self._quiet[formula]
+        return self.all_quiet and not any(self.result.dependence(a) & TIME for a in arguments)
 
     def at(self, step: Assignment, behind: bool, pieced: bool) -> None:
         """What is looked at next: whether the run reads it, so that its conditions on states are located, and whether it is

@@ -378,7 +378,7 @@ class EquationBuilder:
         """What a flow is computed from, last first, without what stands still. Until more is known it has no integral."""
         self._integrals[flow] = None
         assignment = self._explicit(flow)
-        read = [] if assignment is None else [self.root(s.key) for s in symbols(assignment.expression)]
+        read = [] if assignment is None else [self.root(v) for v in _read_by(assignment)]
         return [v for v in reversed(read) if not self._is_static(v)]
 
     def _explicit(self, variable: int) -> Assignment | None:
@@ -456,16 +456,26 @@ class EquationBuilder:
             )
             for d in self.derivatives
         ]
-        self.ports = [replace(p, effort=root(p.effort), flow=root(p.flow)) for p in self.ports]
+        self.ports = [PowerPort(p.element, p.kind, root(p.effort), root(p.flow), p.sign) for p in self.ports]
         self.storages = [
             replace(s, stored=tuple(map(root, s.stored)), arguments=tuple(map(through, s.arguments)))
             for s in self.storages
         ]
         self.stored = {n: root(v) for n, v in self.stored.items()}
-        return [replace(a, arguments=tuple(map(through, a.arguments))) for a in self.assignments]
+        return [
+            Assignment(a.target, a.formula, tuple(map(through, a.arguments)), a.span, a.owner, a.implicit)
+            for a in self.assignments
+        ]
 
     def _through(self, argument: Argument) -> Argument:
         return argument if isinstance(argument, float) else self.root(argument)
+
+
+def _read_by(assignment: Assignment) -> list[int]:
+    """The variables that an assignment reads. A number among its arguments may be a zero, with which others vanish."""
+    if any(isinstance(a, float) for a in assignment.arguments):
+        return [s.key for s in symbols(assignment.expression)]
+    return list(dict.fromkeys(a for a in assignment.arguments if not isinstance(a, float)))
 
 
 def _number(definition: Bound | None) -> float | None:

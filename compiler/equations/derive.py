@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 from ..algebra.expression import (
     ZERO,
@@ -15,7 +16,7 @@ from ..algebra.expression import (
     multiply,
     substitute,
 )
-from ..algebra.formula import Bound, bind
+from ..algebra.formula import Bound, Formula, bind
 from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed
@@ -48,13 +49,36 @@ def derive_equations(causal: CausalGraph, zeros: frozenset[str], free: frozenset
     return _Nodes(causal, EquationBuilder(causal.graph, zeros, free)).equations()
 
 
+@cache
+def _balance(signs: tuple[int, ...]) -> Formula:
+    """What a junction's last bond carries: the others, with these signs. Equal junctions have one formula."""
+    return Formula(len(signs), add(*(multiply(Number(float(s)), Symbol(i)) for i, s in enumerate(signs))))
+
+
+def _energy(law: Law, stored: tuple[str, ...]) -> tuple[Expression | None, tuple[Expression, ...]] | None:
+    """An energy, or a law in integral form, over what is stored and the arguments behind; None where a law has no such form."""
+    slots: dict[object, Symbol] = {Own(p, s): Symbol(p) for p, s in enumerate(stored)}
+    slots |= {i: Symbol(len(stored) + i) for i in range(law.arity)}
+
+    def put(symbol: Symbol) -> Expression:
+        return slots[symbol.key]
+
+    if law.energy is not None:
+        return substitute(law.energy, put), ()
+    found = solved(law, tuple(Own(p, GIVEN[s]) for p, s in enumerate(stored)))
+    return None if found is None else (None, tuple(substitute(x, put) for x in found))
+
+
 class _Nodes:
     """Goes over the nodes and writes what each contributes."""
 
     def __init__(self, causal: CausalGraph, to: EquationBuilder) -> None:
         self.causal, self.graph, self.to = causal, causal.graph, to
         self.efforts, self.flows, self.bond_of = to.efforts, to.flows, to.bond_of
+        # Of each law once, whatever the number of its elements: solved in a direction, and its energy.
         self.formulas: dict[tuple[Law, tuple[Own, ...]], tuple[tuple[Bound, ...], bool]] = {}
+        self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
+        self.starting: dict[tuple[Law, Own], Bound | None] = {}
 
     def equations(self) -> EquationSystem:
         for number, node in enumerate(self.graph.nodes):
@@ -88,8 +112,13 @@ class _Nodes:
             if bond != decider:
                 self.to.join(shared[bond], shared[decider], node.span, node.name)
         sign = {b: 1 if self.graph.bonds[b].head.node == number else -1 for b in bonds}
-        terms = [multiply(Number(float(-sign[decider] * sign[b])), Symbol(split[b])) for b in bonds if b != decider]
-        self.to.assign(split[decider], add(*terms), node.span, node.name)
+        others = [b for b in bonds if b != decider]
+        signs = tuple(-sign[decider] * sign[b] for b in others)
+        if signs == (1,):
+            self.to.assign(split[decider], Symbol(split[others[0]]), node.span, node.name)
+            return
+        balance = _balance(signs)
+        self.to.add(Assignment(split[decider], balance, tuple(split[b] for b in others), node.span, node.name))
 
     def _transducer(self, number: int, node: Element) -> None:
         """e1 = n e2, f2 = n f1 for a transformer; e1 = k f2, e2 = k f1 for a gyrator."""
@@ -247,13 +276,21 @@ class _Nodes:
         stored = node.stored[port]
         value = self.to.folded(bound)
         if variable != stored:
-            found = solved(node.law, (Own(port, stored),)) if len(node.ports) == 1 else None
-            if found is None:
+            law = self._stored_by(node, Own(port, stored))
+            if law is None:
                 self._claim(node, port, own)
                 return 0.0, False
-            value = self._instance(bind(found[0]), node, {Own(port, GIVEN[stored]): value})
+            value = self._instance(law, node, {Own(port, GIVEN[stored]): value})
         start = self.to.static(value, f"{port_name(node, port, stored)} at the start", node.span)
         return start, not self._is_zero(bound)
+
+    def _stored_by(self, node: Element, wanted: Own) -> Bound | None:
+        """What a storage of one port stores, by its law; None if the law cannot be solved for it."""
+        key = node.law, wanted
+        if key not in self.starting:
+            found = solved(node.law, (wanted,)) if len(node.ports) == 1 else None
+            self.starting[key] = None if found is None else bind(found[0])
+        return self.starting[key]
 
     def _claim(self, node: Element, port: int, own: Mapping[Own, int]) -> None:
         """A start of what is computed: the states start so that it holds."""
@@ -264,21 +301,13 @@ class _Nodes:
 
     def _energy_of(self, node: Element, quantities: list[int]) -> None:
         """The element's energy, or its law in integral form, over what it stores; nothing where the law has no such form."""
-        slots: dict[object, Symbol] = {Own(p, s): Symbol(p) for p, s in enumerate(node.stored)}
-        slots |= {i: Symbol(len(quantities) + i) for i in range(node.law.arity)}
-
-        def put(symbol: Symbol) -> Expression:
-            return slots[symbol.key]
-
-        energy = None if node.law.energy is None else substitute(node.law.energy, put)
-        laws: tuple[Expression, ...] = ()
-        if energy is None:
-            found = solved(node.law, tuple(Own(p, GIVEN[s]) for p, s in enumerate(node.stored)))
-            if found is None:
-                return
-            laws = tuple(substitute(x, put) for x in found)
-        arguments = tuple(self.to.reference(a) for a in node.arguments)
-        self.to.storages.append(Storage(node.name, node.kind.value, tuple(quantities), arguments, energy, laws))
+        key = node.law, node.stored
+        if key not in self.energies:
+            self.energies[key] = _energy(*key)
+        known = self.energies[key]
+        if known is not None:
+            arguments = tuple(self.to.reference(a) for a in node.arguments)
+            self.to.storages.append(Storage(node.name, node.kind.value, tuple(quantities), arguments, *known))
 
     # ------------------------------------------------------------ mechanisms
     def _mechanism(self, number: int, node: MechanismNode) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from ..graph.domains import DOMAINS
 from ..graph.network import BondGraph, Element, End, Kind, MechanismNode
 
@@ -46,8 +48,7 @@ def letter_of(domain: str, variable: str) -> str:
     return DOMAINS[domain].letter(variable)
 
 
+@cache
 def unit_of(domain: str, variable: str) -> str:
     """The SI unit of `e`, `f`, `q` or `p` in a domain."""
-    from ..graph.domains import DOMAINS
-
     return str(DOMAINS[domain].dimension(variable))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..algebra.expression import Expression, Symbol, substitute
+from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Formula
 from ..errors import Diagnostic
 from ..source import Span
@@ -44,7 +44,6 @@ class Assignment:
     @property
     def expression(self) -> Expression:
         """The right side over variable numbers."""
-        from ..algebra.expression import Number
 
         def put(symbol: Symbol) -> Expression:
             argument = self.arguments[symbol.key]

@@ -152,22 +152,25 @@ def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
     if node.kind not in (Kind.RESISTOR, Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE, Kind.CAPACITOR, Kind.INERTIA):
         return {}
 
+    vanishing = {
+        slot
+        for slot, a in enumerate(node.arguments)
+        if (a.name in zeros if isinstance(a, Quantity) else isinstance(a, float) and a == 0.0)
+    }
+
     def value(symbol: Symbol) -> Expression:
-        if isinstance(symbol.key, int):
-            argument = node.arguments[symbol.key]
-            if isinstance(argument, Quantity) and argument.name in zeros:
-                return ZERO
-            if isinstance(argument, float) and argument == 0.0:
-                return ZERO
-        return symbol
+        return ZERO if isinstance(symbol.key, int) and symbol.key in vanishing else symbol
+
+    def put(x: Expression) -> Expression:
+        return substitute(x, value) if vanishing else x
 
     if node.law.energy is not None:
-        vanishes = substitute(node.law.energy, value) == ZERO
+        vanishes = put(node.law.energy) == ZERO
         variable = "e" if node.kind is Kind.CAPACITOR else "f"
         return dict.fromkeys(range(len(node.ports)), variable) if vanishes and node.kind is Kind.CAPACITOR else {}
     silent: dict[int, str] = {}
     for left, right in node.law.equations:
-        if isinstance(left, Symbol) and isinstance(left.key, Own) and substitute(right, value) == ZERO:
+        if isinstance(left, Symbol) and isinstance(left.key, Own) and put(right) == ZERO:
             # p = 0*v stores nothing and gives no effort; q = 0*e likewise gives no flow
             variable = {"e": "e", "f": "f", "p": "e", "q": "f"}[left.key.variable]
             silent[left.key.port] = variable

@@ -14,6 +14,10 @@ _WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Numbers":
 ITEMS = {FLOATS: FLOAT, INTS: INT}
 
 
+# What lies in one of these is never in another: neither in a record what is in an array, nor among numbers what points to them.
+MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64")
+
+
 class TranslationError(TypeError):
     """A line is outside of the subset."""
 
@@ -39,10 +43,11 @@ class Handed:
 
 
 class Value(NamedTuple):
-    """A type and the text of a value."""
+    """A type and the text of a value; of a place, which of `MEMORIES` it is in, if any."""
 
     kind: Any
     text: str
+    memory: str = ""
 
 
 def kind_of(annotation: Any, home: dict[str, Any]) -> Any:

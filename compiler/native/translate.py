@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from .kinds import BOOL, INT, NOTHING, TranslationError, Value, text_of
-from .values import Module, Values
+from .values import Module, Values, apart
 
 
 def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> str:
@@ -25,7 +25,7 @@ def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> s
     bodies: list[str] = []
     while module.waiting:
         bodies.append(_Function(module, module.waiting.pop(), names).text(attributes))
-    return "\n".join([*module.constants.values(), *module.declared.values(), *bodies, ""])
+    return "\n".join([*module.constants.values(), *module.declared.values(), *bodies, *apart(), ""])
 
 
 class _Function(Values):

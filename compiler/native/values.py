@@ -16,6 +16,7 @@ from .kinds import (
     INT,
     INTS,
     ITEMS,
+    MEMORIES,
     NOTHING,
     Fields,
     Handed,
@@ -44,6 +45,21 @@ _COMPARE = {ast.Lt: "lt", ast.LtE: "le", ast.Gt: "gt", ast.GtE: "ge", ast.Eq: "e
 def float_text(value: float) -> str:
     """A double, exactly."""
     return f"0x{struct.unpack('>Q', struct.pack('>d', value))[0]:016X}"
+
+
+def apart() -> list[str]:
+    """What tells LLVM that memories of different kinds do not overlap (type-based alias analysis)."""
+    lines = ['!0 = !{!"memories"}']
+    for number, name in enumerate(MEMORIES, 1):
+        lines += [
+            f'!{2 * number - 1} = !{{!"{name}", !0}}',
+            f"!{2 * number} = !{{!{2 * number - 1}, !{2 * number - 1}, i64 0}}",
+        ]
+    return lines
+
+
+def _apart(place: Value) -> str:
+    return f", !tbaa !{2 * MEMORIES.index(place.memory) + 2}" if place.memory else ""
 
 
 class Module:
@@ -144,24 +160,24 @@ class Values:
                 raise self._fail(node, "only records have fields")
             number = owner.kind.place(node.attr)
             found = self._emit(None, f"getelementptr inbounds i64, ptr {owner.text}, i64 {number}")
-            return Value(owner.kind.fields[node.attr], found.text)
+            kind = owner.kind.fields[node.attr]
+            return Value(kind, found.text, f"field {text_of(kind)}")
         if isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Slice):
             array = self._value(node.value)
             if array.kind not in ITEMS:
                 raise self._fail(node, "only arrays have items")
             index = self._as(self._value(node.slice), INT, node)
             item = ITEMS[array.kind]
-            return Value(
-                item, self._emit(None, f"getelementptr inbounds {item}, ptr {array.text}, i64 {index.text}").text
-            )
+            found = self._emit(None, f"getelementptr inbounds {item}, ptr {array.text}, i64 {index.text}")
+            return Value(item, found.text, f"item {item}")
         return None
 
     def _load(self, place: Value) -> Value:
-        return self._emit(place.kind, f"load {text_of(place.kind)}, ptr {place.text}")
+        return self._emit(place.kind, f"load {text_of(place.kind)}, ptr {place.text}{_apart(place)}")
 
     def _store(self, place: Value, value: Value, node: ast.AST) -> None:
         value = self._as(value, place.kind, node)
-        self.lines.append(f"  store {text_of(place.kind)} {value.text}, ptr {place.text}")
+        self.lines.append(f"  store {text_of(place.kind)} {value.text}, ptr {place.text}{_apart(place)}")
 
     # ------------------------------------------------------------ values
     def _value(self, node: ast.expr) -> Value:

@@ -107,7 +107,7 @@ def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
 def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known) -> list[Diagnostic]:
     """What is wrong in an experiment. One that sets and sweeps nothing is read in the model as it is open already."""
     scene = Scene(experiment=experiment.name)
-    if any(isinstance(s, tree.Set | tree.Study) for s in experiment.steps):
+    if any(isinstance(s, tree.Set | tree.Study | tree.Analysis) for s in experiment.steps):
         other = _Opened.of(opened.definition, scene, (), True, Known())
         other.built()
         return other.elaborator.diagnostics

@@ -15,7 +15,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from ..errors import CompilationFailed
-from ..graph.units import ONE, Dimension
+from ..graph.units import ONE, Dimension, Scale
 from ..source import Source, Span
 from ..syntax import parse_expression, tree
 from .errors import WrongColumn
@@ -56,9 +56,9 @@ def read_column(node: tree.Call, file: FileScope) -> Column:
     if len(texts) != 2 or len(node.arguments) != 2:
         hint = 'The texts name a file beside this one, and a column: `column("curve.csv", "force")`.'
         raise Wrong(WrongColumn(node.span, "`column` needs two texts", hint))
-    path = _locate(node.arguments[0].span, texts[0], file)
+    path = locate(node.arguments[0].span, texts[0], file)
     if path not in file.sheets:
-        file.sheets[path] = _read(node.arguments[0].span, texts[0], path)
+        file.sheets[path] = read_sheet(node.arguments[0].span, texts[0], path)
     sheet = file.sheets[path]
     names = [_HEADER.fullmatch(name).group(1) for name in sheet.names]  # type: ignore[union-attr]
     if names.count(texts[1]) != 1:
@@ -68,7 +68,8 @@ def read_column(node: tree.Call, file: FileScope) -> Column:
     return _column(node, sheet, names.index(texts[1]))
 
 
-def _locate(span: Span, name: str, file: FileScope) -> Path:
+def locate(span: Span, name: str, file: FileScope) -> Path:
+    """A file of columns in the project folder. Raises `Wrong`."""
     if file.source.path is None:
         hint = "Save the model as a file to read columns from files beside it."
         raise Wrong(WrongColumn(span, f"`{name}` cannot be found: this text is no file", hint))
@@ -86,8 +87,8 @@ def _locate(span: Span, name: str, file: FileScope) -> Path:
     return target
 
 
-def _read(span: Span, name: str, path: Path) -> Sheet:
-    """The cells of a file."""
+def read_sheet(span: Span, name: str, path: Path) -> Sheet:
+    """The cells of a file. Raises `Wrong`."""
     try:
         size = path.stat().st_size
         if size > MAXIMUM_SIZE:
@@ -134,11 +135,7 @@ def _word(cell: Span) -> str:
 
 def _column(node: tree.Call, sheet: Sheet, number: int) -> Column:
     """The numbers of one column, in the unit of its header. Raises `Wrong`."""
-    header = _HEADER.fullmatch(sheet.names[number])
-    assert header is not None
-    unit = header.group(2)
-    parsed = None if unit is None else _unit(node, unit, sheet.headers[number], sheet.source.name)
-    scale = None if parsed is None else scale_of(parsed)
+    _, scale = heading(node, sheet.names[number], sheet.headers[number])
     values, cells = [], []
     for row in sheet.rows:
         cell = row[number] if number < len(row) else Span(sheet.source, row[-1].end, row[-1].end)
@@ -157,7 +154,16 @@ def _column(node: tree.Call, sheet: Sheet, number: int) -> Column:
     return Column(tuple(values), ONE if scale is None else scale.dimension, tuple(cells))
 
 
-def _unit(node: tree.Call, unit: str, header: Span, name: str) -> tree.Unit | None:
+def heading(node: tree.Expression, text: str, place: Span) -> tuple[str, Scale | None]:
+    """The name in a header, and the scale of its unit (None: a bare number). `node` names the file. Raises `Wrong`."""
+    header = _HEADER.fullmatch(text)
+    assert header is not None
+    unit = header.group(2)
+    parsed = None if unit is None else _unit(node, unit, place, place.source.name)
+    return header.group(1).strip(), None if parsed is None else scale_of(parsed)
+
+
+def _unit(node: tree.Expression, unit: str, header: Span, name: str) -> tree.Unit | None:
     """The unit of a header, read as after a number."""
     try:
         literal = parse_expression(Source(name, f"1 [{unit}]"))

@@ -91,11 +91,12 @@ class _Spreading:
         self.slots = slot_defaults(model.statements)
         self.mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
         names = set(_names(model.statements)) | set(definition.file.constants)
+        told: Told = {}
         for statement in _flat(model.statements):
             if isinstance(statement, tree.Declaration):
                 self.kinds.update({d.name: statement for d in statement.names})
                 if statement.kind in ELEMENT_KINDS and not model.plain:
-                    _learn_from_declaration(self.table, statement, names)
+                    _learn_from_declaration(self.table, statement, names, told)
             elif isinstance(statement, tree.Ports):
                 for item in statement.items:
                     self._wall(item)
@@ -261,7 +262,11 @@ def _mechanism_ends(
     return result
 
 
-def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, names: set[str]) -> None:
+# What laws of one model tell by their letters, by their words, whether they have two sides, and the port that is asked about.
+Told = dict[tuple[str, bool, str], tuple[set[str], str | None]]
+
+
+def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, names: set[str], told: Told) -> None:
     definition = declaration.definition
     for declared in declaration.names:
         for component in declared.components:
@@ -282,16 +287,24 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
                 for port in element_ports(declaration, declared.name):
                     table.learn((declared.name, port), definition.head, definition.span)
         elif isinstance(definition, tree.Law):
-            ports = element_ports(declaration, declared.name)
-            for port in ports:
-                letters = _letters(definition, declaration, port, names)
-                fitting = [
-                    d
-                    for d in DOMAINS.values()
-                    if d.typed and d.guessed and letters and all(w in d.letters or w in GENERIC for w in letters)
-                ]
-                if len(fitting) == 1:
-                    table.guesses.append(((declared.name, port), fitting[0].name, letters, definition.span))
+            for port in element_ports(declaration, declared.name):
+                words = definition.span.text, is_two_sided(declaration), port
+                if words not in told:
+                    told[words] = _told_by(_letters(definition, declaration, port, names))
+                letters, domain = told[words]
+                if domain is not None:
+                    table.guesses.append(((declared.name, port), domain, letters, definition.span))
+
+
+def _told_by(letters: set[str]) -> tuple[set[str], str | None]:
+    """Letters, and the one domain that has them all; None if there are several, or none."""
+    fitting = [
+        d for d in DOMAINS.values() if d.typed and d.guessed and letters and all(w in d.letters or w in GENERIC for w in letters)
+    ]  # fmt: skip
+    return letters, fitting[0].name if len(fitting) == 1 else None
+
+
+_LETTERS = frozenset(letter for d in DOMAINS.values() for letter in d.letters if letter) - set(GENERIC)
 
 
 def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:
@@ -307,8 +320,7 @@ def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set
                 found.add(path.steps[0].name)
         elif not path.steps and path.head not in names:
             found.add(path.head)
-    letters = {letter for d in DOMAINS.values() for letter in d.letters if letter}
-    return (found & letters) - set(GENERIC)
+    return found & _LETTERS
 
 
 def paths_of(node: tree.Node) -> Iterator[tree.Path]:

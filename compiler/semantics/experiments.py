@@ -7,12 +7,14 @@ from dataclasses import replace
 
 from ..algebra.expression import Symbol
 from ..algebra.formula import Bound, Formula
-from ..errors import CompilationFailed, Diagnostic
+from ..errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ..graph.network import Named
 from ..graph.units import ONE, SECOND
-from ..scene import SOLVERS, Override, Plan, Reported, Scene
+from ..scene import SOLVERS, Analysis, Fitting, Inverting, Override, Plan, Reported, Scene, Study
 from ..source import Source, Span
 from ..syntax import parse_expression, tree
+from .analyses import read_analysis
+from .chances import check_together
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from .scales import scale_of
@@ -96,11 +98,26 @@ def read_plan(
             case tree.Study(role="sweep") if experiment is not None:
                 swept = elaborator.guard(read_sweep, elaborator, step, experiment, root, plan)
                 plan = replace(plan, sweeps=(*plan.sweeps, swept)) if swept is not None else plan
-            case tree.Study():
-                study = elaborator.guard(read_study, elaborator, step, root, outputs)
+            case tree.Study() | tree.Analysis():
+                study = elaborator.guard(_analysis, elaborator, step, root, outputs)
                 plan = replace(plan, studies=(*plan.studies, study)) if study is not None else plan
     plan = replace(plan, report=tuple(report))
+    elaborator.guard(check_together, experiment, plan)
     return plan, _wanted(elaborator, outputs, plan, scene, root)
+
+
+def _analysis(
+    elaborator: Elaborator, step: tree.Study | tree.Analysis, root: Scope, outputs: dict[str, Named]
+) -> Analysis | None:
+    """What a step asks; None where its numbers are set when a run begins, which makes no step of its own."""
+    if isinstance(step, tree.Study):
+        return read_study(elaborator, step, root, outputs)
+    before = set(elaborator.asked)
+    try:
+        return read_analysis(elaborator, step, root, outputs)
+    except ValuesNeeded:
+        elaborator.asked = before
+        return None
 
 
 def _before_simulate(step: tree.Study, experiment: tree.Experiment | None) -> bool:
@@ -127,7 +144,8 @@ def _wanted(
                 elaborator.tell(UnknownName(elaborator.root.definition.model.name_span, name, "the outputs", hint))
         return {n: o for n, o in outputs.items() if n in scene.outputs}
     if plan.report:
-        return {name: outputs[name] for name in dict.fromkeys([*(r.name for r in plan.report), *_seen(plan)])}
+        names = [*(r.name for r in plan.report), *(n for n in _seen(plan) if n in outputs)]
+        return {name: outputs[name] for name in dict.fromkeys(names)}
     return outputs
 
 
@@ -144,8 +162,17 @@ def _asked_for(elaborator: Elaborator, name: str, root: Scope, outputs: dict[str
 
 
 def _seen(plan: Plan) -> list[str]:
-    """The outputs that responses lead to."""
-    return [s.seen for s in plan.studies if s.seen]
+    """What analyses lead to, and what was measured."""
+    found: list[str] = []
+    for study in plan.studies:
+        match study:
+            case Study(seen=seen) if seen:
+                found.append(seen)
+            case Inverting():
+                found += [w.output for w in study.wanted]
+            case Fitting():
+                found += study.measured
+    return found
 
 
 def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Plan) -> Plan:

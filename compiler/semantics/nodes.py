@@ -24,6 +24,9 @@ from .requirements import read_condition
 from .scope import AlreadyTold, ElementEntry, Scope, Wrong, suggestion
 from .transducers import expand_transducers
 
+# A scope (which lives as long as this does), an element's kind, its ports with their domains, and a law's words.
+_Wording = tuple[int, str, tuple[tuple[str, str, bool], ...], str]
+
 
 class Nodes:
     """Makes the nodes and bonds of the flat graph."""
@@ -36,6 +39,7 @@ class Nodes:
         self.walls: dict[tuple[str, str], int] = {}
         self.ends: dict[tuple[str, str], End] = {}
         self._laws = known.laws
+        self._alike: dict[_Wording, CompiledLaw] = {}
         self._interned = known.interned
 
     def build(self) -> None:
@@ -80,8 +84,10 @@ class Nodes:
             for attribute in declaration.attributes:
                 self._active(scope, attribute, entry)
             return
-        compiled = self._law(scope, declaration, entry)
+        compiled, alike = self._law(scope, declaration, entry)
         arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
+        if alike is not None and not compiled.checks:  # with points of tables, each has its own place to be told
+            self._alike.setdefault(alike, compiled)
         ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
         for number, port in enumerate(ports):
             self.ends[entry.name, port.name] = End(index, number)
@@ -103,10 +109,19 @@ class Nodes:
         _, condition = read_condition(self.elaborator, attribute.value, scope, hint)
         self.switches.append(Switch(entry.name, condition, attribute.span))
 
-    def _law(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> CompiledLaw:
+    def _law(
+        self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry
+    ) -> tuple[CompiledLaw, _Wording | None]:
+        """The law of an element, compiled once for all instances, and once for all elements of a scope that have it in the same
+        words; and these words, if it is the first that has them."""
         elaborator = self.elaborator
         known = self._laws.setdefault(id(declaration), [])
         found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
+        alike: _Wording | None = None
+        if found is None and declaration.definition is not None:
+            domains = tuple((port, domain.name, domain.typed) for port, domain in entry.ports.items())
+            alike = id(scope), declaration.kind, domains, declaration.definition.span.text
+            found = self._alike.get(alike)
         if found is None:
             try:
                 compiled = compile_law(
@@ -119,7 +134,7 @@ class Nodes:
             found = replace(compiled, law=self._interned.setdefault(compiled.law, compiled.law))
             known.append(found)
         elaborator.check(found.checks, found.slots, scope)
-        return found
+        return found, alike
 
     def _attributes(
         self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry, stored: tuple[str, ...]

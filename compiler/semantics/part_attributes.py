@@ -174,7 +174,7 @@ class Attributes:
             return ORIGIN
         found = vector(self.elaborator, attribute.value, self.part.scope, METRE, f"`{name}`", self.planar)
         for bound in found:  # what has no finite value is told here, where its line is known
-            self.elaborator.value_of(bound, attribute.span)
+            self.elaborator.value_of(bound, attribute.span, decides=False)
         return found
 
     def turn(self) -> Vector:

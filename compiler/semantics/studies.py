@@ -11,6 +11,7 @@ from .elaborate import Elaborator
 from .errors import DimensionMismatch, UnknownAttribute, UnknownName, WrongExperiment
 from .scales import scale_of
 from .scope import Scalar, Scope, Wrong, describe, suggestion
+from .step_attributes import expressions_of
 
 MOST_POINTS = 1_000_000
 
@@ -25,9 +26,10 @@ def read_sweep(elaborator: Elaborator, step: tree.Study, experiment: tree.Experi
     own = not path.steps and path.head not in own_names(root.definition.model)
     if not isinstance(entry, Scalar) or (entry.role not in ("parameter", "input")):
         raise Wrong(WrongExperiment(path.span, f"`{name}` cannot be swept", "Only single parameters and inputs are."))
-    sets = [s for s in experiment.steps if isinstance(s, tree.Set)]
-    if own and not any(p.head == path.head for s in sets for p in paths_of(s.value)):
-        advice = f"Sweep a parameter or an input, or write `set NAME = {name}` with one."
+    read = [s.value for s in experiment.steps if isinstance(s, tree.Set)]
+    read += [e for s in experiment.steps if isinstance(s, tree.Analysis) for e in expressions_of(s)]
+    if own and not any(p.head == path.head for e in read for p in paths_of(e)):
+        advice = f"Sweep a parameter or an input, or read it: `set NAME = {name}`, `invert u to y = {name}`."
         raise Wrong(WrongExperiment(path.span, f"Nobody reads the swept `{name}`", advice))
     unit = scale_of(step.unit) if step.unit is not None else None
     values: list[float] = []

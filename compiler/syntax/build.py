@@ -1,4 +1,4 @@
-"""Lark's rules to nodes of the tree: one method per rule of the grammar, called while the text is parsed."""
+"""Rules to nodes of the tree: one method per rule of the grammar, called while the text is read."""
 
 from __future__ import annotations
 
@@ -6,29 +6,22 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
-
-from lark import Token, Transformer
 
 from ..source import Source, Span
 from . import tree
 from .errors import NumberTooLarge, WrongUnit
 from .operators import Operators, deepened
 from .refused import Refused
+from .word import Word
 
 MAXIMUM_UNIT_POWER = 20
+ONE = Fraction(1)
 _NUMBER = re.compile(r"([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
 
 
-def _start(part: Any) -> int:
-    return int(part.start_pos or 0) if isinstance(part, Token) else int(part.span.start)
-
-
-def _end(part: Any) -> int:
-    return int(part.end_pos or 0) if isinstance(part, Token) else int(part.span.end)
-
-
-def _text(token: Token | None) -> str | None:
+def _text(token: Word | None) -> str | None:
     return None if token is None else str(token)[1:-1]
 
 
@@ -36,27 +29,41 @@ def _done(part: Any) -> Any:
     return part.finish() if isinstance(part, Operators) else part
 
 
-class Builder(Transformer[Token, Any]):
+@lru_cache(4096)  # a large model says the same few numbers again and again
+def _number_of(text: str) -> Fraction | None:
+    """The number of a text; None of one beyond what is computed with."""
+    match = _NUMBER.fullmatch(text)
+    assert match is not None
+    whole, part, exponent = match.group(1), match.group(2) or "", match.group(3) or "0"
+    digits = (whole + part).lstrip("0")
+    # Bounded before it is built: 1e999999999 must not become a number with a milliard digits.
+    if not digits:
+        return Fraction(0)
+    if len(exponent) > 6 or len(digits) > 400 or abs(int(exponent) - len(part) + len(digits) - 1) > 300:
+        return None
+    scale = int(exponent) - len(part)
+    return Fraction(int(digits) * 10**scale) if scale >= 0 else Fraction(int(digits), 10**-scale)
+
+
+class Builder:
     """Makes the nodes; `source` is set by the parser before each file."""
 
     source: Source
 
     def _span(self, parts: Sequence[Any]) -> Span:
-        known = [p for p in parts if p is not None]
-        return Span(self.source, _start(known[0]), _end(known[-1]))
+        first, last = parts[0], parts[-1]
+        if first is None or last is None:
+            known = [p for p in parts if p is not None]
+            first, last = known[0], known[-1]
+        start = first.start_pos if isinstance(first, Word) else first.span.start
+        return Span(self.source, start, last.end_pos if isinstance(last, Word) else last.span.end)
 
-    def _number(self, token: Token) -> Fraction:
-        match = _NUMBER.fullmatch(token)
-        assert match is not None
-        whole, part, exponent = match.group(1), match.group(2) or "", match.group(3) or "0"
-        digits = (whole + part).lstrip("0")
-        # Bounded before it is built: 1e999999999 must not become a number with a milliard digits.
-        if not digits:
-            return Fraction(0)
-        if len(exponent) > 6 or len(digits) > 400 or abs(int(exponent) - len(part) + len(digits) - 1) > 300:
-            raise Refused(NumberTooLarge, token.start_pos or 0, token.end_pos or 0, number=str(token)[:40])
-        scale = int(exponent) - len(part)
-        return Fraction(int(digits) * 10**scale) if scale >= 0 else Fraction(int(digits), 10**-scale)
+    @staticmethod
+    def _number(token: Word) -> Fraction:
+        number = _number_of(token.value)
+        if number is None:
+            raise Refused(NumberTooLarge, token.start_pos, token.end_pos, number=token.value[:40])
+        return number
 
     # ------------------------------------------------------------ files and models
     def start(self, parts: list[Any]) -> tuple[tree.Node, ...]:
@@ -138,7 +145,7 @@ class Builder(Transformer[Token, Any]):
         return tree.Declared(self._span([name]), str(name), _items(index), components or ())
 
     def index(self, parts: list[Any]) -> tuple[Any, ...]:
-        items = tuple(_done(p) for p in parts if not isinstance(p, Token))
+        items = tuple(_done(p) for p in parts if not isinstance(p, Word))
         return ("index", tree.Index(items), parts[-1].end_pos)
 
     def ports(self, parts: list[Any]) -> tuple[tree.Component, ...]:
@@ -182,11 +189,13 @@ class Builder(Transformer[Token, Any]):
     def path(self, parts: list[Any]) -> tree.Path:
         end = parts[0].end_pos
         steps: list[tree.Member | tree.Index] = []
+        if len(parts) == 1:
+            return tree.Path(Span(self.source, parts[0].start_pos, end), 1, parts[0].value, ())
         for _, step, position in parts[1:]:
             steps.append(step)
             end = position
         depth = max((i.depth for s in steps if isinstance(s, tree.Index) for i in s.items), default=0)
-        return tree.Path(Span(self.source, parts[0].start_pos, end), depth + 1, str(parts[0]), tuple(steps))
+        return tree.Path(Span(self.source, parts[0].start_pos, end), depth + 1, parts[0].value, tuple(steps))
 
     def member(self, parts: list[Any]) -> tuple[Any, ...]:
         return ("member", tree.Member(str(parts[0])), parts[0].end_pos)
@@ -241,7 +250,7 @@ class Builder(Transformer[Token, Any]):
         return self._set("start", parts)
 
     def sweep(self, parts: list[Any]) -> tree.Study:
-        values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Token))  # commas: lark shares the list's rule
+        values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Word))  # commas: lark shares the list's rule
         return tree.Study(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
@@ -264,6 +273,58 @@ class Builder(Transformer[Token, Any]):
 
     def response(self, parts: list[Any]) -> tree.Study:
         return tree.Study(self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ())
+
+    def listed(self, parts: list[Any]) -> tuple[tree.Given, ...]:
+        return tuple(p for p in parts if not isinstance(p, Word))  # commas: lark shares the list's rule
+
+    drives = wishes = listed
+
+    def named(self, parts: list[Any]) -> tree.Given:
+        return tree.Given(parts[0].span, parts[0])
+
+    def drive(self, parts: list[Any]) -> tree.Given:
+        paths = [p for p in parts if isinstance(p, tree.Path)]
+        return tree.Given(self._span(paths), paths[0], paths[1] if len(paths) > 1 else None)
+
+    def wish(self, parts: list[Any]) -> tree.Given:
+        value = _done(parts[1])
+        return tree.Given(self._span([parts[0], value]), parts[0], value=value)
+
+    def correlation(self, parts: list[Any]) -> tree.Given:
+        word, first, second, value = (p for p in parts if not isinstance(p, Word) or p.type == "NAME")
+        value = _done(value)
+        return tree.Given(self._span([word, value]), first, second, value, word=str(word))
+
+    def sought(self, parts: list[Any]) -> tree.Given:
+        return tree.Given(self._span(parts), parts[0], range=parts[1])
+
+    def _analysis(
+        self, role: str, given: Any, wanted: Any = (), span: Any = None, attributes: Any = None
+    ) -> tree.Analysis:
+        given, wanted = given or (), wanted or ()
+        known = [*given, *wanted, *([span] if span is not None else [])]
+        where = self._span([known[0], known[-1]]) if known else Span(self.source, 0, 0)
+        return tree.Analysis(where, role, given, wanted, (), span, attributes or ())
+
+    def linearize(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("linearize", *parts)
+
+    def sensitivity(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("sensitivity", *parts)
+
+    def continuation(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("continue", (parts[0],), (), *parts[1:])
+
+    def inversion(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("invert", *parts)
+
+    def chance(self, parts: list[Any]) -> tree.Analysis:
+        return self._analysis("montecarlo", self.listed(parts[:-1]), (), None, parts[-1])
+
+    def fit(self, parts: list[Any]) -> tree.Analysis:
+        given = tuple(p for p in parts if isinstance(p, tree.Given))
+        files = tuple(p for p in parts if isinstance(p, tree.Text))
+        return tree.Analysis(self._span([given[0], files[-1]]), "fit", given, (), files, None, parts[-1] or ())
 
     def report(self, parts: list[Any]) -> tree.Report:
         return tree.Report(self._span(parts), tuple(parts))
@@ -296,45 +357,48 @@ class Builder(Transformer[Token, Any]):
         return replace(_done(parts[1]), span=self._span(parts))
 
     def call(self, parts: list[Any]) -> tree.Call:
-        arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Token))
+        arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Word))
         return deepened(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
 
     def text(self, parts: list[Any]) -> tree.Text:
         return tree.Text(self._span(parts), 1, str(parts[0])[1:-1])
 
     def vector(self, parts: list[Any]) -> tree.Vector:
-        items = tuple(_done(p) for p in parts if not isinstance(p, Token))
+        items = tuple(_done(p) for p in parts if not isinstance(p, Word))
         return deepened(tree.Vector, self._span(parts), items, items)  # type: ignore[no-any-return]
 
     def quantity(self, parts: list[Any]) -> tree.Literal:
         number, unit = parts
-        if isinstance(unit, Token):
-            span = self._span([unit])
-            unit = tree.Unit(span, ((str(unit), Fraction(1), span),), Fraction(1))
+        if isinstance(unit, Word):
+            span = Span(self.source, unit.start_pos, unit.end_pos)
+            unit = tree.Unit(span, ((unit.value, ONE, span),), ONE)
         return tree.Literal(self._span([number, unit]), 1, self._number(number), unit)
 
     # ------------------------------------------------------------ units
     def unit(self, parts: list[Any]) -> tree.Unit:
+        if len(parts) == 1 and parts[0].number is ONE:
+            return parts[0]  # type: ignore[no-any-return]
         factors: list[tuple[str, Fraction, Span]] = []
-        number = Fraction(1)
+        number = ONE
         sign = 1
         for part in parts:
-            if isinstance(part, Token):
+            if isinstance(part, Word):
                 sign = 1 if part == "*" else -1
                 continue
-            factors += [(name, power * sign, span) for name, power, span in part.factors]
-            number *= part.number**sign
-        span = self._span([p for p in parts if not isinstance(p, Token)])
+            factors += part.factors if sign > 0 else [(name, -power, span) for name, power, span in part.factors]
+            if part.number is not ONE:
+                number *= part.number**sign
+        span = Span(self.source, parts[0].span.start, parts[-1].span.end)
         return self._bounded(span, factors, number)
 
     def _bounded(self, span: Span, factors: Sequence[tuple[str, Fraction, Span]], number: Fraction) -> tree.Unit:
         """A unit within limits: they are checked before a power is formed from it."""
         powers: dict[str, Fraction] = {}
         for name, power, _ in factors:
-            powers[name] = powers.get(name, Fraction(0)) + power
-        if any(abs(p) > MAXIMUM_UNIT_POWER for p in powers.values()):
+            powers[name] = powers[name] + power if name in powers else power
+        if any(not -MAXIMUM_UNIT_POWER <= p <= MAXIMUM_UNIT_POWER for p in powers.values()):
             raise Refused(WrongUnit, span.start, span.end, what="The exponent of a unit lies between -20 and 20")
-        if not Fraction(1, 10**40) < number < 10**40 or len(factors) > 100:
+        if (number is not ONE and not Fraction(1, 10**40) < number < 10**40) or len(factors) > 100:
             raise Refused(
                 WrongUnit, span.start, span.end, what="A unit has at most 100 factors, and numbers up to 1e40 in it"
             )
@@ -342,10 +406,10 @@ class Builder(Transformer[Token, Any]):
 
     def unit_power(self, parts: list[Any]) -> tree.Unit:
         base, exponent = parts
-        power = Fraction(1) if exponent is None else exponent
-        if isinstance(base, Token):
-            span = self._span([base])
-            return tree.Unit(span, ((str(base), power, span),), Fraction(1))
+        power = ONE if exponent is None else exponent
+        if isinstance(base, Word):
+            span = Span(self.source, base.start_pos, base.end_pos)
+            return tree.Unit(span, ((base.value, power, span),), ONE)
         factors = [(name, p * power, span) for name, p, span in base.factors]
         if power.denominator != 1 and base.number != 1:
             raise Refused(WrongUnit, base.span.start, base.span.end, what="A number in a unit has no root")
@@ -360,12 +424,12 @@ class Builder(Transformer[Token, Any]):
     def exponent(self, parts: list[Any]) -> Fraction:
         sign = -1 if parts[0] == "-" else 1
         numbers = [self._number(p) for p in parts if p.type == "NUMBER"]
-        bottom = numbers[1] if len(numbers) > 1 else Fraction(1)
+        bottom = numbers[1] if len(numbers) > 1 else ONE
         if bottom == 0 or abs(numbers[0]) > 20 or bottom > 20:
             raise Refused(
                 WrongUnit, parts[0].start_pos, parts[-1].end_pos, what="The exponent of a unit lies between -20 and 20"
             )
-        return sign * numbers[0] / bottom
+        return (-numbers[0] if sign < 0 else numbers[0]) if bottom is ONE else sign * numbers[0] / bottom
 
 
 def _items(index: tuple[Any, ...] | None) -> tree.Index | None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-import lark
-
 from ..errors import Diagnostic
 from ..source import Source, Span
 from .errors import StrangeCharacter, Unclosed, Unexpected
+from .refused import Unreadable
+from .table import END
+from .word import Word
 
 _WORDS = {
     "NAME": "a name", "NUMBER": "a number", "STRING": 'a text in ""', "_NL": "the end of the line", "RBRACE": "`}`", "LBRACE": "`{`",
@@ -32,26 +33,24 @@ _FOREIGN = {
 }
 
 
-def explain(source: Source, problem: lark.UnexpectedInput, open_brackets: Sequence[lark.Token]) -> Diagnostic:
-    """The diagnostic for a complaint of lark; `open_brackets` are those that were open when it came."""
-    position = problem.pos_in_stream
-    start = position if position is not None and position >= 0 else len(source.text)
-    if isinstance(problem, lark.UnexpectedCharacters):
-        return _character(source, start, problem)
-    token = getattr(problem, "token", None)
-    unclosed = _unclosed(source, token, open_brackets)
+def explain(source: Source, problem: Unreadable) -> Diagnostic:
+    """The diagnostic for a word or a character that cannot be read."""
+    word = problem.word
+    if word is None:
+        return _character(source, problem.position, problem)
+    unclosed = _unclosed(source, word, problem.open_brackets)
     if unclosed is not None:
         return unclosed
-    if token is None or token.type == "$END":
+    if word.type == END:
         end = len(source.text.rstrip())
         return Unexpected(Span(source, max(0, end - 1), max(1, end)), "The end of the file", _hint(problem, source))
-    start = token.start_pos if token.start_pos is not None else start
-    text = "The end of the line" if token.type == "_NL" else f"`{str(token).strip()}`"
-    end = start + 1 if token.type == "_NL" else start + len(token)
+    start = word.start_pos
+    text = "The end of the line" if word.type == "_NL" else f"`{str(word).strip()}`"
+    end = start + 1 if word.type == "_NL" else start + len(word)
     return Unexpected(Span(source, start, end), text, _hint(problem, source))
 
 
-def _character(source: Source, start: int, problem: lark.UnexpectedInput) -> Diagnostic:
+def _character(source: Source, start: int, problem: Unreadable) -> Diagnostic:
     character = source.text[start] if start < len(source.text) else ""
     span = Span(source, start, start + 1)
     if character.isascii() and character.isprintable():
@@ -61,15 +60,14 @@ def _character(source: Source, start: int, problem: lark.UnexpectedInput) -> Dia
     return StrangeCharacter(span, shown, advice)
 
 
-def _unclosed(source: Source, token: lark.Token | None, open_brackets: Sequence[lark.Token]) -> Diagnostic | None:
+def _unclosed(source: Source, word: Word, open_brackets: Sequence[Word]) -> Diagnostic | None:
     """An open bracket explains what seems wrong some lines later, or at the end of the file."""
     if not open_brackets:
         return None
     last = open_brackets[-1]
-    at_end = token is None or token.type == "$END"
     round_bracket = last.type != "LBRACE"
-    start = last.start_pos or 0
-    if at_end or (round_bracket and token is not None and "\n" in source.text[start : token.start_pos]):
+    start = last.start_pos
+    if word.type == END or (round_bracket and "\n" in source.text[start : word.start_pos]):
         if last.type == "LBRACE":
             start = _open_brace(source.text, start)
         bracket = source.text[start + len(last) - 1]
@@ -103,16 +101,12 @@ _IN_A_MODEL = frozenset(
 )
 
 
-def _hint(problem: lark.UnexpectedInput, source: Source) -> str:
-    expected: set[str] = set()
-    for attribute in ("accepts", "expected", "allowed"):
-        expected = expected or set(getattr(problem, attribute, None) or ())
-    token = getattr(problem, "token", None)
-    if token is not None:
-        start = token.start_pos or 0
-        special = _special(
-            token, expected, source.text[source.line_starts[Span(source, start, start).line - 1] : start].rstrip()
-        )
+def _hint(problem: Unreadable, source: Source) -> str:
+    expected, word = problem.expected, problem.word
+    if word is not None:
+        start = word.start_pos
+        before = source.text[source.line_starts[Span(source, start, start).line - 1] : start].rstrip()
+        special = _special(word, expected, before)
         if special:
             return special
     words = sorted(
@@ -127,7 +121,7 @@ def _hint(problem: lark.UnexpectedInput, source: Source) -> str:
     return "What may stand here: " + ", ".join(words[:12]) + ("…" if len(words) > 12 else "") + "."
 
 
-def _special(token: lark.Token, expected: set[str], before: str) -> str:
+def _special(token: Word, expected: set[str], before: str) -> str:
     """What is probably meant, from the token and the line before it."""
     text = str(token)
     if text == "import" and "MODEL" not in expected:

@@ -1,6 +1,6 @@
 """Text to the same text, tidied: indentation and the space between words. Line breaks, comments and tables stay the author's.
 
-The words come from lark's own lexer, so that what a word is here is what it is to the parser. Each has a usual distance from
+The words are those that the parser read, so that what a word is here is what it is to it. Each has a usual distance from
 the one before it (`_distance`). A word that stands further right stays there if it is part of a table: words of one sort that
 begin in one column of neighbouring lines begin in one column afterwards too, as far from what stands before them as they were.
 
@@ -15,14 +15,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
 
-import lark
-
 from ..errors import CompilationFailed, InternalError
 from ..memory import uncollected
 from ..source import Source, Span
-from .parse import MAXIMUM_SIZE, _parser, _parser_lock, parse
-from .refused import Refused
+from .parse import MAXIMUM_SIZE, parse, read_words
+from .refused import Refused, Unreadable
 from .tree import Index, Member, Node
+from .word import Word
 
 INDENT = 2  # columns for each open brace
 COMMENT = 2  # columns before a comment at the end of a line
@@ -120,19 +119,14 @@ class _Line:
     words: list[_Word] = field(default_factory=list)
 
 
-def _parse_with_tokens(source: Source) -> tuple[object, list[lark.Token]]:
+def _parse_with_tokens(source: Source) -> tuple[object, list[Word]]:
     """The statements of a file and its tokens, `_NL` among them where a line break ends something."""
-    tokens: list[lark.Token] = []
-    with _parser_lock:
-        parser, builder, words = _parser()
-        builder.source, words.seen = source, tokens
-        try:
-            if len(source.text) <= MAXIMUM_SIZE:
-                return parser.parse(source.text, start="start"), tokens
-        except (lark.exceptions.LarkError, Refused):
-            pass
-        finally:
-            words.seen = None
+    tokens: list[Word] = []
+    try:
+        if len(source.text) <= MAXIMUM_SIZE:
+            return read_words(source, source.text, seen=tokens), tokens
+    except (Unreadable, Refused):
+        pass
     parse(source)  # tells all mistakes
     raise InternalError(f"{source.name} is read in one way and not in another")
 
@@ -145,7 +139,7 @@ class _Reader:
         self.column = 0
         self.ended = True  # whether a statement can begin at the next word
 
-    def read(self, text: str, tokens: Iterable[lark.Token]) -> list[_Line]:
+    def read(self, text: str, tokens: Iterable[Word]) -> list[_Line]:
         position = 0
         for token in tokens:
             if token.type == "_NL":  # what is in it is read with all that stands before the next token
@@ -154,7 +148,7 @@ class _Reader:
             self.gap(text[position : token.start_pos])
             self.word(token.type, str(token))
             self.ended = token.type in ("LBRACE", "SEMICOLON")
-            position = token.end_pos or 0
+            position = token.end_pos
         self.ended = True
         self.gap(text[position:])
         return [line for line in self.lines if line.words]

@@ -1,4 +1,4 @@
-"""Text to tree: lark's LALR parser calls the builder node by node; mistakes become diagnostics, all of a file at once."""
+"""Text to tree: words and rules call the builder node by node; mistakes become diagnostics, all of a file at once."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
 
-import lark
-
 from ..errors import CompilationFailed, Diagnostic
+from ..kept import kept
 from ..memory import uncollected
 from ..source import Source, Span
 from .build import Builder
 from .errors import ForeignFile, TooLarge
 from .explain import explain
-from .lex import Words
-from .refused import Refused
+from .read import Reader
+from .refused import Refused, Unreadable
+from .table import Table, make_table
 from .tree import Expression, Law, SyntaxTree
+from .word import Word
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
 MAXIMUM_MISTAKES = 20  # syntax mistakes told of one file
@@ -27,19 +28,10 @@ _parser_lock = threading.Lock()
 
 
 @cache
-def _parser() -> tuple[lark.Lark, Builder, Words]:
+def _parser() -> tuple[Reader, Builder]:
     builder = Builder()
     grammar = FilePath(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    # The builder is called while lark parses: no intermediate tree is made (half the time of a large file).
-    parser = lark.Lark(
-        grammar,
-        parser="lalr",
-        start=["start", "alone", "alone_law"],
-        transformer=builder,
-        lexer=Words,
-        propagate_positions=False,
-    )
-    return parser, builder, Words.last
+    return Reader(kept(Table, grammar, make_table), builder), builder
 
 
 def parse(source: Source) -> SyntaxTree:
@@ -59,12 +51,12 @@ def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diag
     text = source.text
     while True:
         try:
-            statements = _parse_text(source, text)
-        except (Refused, lark.UnexpectedInput) as problem:
+            statements = read_words(source, text)
+        except (Refused, Unreadable) as problem:
             if isinstance(problem, Refused):
                 mistake = problem.diagnostic(source)
             else:
-                mistake = explain(source, problem, _parser()[2].open)
+                mistake = explain(source, problem)
             if isinstance(problem, Refused) and problem.is_limit:
                 mistakes.append(mistake)
                 break  # what follows could only cost time
@@ -93,24 +85,20 @@ def parse_law(source: Source) -> Law:
 
 def _parse_alone(source: Source, start: str) -> Any:
     try:
-        return _parse_text(source, source.text, start)
+        return read_words(source, source.text, start)
     except Refused as refused:
         raise CompilationFailed([refused.diagnostic(source)]) from None
-    except lark.UnexpectedInput as problem:
-        raise CompilationFailed([explain(source, problem, _parser()[2].open)]) from None
+    except Unreadable as problem:
+        raise CompilationFailed([explain(source, problem)]) from None
 
 
-def _parse_text(source: Source, text: str, start: str = "start") -> Any:
+def read_words(source: Source, text: str, start: str = "start", seen: list[Word] | None = None) -> Any:
+    """What the rule `start` makes of a text; `seen` gathers its words. Raises `Unreadable` and `Refused`."""
     with _parser_lock:
-        parser, builder, _ = _parser()
+        reader, builder = _parser()
         builder.source = source
-        try:
-            with uncollected():
-                return parser.parse(text, start=start)
-        except lark.exceptions.VisitError as error:
-            if isinstance(error.orig_exc, Refused):
-                raise error.orig_exc from None
-            raise
+        with uncollected():
+            return reader.read(text, start, seen)
 
 
 def _blank_statement(text: str, source: Source, span: Span) -> tuple[str, bool]:

@@ -1,4 +1,4 @@
-"""What the lexer and the builder raise while lark is parsing."""
+"""What is raised while a text is read."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 from ..errors import Diagnostic
 from ..source import Source, Span
 from .errors import StrangeCharacter, Unexpected
+from .word import Word
 
 
 class Refused(Exception):
@@ -23,3 +24,11 @@ class Refused(Exception):
 
     def diagnostic(self, source: Source) -> Diagnostic:
         return self.kind(Span(source, self.start, self.end), **self.values)
+
+
+class Unreadable(Exception):
+    """A word that cannot stand where it stands, or a character (`word` is None) with which none begins; `expected`: terminals that can."""
+
+    def __init__(self, position: int, word: Word | None, expected: set[str], open_brackets: list[Word]) -> None:
+        self.position, self.word, self.expected, self.open_brackets = position, word, expected, open_brackets
+        super().__init__(position)

@@ -399,6 +399,32 @@ class Study(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Given(Node):
+    """What an analysis is told of a name: `path`, `push/pull`, `path = value`, `path = low .. high`, `correlation(path, other) = value`."""
+
+    path: Path
+    other: Path | None = None
+    value: Expression | None = None
+    range: Range | None = None
+    word: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis(Node):
+    """A step with names of its own: `linearize`, `sensitivity`, `continue`, `invert`, `montecarlo`, `fit`.
+
+    `given`: what is moved, found or varied; `wanted`: what comes of it; `files`: of measurements.
+    """
+
+    role: str
+    given: tuple[Given, ...]
+    wanted: tuple[Given, ...]
+    files: tuple[Text, ...]
+    range: Range | None
+    attributes: tuple[Attribute, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Experiment(Node):
     """A named experiment with its steps in order."""
 

@@ -29,9 +29,16 @@ def test_the_facade() -> None:
 @pytest.mark.parametrize("model", ["manipulator.bg", "feed_forward.bg"])
 def test_check(model: str) -> None:
     """Up to the equations: neither scipy nor sympy, and no arrays."""
-    found = loaded(f"import bondgraph\nassert bondgraph.check('models/{model}') == ()")
+    reading = "assert 'compiler.reduction.reduce' in sys.modules, 'the model was not read'"
+    found = loaded(f"import bondgraph\nassert bondgraph.check('models/{model}') == ()\n{reading}")
     assert not found & {"scipy", "sympy", "matplotlib", "pandas", "numpy"}
-    assert "lark" in found, "the model was not read"
+
+
+def test_the_grammar_is_read_once() -> None:
+    """lark makes the parser's table; from then on it is kept, and a text is read without lark."""
+    checking = "import bondgraph\nassert bondgraph.check('models/manipulator.bg') == ()"
+    loaded(checking)
+    assert "lark" not in loaded(checking)
 
 
 def test_a_program_needs_no_scipy() -> None:

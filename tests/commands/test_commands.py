@@ -38,10 +38,10 @@ def test_check_tells_the_place(wrong: str) -> None:
 
 def test_a_package_that_is_missing() -> None:
     """No defect, and nothing that is wrong with the file."""
-    code = "import sys; sys.modules['lark'] = None; from bondgraph.commands import commands; commands(['check', 'models/rlc.bg'])"
+    code = "import sys; sys.modules['sympy'] = None; from bondgraph.commands import commands; commands(['equations', 'models/rlc.bg'])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 2
-    assert "the package `lark` is not installed; `pip install bondgraph-lang`" in found.stderr
+    assert "the package `sympy` is not installed; `pip install bondgraph-lang`" in found.stderr
     assert "defect" not in found.stderr
 
 

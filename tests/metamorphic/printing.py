@@ -203,7 +203,25 @@ def _step(node: Any, margin: str) -> str:
             return f"response {first} to {second} over {_range(node.range)}{_attributes(node.attributes)}"
         case tree.Study():
             return node.role + _attributes(node.attributes)
+        case tree.Analysis():
+            return _analysis(node)
     raise AssertionError(type(node))
+
+
+def _analysis(node: tree.Analysis) -> str:
+    given, wanted = (", ".join(map(_given, some)) for some in (node.given, node.wanted))
+    files = ", ".join(f'"{text.value}"' for text in node.files)
+    told = " to ".join(words for words in (given, wanted, files) if words)
+    over = "" if node.range is None else f" over {_range(node.range)}"
+    return f"{node.role} {told}".strip() + over + _attributes(node.attributes)
+
+
+def _given(node: tree.Given) -> str:
+    if node.word:
+        return f"{node.word}({expression(node.path)}, {expression(node.other)}) = {expression(node.value)}"
+    text = expression(node.path) + ("" if node.other is None else f"/{expression(node.other)}")
+    text += "" if node.value is None else f" = {expression(node.value)}"
+    return text + ("" if node.range is None else f" = {_range(node.range)}")
 
 
 def _range(node: Any) -> str:

@@ -355,7 +355,17 @@ class Place:
                     step, paths=self.value(step.paths), values=self.value(step.values), range=self.value(step.range),
                     attributes=self._settings(step.attributes),
                 )  # fmt: skip
+            case tree.Analysis():
+                given, wanted = (tuple(map(self._given, some)) for some in (step.given, step.wanted))
+                attributes = self._settings(step.attributes)
+                return replace(step, given=given, wanted=wanted, range=self.value(step.range), attributes=attributes)
         return step
+
+    def _given(self, given: tree.Given) -> tree.Given:
+        other = None if given.other is None else self.path(given.other)
+        return replace(
+            given, path=self.path(given.path), other=other, value=self.value(given.value), range=self.value(given.range)
+        )
 
     def _settings(self, attributes: tuple[tree.Attribute, ...]) -> tuple[tree.Attribute, ...]:
         return tuple(

@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.analysis.operating_point import OperatingPoint
 from bondgraph.errors import RunFailed
+from bondgraph.simulation.start import rest
+from bondgraph.simulation.start.rest_sparse import SparseSearch
 from tests.compiling import ROOT
+
+EULER = SparseSearch.euler
 
 
 def at_rest(body: str, *outputs: str) -> dict[str, float]:
@@ -64,3 +69,121 @@ def test_a_manipulator_under_load_sits_where_statics_say(tmp_path: Path) -> None
     (tmp_path / "manipulator.bg").write_text(text.replace("experiment push_x {", rest), encoding="utf-8")
     found = bondgraph.load(tmp_path / "manipulator.bg").simulate("rest", points=2)
     assert found["x"] * 1e6 == pytest.approx([9.67567, 9.67567], rel=1e-6)
+
+
+class TestLargeModels:
+    """More than a hundred states: the same search by sparse factors, with what is kept and what nothing brings back."""
+
+    @staticmethod
+    def by_both(text: str, monkeypatch: pytest.MonkeyPatch) -> tuple[OperatingPoint, OperatingPoint]:
+        """By sparse factors and by dense ones, at least one of them as named."""
+        ways: list[str] = []
+        monkeypatch.setattr(SparseSearch, "euler", lambda self, *x: ways.append("sparse") or EULER(self, *x))
+        sparse = bondgraph.load(text).operating_point()
+        assert ways
+        monkeypatch.setattr(rest, "is_large", lambda states, entries: False)
+        ways.clear()
+        dense = bondgraph.load(text).operating_point()
+        assert not ways
+        return sparse, dense
+
+    def test_charges_that_have_no_way_out(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """n capacitors of j uF at j V, joined by lines: all come to sum(j^2)/sum(j) V, and no current is left."""
+        text = """
+        model Charges {
+          parameter n = 60
+          for j in 1..n {
+            0 node[j] : electric
+            C cap[j] : u = q/(1 [uF]*j) { start u = 1 V*j }
+            node[j] -> cap[j]
+          }
+          for j in 2..n {
+            1 line[j] : electric
+            R res[j] : u = 10 [ohm]*i
+            I coil[j] : lambda = 1 [mH]*i
+            node[j-1] -> line[j] -> node[j]
+            line[j] -> res[j], coil[j]
+          }
+        }"""
+        sparse, dense = self.by_both(text, monkeypatch)
+        n = 60
+        wanted = (2 * n + 1) / 3 * 1e-6 * np.arange(1, n + 1)
+        for point in (sparse, dense):
+            values = dict(zip(point.program.states.names, point.state, strict=False))
+            charges = np.array([values[f"cap[{j}].q"] for j in range(1, n + 1)])
+            assert charges == pytest.approx(wanted, rel=1e-9)
+            assert max(abs(values[f"coil[{j}].lambda"]) for j in range(2, n + 1)) < 1e-12
+
+    def test_a_train_that_nothing_holds(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Carriages with hardening couplings, pressed together: it settles where it is, its momentum of zero kept."""
+        text = """
+        model Train {
+          parameter n = 60
+          for i in 1..n { 1 body[i];  I mass[i] : p = 1 kg*v;  body[i] -> mass[i] }
+          for i in 2..n {
+            C spring[i] : F = 100 [N/m]*x + 1e5 [N/m^3]*x^3 { start x = 1 mm*i }
+            R damper[i] : F = 30 [N*s/m]*v
+            0 gap[i] : translation
+            1 link[i]
+            body[i-1] -> gap[i] -> body[i]
+            gap[i] -> link[i] -> spring[i], damper[i]
+          }
+        }"""
+        sparse, dense = self.by_both(text, monkeypatch)
+        for point in (sparse, dense):
+            assert point.state == pytest.approx(np.zeros(point.count), abs=1e-9)
+
+    def test_what_is_driven_for_ever_has_no_rest(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """However far it has gone: what its springs leave is no rounding of that."""
+        monkeypatch.setattr(rest, "STEPS", 80)
+        text = """
+        model Pushed {
+          parameter n = 51
+          Se push : F = 1 N
+          push -> body[1]
+          for i in 1..n { 1 body[i];  I mass[i] : p = 1 kg*v;  body[i] -> mass[i] }
+          for i in 2..n { C spring[i] : F = 100 [N/m]*x;  0 gap[i] : translation;  body[i-1] -> gap[i] -> body[i];  gap[i] -> spring[i] }
+        }"""
+        with pytest.raises(RunFailed, match="no equilibrium was found"):
+            bondgraph.load(text).operating_point()
+
+    def test_unknowns_of_loops_follow(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Capacitors behind a resistor and a diode in line, each with a load: in the end all current goes through the load."""
+        text = """
+        model Loads {
+          parameter n = 3, m = 35
+          Se source : u = 5 V
+          for j in 1..n {
+            R across[j] : u = 1 [kohm]*i
+            R diode[j]  : i = 1 [uA]*(exp(u/0.2 [V]) - 1)
+            R load[j]   : u = 2 [kohm]*i
+            0 node[j, 0] : electric
+            1 way[j]
+            source[j] -> way[j] -> node[j, 0]
+            way[j] -> across[j], diode[j]
+            node[j, 0] -> load[j]
+          }
+        }"""
+        text = text.replace("Se source : u = 5 V", "").replace(
+            "R across[j]", "Se source[j] : u = 5 V\n            R across[j]"
+        )
+        inner = """
+          for j in 1..n { for k in 0..m {
+            C cap[j, k] : u = q/(1 [uF])
+          } }
+          for j in 1..n { node[j, 0] -> cap[j, 0] }
+          for j in 1..n { for k in 1..m {
+            0 node[j, k] : electric
+            1 line[j, k] : electric
+            R wire[j, k] : u = 10 [ohm]*i
+            node[j, k-1] -> line[j, k] -> node[j, k] -> cap[j, k]
+            line[j, k] -> wire[j, k]
+          } }
+        }"""
+        text = text.rstrip().removesuffix("}") + inner
+        sparse, dense = self.by_both(text, monkeypatch)
+        assert sparse.all > sparse.count > 100
+        for point in (sparse, dense):
+            u = point.state[: point.count] / 1e-6
+            i = u / 2e3
+            assert 5 - 1e3 * i - 0.2 * np.log(1 + i / 1e-6) == pytest.approx(u, rel=1e-9)

@@ -159,3 +159,12 @@ def test_a_value_with_which_nothing_begins_is_told() -> None:
     }"""
     with pytest.raises(bondgraph.RunFailed, match="the square root of -1"):
         bondgraph.load(text).simulate(None, settings={"k": -1.0}, to="1 s")
+
+
+@pytest.mark.parametrize(
+    "name", ["a", "s", "l_s", "d[1]", "E[2]", "h", "pitch", "r", "r_phi", "m_p", "I_z", "push1", "fx"]
+)
+def test_parameters_of_the_manipulator_are_arguments(name: str) -> None:
+    """Also those that say where its joints are: a mechanism is compiled for all places."""
+    model = bondgraph.load(MODELS / "manipulator.bg")
+    assert settle(model, "", {name: 1e-4}, None, False, "numpy").values == {name: 1e-4}

@@ -16,6 +16,7 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments import Segment
+from ..steps.factorise import is_large
 
 STEPS = 400
 GROWTH = 2.0
@@ -33,7 +34,7 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
     count = len(program.states.names)
     if not count:
         return state
-    search = _Search(program, constraints, inputs, first)
+    search = _search(program, constraints, inputs, first)
     x, slope, jacobian = search.at(np.array(state))
     if not slope.any():
         return x
@@ -61,7 +62,17 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
     )
 
 
-class _Search:
+def _search(program: Program, constraints: Constraints, inputs: Any, first: Segment) -> Search:
+    """Dense, or sparse where a model is large. Closing joints leave directions that are dense as they are."""
+    rows, _ = program.pattern
+    if not constraints and is_large(len(program.states.names), len(rows)):
+        from .rest_sparse import SparseSearch
+
+        return SparseSearch(program, constraints, inputs, first)
+    return Search(program, constraints, inputs, first)
+
+
+class Search:
     """Rates and their derivatives by the states, with the unknowns of loops solved for."""
 
     def __init__(self, program: Program, constraints: Constraints, inputs: Any, first: Segment) -> None:
@@ -71,6 +82,9 @@ class _Search:
         magnitude = np.ones(self.count + len(program.unknowns.names))
         self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude), first.mode
         self.largest = np.zeros(self.count)
+        units = program.states.units
+        kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
+        self.kind = np.array([kinds[unit] for unit in units], dtype=int)  # states of one unit have one number
         self.basis: Any = None  # of the directions that closing joints leave, where the search is
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
@@ -92,27 +106,35 @@ class _Search:
         """The length of the first step: that of the fastest mode, or of what the rates do to the states."""
         moving = slope != 0
         reach = float((self.scale(np.zeros(self.count))[moving] / np.abs(slope[moving])).min())
-        fastest = float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+        fastest = self.fastest(jacobian)
         return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
+
+    def fastest(self, jacobian: Any) -> float:
+        """The largest eigenvalue, in 1/s."""
+        return float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
 
     def scale(self, change: Any) -> Any:
         """Magnitudes of the states, as far as they are known: those of one unit share the largest."""
         seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
-        units = self.program.states.units
-        return np.array([max(x for x, u in zip(seen, units, strict=True) if u == unit) or 1.0 for unit in units])
+        largest = np.zeros(self.kind.max(initial=0) + 1)
+        np.maximum.at(largest, self.kind, seen)
+        return np.where(largest > 0, largest, 1.0)[self.kind]
 
     def step(self, full: Any, slope: Any, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """One implicit Euler step; None if it leads to no numbers."""
         try:
-            if self.basis is None:
-                change = np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
-            else:
-                inner = self.basis.T @ jacobian @ self.basis
-                change = self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
+            change = self.euler(slope, jacobian, size)
             trial = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
         except (np.linalg.LinAlgError, RunFailed):
             return None
-        return trial if np.isfinite(trial[1]).all() and np.isfinite(trial[2]).all() else None
+        return trial if np.isfinite(trial[1]).all() and np.isfinite(trial[2].sum()) else None
+
+    def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
+        """The change of the states in one implicit step. Raises LinAlgError."""
+        if self.basis is None:
+            return np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
+        inner = self.basis.T @ jacobian @ self.basis
+        return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
 
     def correction(self, slope: Any, jacobian: Any) -> Any:
         """Newton's step of least length; where nothing brings back, it does not move. Infinite if nothing balances the rates."""
@@ -126,8 +148,7 @@ class _Search:
         """What rounding may leave of each rate."""
         return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)))
 
-    @staticmethod
-    def _least(slope: Any, jacobian: Any, noise: Any) -> Any:
+    def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
@@ -154,7 +175,7 @@ class _Search:
         """How far the equilibrium is, in units of the magnitudes."""
         change = self.correction(slope, jacobian)
         seen = self.scale(change)
-        fastest = float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+        fastest = self.fastest(jacobian)
         if fastest > 0:  # a speed that only rounding ever moved has a magnitude nevertheless
             seen = np.maximum(seen, np.abs(jacobian) @ seen / fastest)
         return float((np.abs(change) / seen).max(initial=0.0))

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...native.machine import MachineCode
 from ..program import LimitNote, Names, Native, Program
-from .kernels import Rows
+
+
+class Rows(NamedTuple):
+    """What the kernels of a module go through: rows of whole numbers (32 bits), and numbers in which instances differ."""
+
+    suffix: str
+    streams: bytes
+    numbers: bytes
 
 
 @dataclass(frozen=True, slots=True)

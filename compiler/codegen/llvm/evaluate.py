@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...native.machine import MachineCode
-from .kernels import Rows
+from .described import Rows
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
 _POINTER = ctypes.c_void_p

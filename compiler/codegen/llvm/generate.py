@@ -9,8 +9,7 @@ from ..lower import Lowered, count_operations
 from ..numpy.generate import name_tables, of_invariants
 from ..numpy.write import Writer
 from ..program import Names, Program
-from .described import Described, bind
-from .kernels import Rows
+from .described import Described, Rows, bind
 from .write import Module
 
 Compile = Callable[[str, int], bytes]

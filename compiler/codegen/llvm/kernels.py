@@ -8,12 +8,13 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from ...algebra.expression import Apply, Expression, Symbol
 from ...native.values import float_text
 from ..limits import Leaf
 from ..shapes import ARRAYS, Kernel, Place, Plan, Shapes, read
+from .described import Rows
 
 if TYPE_CHECKING:
     from ..lower import Lowered
@@ -35,14 +36,6 @@ class Function:
     roots: Sequence[Expression]
     order: Sequence[Apply]
     known: Mapping[Expression, Place]
-
-
-class Rows(NamedTuple):
-    """What the kernels of a module go through: rows of whole numbers (32 bits), and numbers in which instances differ."""
-
-    suffix: str
-    streams: bytes
-    numbers: bytes
 
 
 class Kernels:

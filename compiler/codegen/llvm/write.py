@@ -19,7 +19,8 @@ from ..lower import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
 from . import support
-from .kernels import Function, Kernels, Rows
+from .described import Rows
+from .kernels import Function, Kernels
 
 ARGUMENTS = ("state", "inputs", "constants", "mode")
 HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(

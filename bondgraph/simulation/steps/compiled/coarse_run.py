@@ -10,6 +10,7 @@ import numpy as np
 from ...start.coarse import smallest_angles
 from .coarse import Coarse
 from .euler import Euler
+from .factors import Factors, room_for
 from .fields import is_sparse
 from .run import Ordered, machine_code, structure
 from .sparse import ANEW, FINE
@@ -33,8 +34,8 @@ class CompiledEuler:
             "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
             "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
             "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)),
-            "matrix": np.zeros(0 if is_sparse(program) else n * n), "pivots": np.zeros(n),
-        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "rows_scale")}  # fmt: skip
+            "real": room_for(Factors, 0 if is_sparse(program) else n),
+        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}  # fmt: skip
         self.values["smallest"] = smallest_angles(program)
         self.order = Ordered(program, SMALL)
         self.values["pattern"] = self.order.record

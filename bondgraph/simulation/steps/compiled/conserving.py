@@ -6,7 +6,7 @@ from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
 from .. import gauss
-from .dense import back, eliminate
+from .factors import back, eliminate
 from .step import NEWTON, put_end, rates, renew
 from .stepper import Stepper
 
@@ -57,7 +57,6 @@ def move_by(s: Stepper, i: int, start: float, change: float) -> float:
 def find_stages(s: Stepper, size: float) -> int:
     """Stages and their slopes to rounding, by simplified Newton iteration: how many it took; 0: not found."""
     n = s.n
-    m = 3 * n
     if s.since_looked >= SLOW or s.factorised_size != size:
         renew(s)
         if not factorise_stages(s, size):
@@ -78,7 +77,7 @@ def find_stages(s: Stepper, size: float) -> int:
                     A[3 * i] * s.slope[n + k] + A[3 * i + 1] * s.slope[2 * n + k] + A[3 * i + 2] * s.slope[3 * n + k]
                 )
                 s.change[i * n + k] = size * total - s.z[i * n + k]
-        back(m, s.real, s.real_scale, s.real_pivots, s.change)
+        back(s.real, s.change)
         for i in range(3):
             for k in range(n):
                 s.z[i * n + k] += s.change[i * n + k]
@@ -97,17 +96,18 @@ def factorise_stages(s: Stepper, size: float) -> bool:
     """I - h A x J of all stages at once."""
     n = s.n
     m = 3 * n
+    matrix = s.real.matrix
     for i in range(m * m):
-        s.real[i] = 0.0
+        matrix[i] = 0.0
     for i in range(m):
-        s.real[i * m + i] = 1.0
+        matrix[i * m + i] = 1.0
     for k in range(s.entry_count):
         for i in range(3):
             for j in range(3):
-                s.real[(i * n + s.rows[k]) * m + j * n + s.columns[k]] -= size * A[3 * i + j] * s.jacobian[k]
+                matrix[(i * n + s.rows[k]) * m + j * n + s.columns[k]] -= size * A[3 * i + j] * s.jacobian[k]
     s.factorisations += 1
     s.factorised_size = size
-    return eliminate(m, s.real, s.real_scale, s.real_pivots)
+    return eliminate(s.real)
 
 
 def onto_energy(s: Stepper, time: float, y: Floats, keep: int) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ....door import Record
 from ...start import coarse as look
-from .dense import back, eliminate
+from .factors import Factors, back, eliminate
 from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
 
@@ -46,9 +46,7 @@ class Euler(Record):
     slope: Floats  # n
     scale: Floats  # n
     reached: Floats  # n
-    matrix: Floats  # n n
-    rows_scale: Floats  # n
-    pivots: Ints  # n
+    real: Factors
 
 
 def euler(e: Euler) -> int:
@@ -95,15 +93,16 @@ def solve_step(e: Euler) -> int:
         if done == FINE:
             real_back(e.pattern, e.slope)
         return done
+    matrix = e.real.matrix
     for i in range(n * n):
-        e.matrix[i] = 0.0
+        matrix[i] = 0.0
     for i in range(e.differential):
-        e.matrix[i * n + i] = 1.0 / e.size
+        matrix[i * n + i] = 1.0 / e.size
     for k in range(e.entry_count):
-        e.matrix[e.rows[k] * n + e.columns[k]] -= e.scaled[k]
-    if not eliminate(n, e.matrix, e.rows_scale, e.pivots):
+        matrix[e.rows[k] * n + e.columns[k]] -= e.scaled[k]
+    if not eliminate(e.real):
         return SINGULAR
-    back(n, e.matrix, e.rows_scale, e.pivots, e.slope)
+    back(e.real, e.slope)
     return FINE
 
 

@@ -15,6 +15,7 @@ from .. import pair
 from ..factorise import is_large
 from ..methods import ENERGY, RADAU
 from ..radau import FIRST, STUBBORN, allowed_estimate, creeping_tolerance, newton_tolerance
+from .factors import ComplexFactors, Factors, room_for
 
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
@@ -46,8 +47,7 @@ def fields_at(
     unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
     scaled = state / magnitude
     relative = tolerances.relative
-    order = 3 * n if method == ENERGY else n  # of the linear systems
-    room_of_matrix = 0 if is_sparse(program) and method != ENERGY else order * order
+    order = 3 * n if method == ENERGY else 0 if is_sparse(program) else n  # of the linear systems
     known = signals_on(program, inputs, constants, stretch, length)
     allowed = known.allowed
     earliest, latest = inside(stretch)
@@ -66,13 +66,13 @@ def fields_at(
         "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
         "node_time": known.times, "node_value": known.values.ravel(), "signal_nodes": len(known.times), "node_next": 0,
+        "steady": int(len(known.values) > 0 and not np.ptp(known.values, axis=0).any()),
         "signal_count": len(allowed), "allowed": allowed, "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(allowed)), "earliest": earliest, "latest": latest,
         "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
         "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(len(rows)), "sparse": int(is_sparse(program)),
-        "real": room(room_of_matrix), "real_scale": room(order), "real_pivots": whole(order),
-        "complex_re": room(room_of_matrix), "complex_im": room(room_of_matrix), "complex_scale": room(n), "complex_pivots": whole(n), "ends": 0,
+        "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if method == ENERGY else order), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
         "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import INTS, Fields, Handed, MachineCode, Program, record_of
+from ....door import INTS, Fields, Handed, MachineCode, Program, Record, record_of
 from ....native import kernel
 from ...segments import Segment
 from ...watch.choice import Choice
@@ -73,8 +73,12 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
             given.append(values[name])
             continue
         if isinstance(kind, Fields):
-            given.append(ctypes.addressof(values[name]))
-            kept.append(values[name])
+            inner = values[name]
+            if isinstance(inner, Record):
+                inner, arrays = structure(type(inner), vars(inner), program)
+                kept += arrays
+            given.append(ctypes.addressof(inner))
+            kept.append(inner)
             continue
         if isinstance(kind, Handed):
             given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))

@@ -237,6 +237,8 @@ def follows(
                 off += between[q * seen + k] * s.seen[k * m + j]
             if abs(off) > s.allowed[j]:
                 return False
+    if s.steady != 0 and is_steady(s, seen):
+        return True
     while s.node_next < s.signal_nodes and s.node_time[s.node_next] < start:
         s.node_next += 1
     node = s.node_next
@@ -252,6 +254,15 @@ def follows(
             if abs(off) > s.allowed[j]:
                 return False
         node += 1
+    return True
+
+
+def is_steady(s: Stepper, seen: int) -> bool:
+    """Whether all signals are at the places of a step what they are at all places of a stretch on which none is known to move."""
+    for k in range(seen):
+        for j in range(s.signal_count):
+            if s.seen[k * s.signal_count + j] != s.node_value[j]:
+                return False
     return True
 
 

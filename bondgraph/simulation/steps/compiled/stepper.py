@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ....door import Record
+from .factors import ComplexFactors, Factors
 from .holding import Held
 from .sparse import Pattern
 
@@ -58,6 +59,7 @@ class Stepper(Record):
     node_time: Floats  # signal_nodes
     node_value: Floats  # signal_nodes signal_count
     node_next: int  # the first of them that lies ahead
+    steady: int  # whether they are the same at all of them
     earliest: float
     latest: float
     longest: float
@@ -84,13 +86,8 @@ class Stepper(Record):
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
     pattern: Pattern
-    real: Floats  # n n
-    real_scale: Floats  # n
-    real_pivots: Ints  # n
-    complex_re: Floats  # n n
-    complex_im: Floats  # n n
-    complex_scale: Floats  # n
-    complex_pivots: Ints  # n
+    real: Factors
+    complex: ComplexFactors
     # the last three ends of steps
     ends: int
     end_time: Floats  # 3

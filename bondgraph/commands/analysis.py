@@ -1,0 +1,104 @@
+"""What the commands that analyse a model have in common: what they are asked with, and how they answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import (
+    analysed_option,
+    check_target,
+    echo,
+    file_argument,
+    json_option,
+    load,
+    model_option,
+    named,
+    outputs_option,
+    setting,
+    settings_option,
+)
+from .telling import problems_told
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+PICTURES = (".png", ".svg", ".pdf")
+
+Command = Callable[..., None]
+Write = Callable[[str], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A model's file, and with what it is analysed."""
+
+    file: str
+    name: str | None  # of the model, if the file has several
+    experiment: str | None
+    settings: Mapping[str, str]
+    outputs: tuple[str, ...] | None  # None: all
+    as_json: bool
+
+    @property
+    def model(self) -> Model:
+        """The model, read anew."""
+        return load(self.file, self.name)
+
+    def answer(self, found: Any) -> None:
+        """Print what was found."""
+        echo(found, self.as_json)
+
+
+def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Command]:
+    """A command that takes a file, `-e`, `--set`, `--output` (if it is `of_outputs`), `--json`, `--model`, and options of its own, which
+    come first in its help. It is called with `Asked` and its own options; what goes wrong in it is told."""
+
+    def decorate(function: Command) -> click.Command:
+        @wraps(function)
+        def command(
+            file: str, experiment: str, settings: Sequence[str], as_json: bool, model: str | None, outputs: Sequence[str] = (), **own: Any
+        ) -> None:  # fmt: skip
+            with problems_told():
+                given = dict(map(setting, settings))
+                function(Asked(file, model, named(experiment), given, tuple(outputs) or None, as_json), **own)
+
+        own = vars(command).pop("__click_params__", [])
+        shared = [analysed_option, settings_option, json_option, model_option]
+        for option in reversed([outputs_option, *shared] if of_outputs else shared):
+            option(command)
+        vars(command)["__click_params__"] += own
+        return click.command(name)(file_argument(command))
+
+    return decorate
+
+
+def picture_option(metavar: str, words: str) -> Callable[[Command], Command]:
+    """`--plot`, which draws what was found."""
+    return click.option("--plot", metavar=metavar, help=f"{words} (.png, .svg or .pdf).")
+
+
+def check_targets(*targets: tuple[str | None, tuple[str, ...], str]) -> None:
+    """That what is asked to be written can be, before anything is computed: paths, their endings, the options that name them."""
+    for path, endings, option in targets:
+        if path is not None:
+            check_target(path, endings, option)
+
+
+def write_all(*targets: tuple[str | None, Write]) -> None:
+    """Write what was asked for."""
+    for path, write in targets:
+        if path is not None:
+            write(path)
+
+
+def bounds(text: str, option: str, example: str) -> tuple[str, str]:
+    """Both ends of `LOW .. HIGH`."""
+    low, dots, high = text.partition("..")
+    if not dots:
+        raise click.UsageError(f"{option} takes {example}; this is `{text}`")
+    return low, high

@@ -1,0 +1,79 @@
+"""The analyses that an experiment has as steps, made as a call of `Model` makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..door import Differentiating, Fitting, Following, Inverting, Linearizing, Varying
+from .distributions import Distribution
+
+if TYPE_CHECKING:
+    from ..door import Analysis, Drawn
+    from ..model import Model
+    from ..simulation.run import Wanted
+    from .asked import Settings
+    from .sharing import Sharing
+
+
+def made_of(
+    model: Model, step: Analysis, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None
+) -> Any:
+    """What a step finds; `linearize`, `continue`, `invert` and `fit`. Raises as the call does."""
+    match step:
+        case Linearizing():
+            return model.linearize(step.inputs or None, step.outputs or outputs, experiment, settings)
+        case Following():
+            return model.continuation(
+                step.name, step.low, step.high, step.points, step.most, experiment, settings, outputs, step.branches
+            )  # fmt: skip
+        case Inverting():
+            return _inverted(model, step, experiment, settings)
+        case Fitting():
+            from .fit import Sought
+
+            sought = {s.name: Sought(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
+            folder = model.source.path.parent if model.source.path is not None else Path()
+            return model.fit([folder / f for f in step.files], sought, experiment, settings, step.explain)
+    raise AssertionError(step.role)
+
+
+def _inverted(model: Model, step: Inverting, experiment: str | None, settings: Settings) -> Any:
+    wanted = {w.output: w.text or w.value for w in step.wanted}
+    if step.stop is None:
+        return model.invert(wanted, step.inputs, experiment, settings)
+    return model.invert(
+        wanted, step.inputs, experiment, settings, to=step.stop, start=step.start, points=step.points, moving=step.moving,
+        limits=dict(step.limits),
+    )  # fmt: skip
+
+
+def differentiated(
+    model: Model, step: Differentiating, of: Sequence[str], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
+    wanted: Wanted,
+) -> list[Any]:  # fmt: skip
+    """Derivatives of what the other steps find: at rest, along the run."""
+    by, found = step.by or None, list[Any]()
+    at_rest = tuple(s for s in of if s in ("equilibrium", "modes"))
+    if at_rest or "simulate" not in of:
+        found.append(model.sensitivity(by, at_rest or ("equilibrium", "modes"), experiment, settings, outputs))
+    if "simulate" in of:
+        found.append(model.sensitivity_of_run(by, experiment, settings, wanted.to, wanted.points or 101, outputs))
+    return found
+
+
+def varied(
+    model: Model, step: Varying, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
+    wanted: Wanted, sharing: Sharing,
+) -> Any:  # fmt: skip
+    """What chance does to what the other steps find."""
+    from .montecarlo import Chance, montecarlo
+
+    vary: Mapping[str, str | Distribution] = {d.name: _distribution(d) for d in step.vary}
+    chance = Chance(vary, dict(step.correlations), step.samples, step.seed, step.indices)
+    return montecarlo(model, chance, of, experiment, settings, outputs, wanted, sharing)
+
+
+def _distribution(drawn: Drawn) -> Distribution:
+    return Distribution(drawn.kind, drawn.numbers, drawn.low, drawn.high)

@@ -1,0 +1,38 @@
+"""Distributions of what is not known exactly: their kinds, and which of them there are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+DISTRIBUTIONS = {
+    "normal": ("mean", "standard deviation"),
+    "lognormal": ("mean", "standard deviation"),
+    "uniform": ("low", "high"),
+    "triangular": ("low", "most likely", "high"),
+}
+SPREAD = "standard deviation"  # a difference, of temperatures one without their zero
+
+
+def fault(kind: str, numbers: Sequence[float], low: float = -math.inf, high: float = math.inf) -> str:
+    """Why there is no such distribution, cut off at `low` and `high`; "" if there is."""
+    if not all(map(math.isfinite, numbers)):
+        return "a distribution has finite numbers"
+    match kind, tuple(numbers):
+        case "normal" | "lognormal", (_, spread) if not spread > 0:
+            return f"a standard deviation is larger than zero, not {spread:g}"
+        case "lognormal", (mean, _) if not mean > 0:
+            return f"what is lognormal has a mean above zero, not {mean:g}"
+        case "uniform", (first, last) if not first < last:
+            return f"uniform goes from low to high; {first:g} is not below {last:g}"
+        case "triangular", (first, mode, last) if not (first <= mode <= last and first < last):
+            return f"triangular goes from low by the most likely to high; this is {first:g}, {mode:g}, {last:g}"
+    if not low < high:
+        return f"truncated from low to high; {low:g} is not below {high:g}"
+    return ""
+
+
+def kinds_told() -> str:
+    """All kinds with their numbers, in words."""
+    kinds = ", ".join(f"{k}({', '.join(w)})" for k, w in DISTRIBUTIONS.items())
+    return f"{kinds}, and truncated(one of these, low, high)"

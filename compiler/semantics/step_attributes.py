@@ -1,0 +1,115 @@
+"""What the analyses of an experiment share: attributes in braces, and names that can be set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from ..syntax import tree
+from .elaborate import Elaborator
+from .errors import DuplicateName, UnknownAttribute, WrongExperiment
+from .scope import AlreadyTold, Scalar, Scope, Wrong, suggestion
+
+Read = Callable[[tree.Attribute, Scope], tuple[str, Any]]
+
+
+@dataclass(slots=True)
+class Attributes:
+    """`values` by attribute; `named`: those with a target, `limit u = 3 V`, by attribute and target."""
+
+    values: dict[str, Any] = field(default_factory=dict)
+    named: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def word(path: tree.Path) -> str:
+    """A path as a name: without spaces."""
+    return path.words.replace(" ", "")
+
+
+def expressions_of(step: tree.Analysis) -> list[tree.Expression]:
+    """All that a step gives as a value, a bound or an attribute."""
+    given = (*step.given, *step.wanted)
+    ranges = [r for r in (step.range, *(g.range for g in given)) if r is not None]
+    values = [g.value for g in given if g.value is not None]
+    return [*values, *(e for r in ranges for e in (r.first, r.last)), *(a.value for a in step.attributes)]
+
+
+def each(
+    elaborator: Elaborator, read: Callable[..., Any], given: Sequence[tree.Given], root: Scope, *more: Any
+) -> tuple[Any, ...]:
+    """What `read` makes of each name. Raises as `together`."""
+    return together(elaborator, *(partial(read, elaborator, one, root, *more) for one in given))
+
+
+def together(elaborator: Elaborator, *parts: Callable[[], Any]) -> tuple[Any, ...]:
+    """Every part read, whatever is wrong with the others. Raises `AlreadyTold` if something was."""
+    found = tuple(elaborator.guard(part) for part in parts)
+    if any(one is None for one in found):
+        raise AlreadyTold
+    return found
+
+
+def settable(elaborator: Elaborator, given: tree.Given, root: Scope, what: str) -> str:
+    """The name of a single parameter or input. Raises `Wrong`."""
+    scalar = elaborator.lookup(given.path, root)
+    name = word(given.path)
+    if not isinstance(scalar, Scalar) or scalar.role not in ("parameter", "input"):
+        raise Wrong(
+            WrongExperiment(given.path.span, f"{what}, which `{name}` cannot be", "Name a single parameter or input.")
+        )
+    return name
+
+
+def refuse_twice(given: Sequence[tree.Given]) -> None:
+    """Raises `Wrong` for a name that stands twice."""
+    seen: dict[str, tree.Given] = {}
+    for one in given:
+        for path in (one.path, one.other):
+            if path is not None and word(path) in seen:
+                raise Wrong(DuplicateName(path.span, word(path), seen[word(path)].span))
+            if path is not None:
+                seen[word(path)] = one
+
+
+def read_attributes(
+    elaborator: Elaborator, step: tree.Analysis, root: Scope, counts: Mapping[str, tuple[int, int]], truths: Sequence[str] = (),
+    named: Mapping[str, Read] | None = None,
+) -> Attributes:  # fmt: skip
+    """Whole numbers within limits, `true` or `false`, and what `named` reads. Raises `AlreadyTold` when all that is wrong has been told."""
+    found, before = Attributes(named={n: {} for n in named or {}}), len(elaborator.diagnostics)
+    for attribute in step.attributes:
+        elaborator.guard(_read, elaborator, step, attribute, root, (counts, truths, named or {}), found)
+    if len(elaborator.diagnostics) > before:
+        raise AlreadyTold
+    return found
+
+
+def _read(
+    elaborator: Elaborator, step: tree.Analysis, attribute: tree.Attribute, root: Scope, known: tuple[Any, Any, Any], found: Attributes
+) -> None:  # fmt: skip
+    counts, truths, named = known
+    name = attribute.name
+    if attribute.target is not None and name in named:
+        target, value = named[name](attribute, root)
+        found.named[name][target] = value
+    elif attribute.target is None and name in truths:
+        if attribute.value.span.words not in ("true", "false"):
+            raise Wrong(WrongExperiment(attribute.span, f"`{name}` is true or false", f"Write `{name} = true`."))
+        found.values[name] = attribute.value.span.words == "true"
+    elif attribute.target is None and name in counts:
+        found.values[name] = _count(elaborator, attribute, root, counts[name])
+    else:
+        words = [*counts, *truths, *(f"`{n} NAME = …`" for n in named)]
+        hint = suggestion(name, [*counts, *truths, *named], f"It has: {', '.join(words) or 'none'}.")
+        raise Wrong(UnknownAttribute(attribute.span, step.role, name, hint))
+
+
+def _count(elaborator: Elaborator, attribute: tree.Attribute, root: Scope, limits: tuple[int, int]) -> int:
+    value = elaborator.static(attribute.value, root, f"`{attribute.name}`")
+    low, high = limits
+    if value != round(value) or not low <= value <= high:
+        what = f"`{attribute.name} = {value:g}` makes no sense"
+        raise Wrong(WrongExperiment(attribute.span, what, f"It is a whole number from {low} to {high}."))
+    return round(value)
