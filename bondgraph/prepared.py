@@ -119,7 +119,7 @@ class Prepared:
                     return made.program, made.plan, made.facts, made.certificate
                 _ = made.lowered
             except ValuesNeeded as needed:
-                cache.keep(key, {"needed": tuple(sorted(needed.names)), "files": ()})
+                cache.keep(key, {"needed": needed.why, "files": ()})
                 raise
             return self._compiled(key, made)
 

@@ -8,7 +8,7 @@ BG7xx back to text.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
@@ -62,10 +62,12 @@ class CompilationFailed(Exception):
 
 
 class ValuesNeeded(Exception):
-    """The stages ask for values that only a run knows: what these decide is more than numbers (a length, a choice)."""
+    """The stages ask for values that only a run knows: what these decide is more than numbers (a length, a choice).
 
-    def __init__(self, names: Iterable[str]) -> None:
-        self.names = frozenset(names)
+    `why`: for each name the place that asks for it, in the author's words."""
+
+    def __init__(self, why: Mapping[str, str]) -> None:
+        self.names, self.why = frozenset(why), dict(why)
         super().__init__(", ".join(sorted(self.names)))
 
 

@@ -107,6 +107,7 @@ class Outcome(Sequence[Point]):
     swept: Mapping[str, str]  # name -> SI unit
     points: tuple[Point, ...]
     shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in which a table shows it
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.points)
@@ -150,9 +151,9 @@ class Outcome(Sequence[Point]):
         return column
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}]}."""
+        """By the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "swept": dict(self.swept)}
-        return {**told, "points": [p.to_json() for p in self.points]}
+        return {**told, "points": [p.to_json() for p in self.points], "notes": list(self.notes)}
 
     @property
     def grid(self) -> tuple[int, ...] | None:

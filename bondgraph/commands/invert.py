@@ -3,50 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
-from .options import setting
+from .analysis import PICTURES, Asked, analysis, check_targets, picture_option
+from .options import TABLES, setting
 
 
 @analysis("invert", of_outputs=False)
 @click.option(
-    "--want", "targets", multiple=True, required=True, metavar="OUTPUT=VALUE",
+    "--want", "targets", multiple=True, metavar="OUTPUT=VALUE",
     help="An output at rest, `x=8 um`; with --to along a path, `x=8 um*smoothstep9(time, 0 s, 5 ms)`.",
+)  # fmt: skip
+@click.option(
+    "--setpoints", metavar="S.csv",
+    help="Outputs from a file: `x [um],phi [deg]`, each line held at rest; with a column `time [s]` a path through its lines.",
 )  # fmt: skip
 @click.option(
     "--by", "inputs", multiple=True, required=True, metavar="INPUT|PUSH/PULL", help="An input to find, or two of which one is zero."
 )  # fmt: skip
 @click.option("--to", metavar="TIME", help="Along a path, until then.")
-@click.option("--from", "start", default="0 s", metavar="TIME", help="Where the path begins (0 s).")
+@click.option("--from", "start", metavar="TIME", help="Where the path begins (0 s, or the first line of --setpoints).")
 @click.option("--points", type=click.IntRange(2), default=501, metavar="N", help="Instants of the path (501).")
 @click.option("--moving", is_flag=True, help="The path need not begin at rest.")
 @click.option(
     "--limit", "limits", multiple=True, metavar="INPUT=VALUE", help="How large an input may be along a path: `push1=60 V`."
 )  # fmt: skip
-@click.option("--out", metavar="F.csv", help="Write inputs and outputs along the path as a table.")
+@click.option(
+    "--out", metavar="F.csv", help="Write inputs and outputs along the path as a table, or those of each setpoint (then also .npz, .nc, .mat)."
+)  # fmt: skip
 @click.option(
     "--controller", metavar="F.bg", help="Write the model with these inputs; their table goes beside it, as F.csv."
 )
 @picture_option("F.png", "Draw inputs and outputs along the path")
 def command(
-    asked: Asked, targets: Sequence[str], inputs: Sequence[str], to: str | None, start: str, points: int, moving: bool, limits: Sequence[str],
-    out: str | None, controller: str | None, plot: str | None,
+    asked: Asked, targets: Sequence[str], setpoints: str | None, inputs: Sequence[str], to: str | None, start: str | None, points: int,
+    moving: bool, limits: Sequence[str], out: str | None, controller: str | None, plot: str | None,
 ) -> None:  # fmt: skip
     """Find inputs that give outputs: held at rest, or along a path in time."""
-    written = ((out, (".csv",), "--out"), (controller, (".bg",), "--controller"), (plot, PICTURES, "--plot"))
+    if bool(targets) == (setpoints is not None):
+        raise click.UsageError("say what is wanted by --want, or by --setpoints")
+    written = (
+        (out, (".csv",) if setpoints is None else TABLES, "--out"),
+        (controller, (".bg",), "--controller"),
+        (plot, PICTURES, "--plot"),
+    )
     check_targets(*written)
-    model, wanted = asked.model, dict(map(setting, targets))
-    if to is None:
-        for path, _, option in written:
-            if path is not None:
-                raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
-        asked.answer(model.invert(wanted, inputs, asked.experiment, asked.settings))
-        return
-    found = model.invert(
-        wanted, inputs, asked.experiment, asked.settings, to=to, start=start, points=points, moving=moving,
-        limits=dict(map(setting, limits)),
-    )  # fmt: skip
-    write_all((out, found.to_csv), (controller, found.to_model), (plot, found.plot))
+    model, most = asked.model, dict(map(setting, limits))
+    if setpoints is not None:
+        found: Any = model.invert_file(
+            setpoints, inputs, asked.experiment, asked.settings, to=to, start=start, points=points, moving=moving, limits=most
+        )  # fmt: skip
+    elif to is not None:
+        found = model.invert(
+            dict(map(setting, targets)), inputs, asked.experiment, asked.settings, to=to, start=start or "0 s", points=points,
+            moving=moving, limits=most,
+        )  # fmt: skip
+    else:
+        found = model.invert(dict(map(setting, targets)), inputs, asked.experiment, asked.settings)
+    _write(found, written)
     asked.answer(found)
+
+
+def _write(found: Any, written: Sequence[tuple[str | None, tuple[str, ...], str]]) -> None:
+    """What was asked for, if there is such a thing of what was found."""
+    ways = (("write", "to_csv"), ("to_model",), ("plot",))
+    for (path, _, option), names in zip(written, ways, strict=True):
+        way = next((getattr(found, name) for name in names if hasattr(found, name)), None)
+        if path is not None and way is None:
+            raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
+        if path is not None and way is not None:
+            way(path)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, overload
 from .compiled import Compiled
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
     from ..analysis.inversion.feed_forward import FeedForward
@@ -15,10 +17,12 @@ if TYPE_CHECKING:
     from ..analysis.linear import Linearization
     from ..analysis.modes import Modes
     from ..analysis.operating_point import Asked, OperatingPoint
+    from ..analysis.outcome import Outcome
     from ..analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from ..analysis.response import Measured, Response
     from ..analysis.run_sensitivity import RunSensitivity
     from ..analysis.sensitivity import Sensitivity
+    from ..studies.sharing import Sharing
 
 
 class Analysed(Compiled):
@@ -162,6 +166,22 @@ class Analysed(Compiled):
 
         along = None if to is None else (start, to, points, moving, limits or {})
         return inverted(self._whole, targets, inputs, experiment, dict(settings or {}), along)
+
+    def invert_file(
+        self, file: str | Path, inputs: Sequence[str], experiment: str | None = None, settings: Mapping[str, str | float] | None = None, *,
+        to: str | float | None = None, start: str | float | None = None, points: int = 501, moving: bool = False,
+        limits: Mapping[str, str | float] | None = None, sharing: Sharing | None = None,
+    ) -> Outcome | FeedForward:  # fmt: skip
+        """`invert` with setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.
+
+        Each line is held at rest: an `Outcome` with a row of inputs for each; columns of parameters or inputs are set in their line. With a
+        column `time [s]` outputs go along the path through the lines (a spline, at rest at both ends), from the first to the last unless `start`
+        and `to` say so. Raises as `invert`, and OSError.
+        """
+        from ..studies.setpoints import invert_file
+
+        along = {"to": to, "start": start, "points": points, "moving": moving, "limits": limits or {}}
+        return invert_file(self._whole, file, inputs, experiment, dict(settings or {}), along, sharing)
 
     def response(
         self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,

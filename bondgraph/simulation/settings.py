@@ -7,7 +7,7 @@ of the model (a mass that divides), the run goes on with a program in which it i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -53,6 +53,28 @@ def settle(model: Model, experiment: str | None, settings: Settings, outputs: tu
             pass  # told with the values, if it is wrong with them, too
         break
     return Settled(model.scene(experiment, settings, (), outputs), {})
+
+
+def compiled_in(model: Model, experiment: str | None, settings: Settings, names: Iterable[str]) -> dict[str, str]:
+    """Which of some names, set to numbers, are no arguments of a program but compiled into one of their own; for each the place that asks."""
+    found: dict[str, str] = {}
+    written = {name: x for name, x in settings.items() if name not in names}
+    later = frozenset(name.replace(" ", "") for name in names)
+    while later:
+        scene = model.scene(experiment, written | {n: settings[n] for n in found}, (), None)
+        scene = replace(scene, overrides=(*scene.overrides, *(_argument(name) for name in sorted(later))))
+        try:
+            _ = model.compilation(scene, True).state_space
+        except ValuesNeeded as needed:
+            why = {n: words for n, words in needed.why.items() if n in later}
+            found |= why
+            later -= frozenset(why)
+            if why:
+                continue
+        except CompilationFailed:
+            pass  # told where it is compiled
+        break
+    return found
 
 
 def with_zeros(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> Scene | None:  # fmt: skip

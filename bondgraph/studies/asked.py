@@ -14,6 +14,7 @@ from ..analysis.outcome import MODES, Point
 from ..door import Analysis, CompilationFailed, Differentiating, Study, Varying
 from ..errors import RunFailed, UsageError
 from ..simulation.run import Wanted, simulate
+from ..simulation.settings import compiled_in
 from .sharing import Sharing
 from .steps import differentiated, made_of, varied
 
@@ -37,6 +38,20 @@ def why(problem: Exception) -> str:
     if isinstance(problem, CompilationFailed):
         return "; ".join(f"{d.code} {d.title}" for d in problem.diagnostics) or "the model does not compile"
     return str(problem)
+
+
+def compilation_notes(
+    model: Model, experiment: str | None, settings: Settings, points: Sequence[Mapping[str, str | float]]
+) -> tuple[str, ...]:
+    """What is said of names whose values are compiled in, where there are several of them: such points take as long as the compiler does."""
+    varying = [n for n in (points[0] if points else ()) if len({p[n] for p in points}) > 1]
+    if not varying:
+        return ()
+    why = compiled_in(model, experiment, {**settings, **points[0]}, varying)
+    return tuple(
+        f"`{name}` is compiled into the model anew at each of its {len({p[name] for p in points})} values: more than numbers go with it in {place}"
+        for name, place in why.items()
+    )
 
 
 @dataclass(frozen=True, slots=True)

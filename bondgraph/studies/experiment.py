@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from ..analysis.outcome import Outcome, Point
 from ..door import Varying
 from ..simulation.run import Wanted
-from .asked import Settings, Whole, why
-from .sharing import Sharing, answers
+from .asked import Settings, Whole, compilation_notes, why
+from .sharing import Question, Sharing, answers
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -44,10 +44,11 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
     alone = not left and any(isinstance(s, Varying) for s in plan.studies)  # then its own points are what is shared out
     points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
-    return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown)
+    notes = compilation_notes(model, plan.experiment, settings, grid)
+    return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes)
 
 
-def made(model: Model, asked: Whole, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
+def made(model: Model, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
     """The points of a grid; those that failed say why. Raises what went wrong in the first if it went wrong in all."""
     found: list[Any] = answers(model, asked, grid, sharing)
     problems = [x for x in found if isinstance(x, Exception)]

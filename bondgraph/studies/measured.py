@@ -48,6 +48,11 @@ class Measurements:
 def read_measured(path: str | os.PathLike[str], units: Mapping[str, str], settable: frozenset[str]) -> Measurements:
     """From a file. `units`: in SI, of what the model has; `settable`: its parameters and inputs. Raises `UsageError`, OSError."""
     file = os.fspath(path)
+    return _sorted_out(file, read_columns(file, units), settable)
+
+
+def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
+    """Its columns in SI by their headings; NaN where a field is empty. Raises `UsageError`, OSError."""
     with open(file, encoding="utf-8-sig", newline="") as stream:
         rows = [
             (i, row)
@@ -68,7 +73,7 @@ def read_measured(path: str | os.PathLike[str], units: Mapping[str, str], settab
     ragged = next((i for i, row in rows if len(row) != len(heads)), None)
     if ragged is not None:
         raise UsageError(f"{file}, line {ragged}: as many fields as headings are needed, {len(heads)}")
-    return _sorted_out(file, columns, settable)
+    return columns
 
 
 def _column(

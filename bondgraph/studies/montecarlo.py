@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import RunFailed, UsageError
 from ..simulation.run import Wanted, check_wanted
-from .asked import Failed, Numbers, Settings
+from .asked import Failed, Numbers, Settings, compilation_notes
 from .distributions import Distribution, distribution
 from .indices import Indices, indices, mixed
 from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
@@ -76,7 +76,7 @@ def montecarlo(
         raise RunFailed(f"not one of {len(sample)} points has an answer; the first: {failures[0]}")
     tables = np.split(_table(found, quantities), bounds)
     told: Indices | None = None
-    notes = list(_notes(tables[0], quantities, failures))
+    notes = [*_notes(tables[0], quantities, failures), *compilation_notes(model, experiment, settings, points)]
     if rows:
         told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed)
         notes += _index_notes(told, lost, rows)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..analysis.outcome import Outcome
 from ..door import Study
 from ..errors import UsageError
-from .asked import STEPS, Settings, Whole
+from .asked import STEPS, Settings, Whole, compilation_notes
 from .experiment import Options, made
 from .sharing import Sharing
 
@@ -38,9 +38,11 @@ def sweep(
     )
     studies = tuple(Study(step) for step in of if step != "simulate")
     asked = Whole(experiment, tuple(settings.items()), studies, "simulate" in of, options.outputs, options.wanted)
-    points = made(model, asked, [dict(zip(numbers, row, strict=True)) for row in rows], sharing or Sharing(workers=1))
+    grid = [dict(zip(numbers, row, strict=True)) for row in rows]
+    points = made(model, asked, grid, sharing or Sharing(workers=1))
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
-    return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown)
+    notes = compilation_notes(model, experiment, settings, grid)
+    return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes)
 
 
 def check_steps(of: tuple[str, ...], what: str) -> None:

@@ -135,7 +135,7 @@ def outcome_text(found: Outcome) -> str:
     if failures:
         first = next(iter(failures))
         text += f"\n\n{len(failures)} of {len(found)} points failed; point {first + 1}: {visible(failures[first])}"
-    return text
+    return "\n\n".join([text, *map(visible, found.notes)])
 
 
 def _column_unit(found: Outcome, name: str) -> str:

@@ -5,7 +5,6 @@ abs' = +-1, sign' = floor' = 0, sqrt' at 0 is taken as 0 (its one-sided limit is
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from .expression import (
@@ -26,6 +25,7 @@ from .expression import (
     power,
     select,
 )
+from .systems import entries_of, with_rights
 from .table import curve_slope
 
 
@@ -81,16 +81,15 @@ def _of_solution(node: Apply, inner: Callable[[Expression], Expression]) -> Expr
     """Of an unknown of a linear system: A t = r, so A dt = dr - dA t."""
     system, number = node.operands
     assert isinstance(system, Apply)
-    count = math.isqrt(len(system.operands))  # n entries in each of n rows, then n right sides
-    matrix, right = system.operands[: count * count], system.operands[count * count :]
-    targets = [Apply("item", (system, Number(float(i)))) for i in range(count)]
+    rows, right = entries_of(system)
+    targets = [Apply("item", (system, Number(float(i)))) for i in range(len(right))]
     rights = [
-        add(inner(r), *(negate(multiply(inner(a), t)) for a, t in zip(matrix[i * count :], targets, strict=False)))
-        for i, r in enumerate(right)
+        add(inner(r), *(negate(multiply(inner(a), targets[j])) for j, a in row.items()))
+        for r, row in zip(right, rows, strict=True)
     ]
     if all(r == ZERO for r in rights):
         return ZERO
-    return Apply("item", (Apply("solve", (*matrix, *rights)), number))
+    return Apply("item", (with_rights(system, rights), number))
 
 
 def partial(node: Apply, i: int) -> Expression:

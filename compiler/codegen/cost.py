@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..algebra.expression import MINUS_ONE, Apply, Expression
+from ..algebra.systems import shape_of
 from ..source import Span
 from .dependence import INPUT, MODE, STATE, TIME
 from .lower import Lowered
@@ -111,6 +112,9 @@ def _operations(node: Apply) -> int:
     if node.operator == "solve":
         size = int((len(node.operands) + 0.25) ** 0.5)  # n^2 + n operands
         return (2 * size**3 + 3 * size**2 - 5 * size) // 6 + size**2
+    if node.operator == "banded":
+        size, lower, upper = shape_of(node)
+        return size * (lower * (2 * (lower + upper) + 1) + 2 * (lower + upper) + 1)
     if node.operator == "multiply" and node.operands[0] == MINUS_ONE:  # a sign is none: what is added is subtracted
         return len(node.operands) - 2
     return max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1

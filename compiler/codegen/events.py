@@ -66,7 +66,7 @@ def behind_the_run(space: StateSpace) -> set[int]:
     inputs: list[list[int]] = [[] for _ in space.variables]
     for step in space.steps:
         if isinstance(step, LinearLoop):
-            read = [e for row in (*step.matrix, step.right) for e in row if isinstance(e, int)]
+            read = list(dict.fromkeys(step.read))
             for target in step.targets:
                 inputs[target] = read
         else:

@@ -28,6 +28,7 @@ from ..algebra.expression import (
     symbols,
 )
 from ..algebra.formula import Formula
+from ..algebra.systems import Layout, band_of, solutions
 from ..equations.system import Assignment
 from ..errors import ValuesNeeded
 from ..reduction import LinearLoop, StateSpace
@@ -120,7 +121,7 @@ class Lowered:
             raise ValueError(leaf.role)
         variable = self.space.variables[self.parameters[leaf.position]]
         if variable.value is None:
-            raise ValuesNeeded([variable.name])
+            raise ValuesNeeded({variable.name: f"the range of a table, which reads `{variable.name}`"})
         return variable.value
 
     _bits: dict[Expression, int] = field(default_factory=dict)
@@ -272,7 +273,7 @@ def _used(space: StateSpace) -> set[int]:
         used.update(entry for _, entry, _ in limit.values if isinstance(entry, int))
     for step in space.steps:
         if isinstance(step, LinearLoop):
-            used.update(e for row in (*step.matrix, step.right) for e in row if not isinstance(e, float))
+            used.update(step.read)
         else:
             used.update(a for a in step.arguments if not isinstance(a, float))
     for state in space.states:
@@ -359,9 +360,10 @@ def _lower_assignment(
 
 
 def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, Expression]]) -> None:
-    matrix = [[_entry(result, e) for e in row] for row in loop.matrix]
+    matrix = [{j: _entry(result, e) for j, e in enumerate(row) if e != 0.0} for row in loop.matrix]
     right = [_entry(result, e) for e in loop.right]
-    targets = _solution(matrix, right)
+    layout = band_of([list(row) for row in matrix])
+    targets = _solution(matrix, right, layout)
     for variable, value in zip(loop.targets, targets, strict=True):
         result.values[variable] = value
         if isinstance(value, Apply):
@@ -369,29 +371,32 @@ def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, E
                 value, Label(result.space.variables[variable].name, loop.span, ", ".join(loop.members))
             )
     # A t = r, so A dt = dr - dA t: the same matrix for every column of the Jacobian.
-    columns = {c for row in (*loop.matrix, loop.right) for e in row if isinstance(e, int) for c in slopes.get(e, {})}
+    columns = {c for e in loop.read for c in slopes.get(e, {})}
+    moving = [
+        [(e, targets[j]) for j in entries if isinstance(e := row[j], int) and slopes.get(e)]
+        for row, entries in zip(loop.matrix, matrix, strict=True)
+    ]
 
     def slope(entry: int | float, column: int) -> Expression:
         return slopes.get(entry, {}).get(column, ZERO) if isinstance(entry, int) else ZERO
 
     for column in columns:
         rights = [
-            add(slope(r, column), *(negate(multiply(slope(e, column), t)) for e, t in zip(row, targets, strict=True)))
-            for row, r in zip(loop.matrix, loop.right, strict=True)
+            add(slope(r, column), *(negate(multiply(slope(e, column), t)) for e, t in row))
+            for row, r in zip(moving, loop.right, strict=True)
         ]
         if all(r == ZERO for r in rights):
             continue
-        for variable, value in zip(loop.targets, _solution(matrix, rights), strict=True):
+        for variable, value in zip(loop.targets, _solution(matrix, rights, layout), strict=True):
             if value != ZERO:
                 slopes.setdefault(variable, {})[column] = value
 
 
-def _solution(matrix: Sequence[Sequence[Expression]], right: Sequence[Expression]) -> list[Expression]:
-    """The solution of a linear system: a quotient, or items of one `solve` node (matrix by rows, then right side)."""
-    if len(right) == 1:
-        return [divide(right[0], matrix[0][0])]
-    node = Apply("solve", (*(x for row in matrix for x in row), *right))
-    return [Apply("item", (node, Number(float(i)))) for i in range(len(right))]
+def _solution(
+    matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: Layout | None
+) -> list[Expression]:
+    """The solution of a linear system: a quotient, or items of one node."""
+    return [divide(right[0], matrix[0][0])] if len(right) == 1 else solutions(matrix, right, layout)
 
 
 def count_operations(roots: Iterable[Expression], free: Mapping[Expression, object] | None = None) -> int:

@@ -29,6 +29,7 @@ from ..algebra.expression import (
     rebuild,
     select,
 )
+from ..algebra.systems import SYSTEMS
 from .limits import Leaf
 
 if TYPE_CHECKING:
@@ -173,4 +174,5 @@ class _Replacing:
         new = tuple(operands)
         if new == node.operands:
             return node
-        return Apply(node.operator, new) if node.operator in ("solve", "item") else rebuild(node.operator, new)
+        plain = node.operator in SYSTEMS or node.operator == "item"
+        return Apply(node.operator, new) if plain else rebuild(node.operator, new)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..algebra.derivative import partial
 from ..algebra.expression import CONDITIONS, ONE, Apply, Expression, Number, Symbol, symbols, value_of
+from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from .limits import Leaf
 from .tape import _order
 
@@ -141,7 +142,7 @@ class Expansion:
     def _first(self, place: int, step: _Step, given: Mapping[Leaf, Any]) -> Any:
         if not step.moving:
             value = self.values[place]
-            return value if step.operator == "solve" else np.atleast_2d(np.asarray(value, dtype=float))
+            return value if step.operator in SYSTEMS else np.atleast_2d(np.asarray(value, dtype=float))
         if isinstance(step.node, Symbol):
             return given[step.node.key]
         if step.operator in _RULES:
@@ -194,6 +195,8 @@ def _value(step: _Step, values: Sequence[Any], given: Mapping[Leaf, Any]) -> Any
                 return np.where(*operands)
             case "solve":
                 return _solved(operands)
+            case "banded":
+                return _solved(dense(banded_shape(operands), operands, 0.0))
             case "item":
                 return operands[0][int(operands[1])]
         if step.operator in _PLAIN:
@@ -336,8 +339,11 @@ def _chosen(of: Expansion, step: _Step, place: int) -> Any:
 
 def _system(of: Expansion, step: _Step, place: int) -> Any:
     """A t = r: A0 t_k = r_k - sum of A_j t_(k-j), values first, then along the directions."""
-    n, k = math.isqrt(len(step.operands)), of.order
-    entries = [of.found[o] for o in step.operands]
+    k, operands = of.order, list(step.operands)
+    if step.operator == "banded":
+        operands = dense(banded_shape([of.values[o] for o in operands[:LEADING]]), operands, -1)
+    n, nothing = math.isqrt(len(operands)), [None] * (k + 1)
+    entries = [of.found[o] if o >= 0 else nothing for o in operands]
     rights = []
     for i in range(n):
         known = [
@@ -377,5 +383,5 @@ def _picked(of: Expansion, step: _Step, place: int) -> Any:
 
 
 _RULES: Mapping[str, Any] = {
-    "add": _added, "multiply": _multiplied, "divide": _divided, "power": _raised, "select": _chosen, "solve": _system, "item": _picked,
+    "add": _added, "multiply": _multiplied, "divide": _divided, "power": _raised, "select": _chosen, "solve": _system, "banded": _system, "item": _picked,
 }  # fmt: skip

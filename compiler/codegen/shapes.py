@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ..algebra.expression import CURVES, MINUS_ONE, SLOPES, Apply, Expression, Number, Symbol
+from ..algebra.systems import LEADING, SYSTEMS, size_of
 
 Place = tuple[str, int]  # an array and an index in it
 LONGEST_TREE, LONG_TREE = 40, 12  # operations in a tree; and in one that ends with the value of a law
@@ -157,7 +158,7 @@ class _Planner:
     def _cut(self, ends: set[int]) -> dict[int, None]:
         """The operations whose values are kept, operands first."""
         for number, node in enumerate(self.order):
-            if node.operator == "solve":
+            if node.operator in SYSTEMS:
                 ends.add(number)
             elif _is_long(node):
                 ends.add(number)
@@ -241,7 +242,7 @@ class _Planner:
             return
         shape = _Shape(self, kept)
         expression = shape.of(number, True)
-        count = round(((1 + 4 * len(node.operands)) ** 0.5 - 1) / 2) if node.operator == "solve" else 1
+        count = size_of(node) if node.operator in SYSTEMS else 1
         kernel = self.shapes.kernel(expression, shape.reads, shape.numbers, count)
         self.level[number] = shape.level + 1
         target = self._target(number, place, count)
@@ -311,7 +312,10 @@ class _Shape:
                 if at >= 0:
                     parts.append(self.of(at))
                 elif isinstance(operand, Number) and (
-                    literal or (operator == "multiply" and operand == MINUS_ONE) or (operator == "power" and i == 1)
+                    literal
+                    or (operator == "multiply" and operand == MINUS_ONE)
+                    or (operator == "power" and i == 1)
+                    or (operator == "banded" and i < LEADING)
                 ):
                     parts.append(operand)
                 else:

@@ -24,6 +24,7 @@ from ..algebra.expression import (
     substitute,
 )
 from ..algebra.formula import Formula
+from ..algebra.systems import SYSTEMS
 from ..algebra.table import domain, is_table, table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
@@ -222,4 +223,4 @@ class Switching:
 
 
 def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:
-    return Apply(operator, operands) if operator in ("solve", "item") else rebuild(operator, operands)
+    return Apply(operator, operands) if operator in SYSTEMS or operator == "item" else rebuild(operator, operands)

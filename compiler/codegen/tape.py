@@ -15,6 +15,7 @@ from typing import Any
 
 from ..algebra.derivative import partial
 from ..algebra.expression import Apply, Expression, Number, Symbol, value_of
+from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from .limits import Leaf
 
 Lookup = Callable[[Leaf], float]
@@ -93,7 +94,7 @@ class Tape:
 
     def _factors(self, node: Apply, along: Sequence[int]) -> list[tuple[list[Step], int]]:
         """For each operand that moves, the steps to the derivative by it, and where that stands."""
-        if node.operator in ("add", "multiply", "select", "solve", "item"):
+        if node.operator in ("add", "multiply", "select", "item") or node.operator in SYSTEMS:
             return []
         slopes = [partial(node, i) for i in along]
         return [(self._appended((slope,)), self._slots[slope]) for slope in slopes]
@@ -117,6 +118,9 @@ class _Moved:
                 return moved[operands[1 if known[operands[0]] else 2]]
             case "solve":
                 return _system_moved(operands, known[self.slot], known, moved, count)
+            case "banded":
+                places = dense(banded_shape([known[o] for o in operands[:LEADING]]), operands, -1)
+                return _system_moved(places, known[self.slot], known, moved, count)
             case "item":
                 return None if moved[operands[0]] is None else moved[operands[0]][int(known[operands[1]])]
         result: Any = None
@@ -174,6 +178,8 @@ def _function(operator: str) -> Callable[[Any], Any]:
             return math.prod
         case "solve":
             return _solved
+        case "banded":
+            return lambda values: _solved(dense(banded_shape(values), values, 0.0))
         case "item":
             return _item
         case "select":  # the branch not taken may have no value
@@ -209,8 +215,8 @@ def _system_moved(
 
     n = math.isqrt(len(operands))
     still = np.zeros(count)
-    slopes = np.array([still if moved[o] is None else moved[o] for o in operands])
-    matrix = np.array([known[o] for o in operands[: n * n]], dtype=float).reshape(n, n)
+    slopes = np.array([still if o < 0 or moved[o] is None else moved[o] for o in operands])
+    matrix = np.array([known[o] if o >= 0 else 0.0 for o in operands[: n * n]], dtype=float).reshape(n, n)
     right = slopes[n * n :] - np.einsum("ijk,j->ik", slopes[: n * n].reshape(n, n, count), solution)
     try:
         return np.linalg.solve(matrix, right)

@@ -72,7 +72,7 @@ def decisive_values(element: Element, graph: BondGraph) -> tuple[float, ...] | N
         waiting = [a.name for a in element.arguments if isinstance(a, Quantity)]
         later = [n for n in behind(waiting, graph.quantities) if _is_later(graph.quantities[n])]
         if later:
-            raise ValuesNeeded(later)
+            raise ValuesNeeded(dict.fromkeys(later, f"the law of `{element.name}` (line {element.span.line})"))
     return found
 
 

@@ -7,7 +7,7 @@ from .script import Script
 
 
 class Values:
-    """Numbers for expressions: parameters as they are in this scene, states anywhere."""
+    """Numbers for expressions: parameters as they are in this scene, states anywhere, as is what such numbers make no number of."""
 
     def __init__(self, script: Script) -> None:
         self.script = script
@@ -29,11 +29,20 @@ class Values:
                 if isinstance(definition, Expression):
                     missing = [s.key for s in symbols(definition) if s.key not in self.known]
                     if not missing:
-                        self.known[variable] = evaluate(definition, self.known.__getitem__)
+                        self.known[variable] = self._value(variable, definition)
                 else:  # a state: some number that no other has
-                    anything = 0.2 + 0.6180339887498949 * (variable + 1) % 1.0
-                    self.known[variable] = anything if definition is None else definition
+                    self.known[variable] = _anything(variable) if definition is None else definition
                 if missing:
                     wanted += missing
                     continue
             wanted.pop()
+
+    def _value(self, variable: int, definition: Expression) -> float:
+        try:
+            return evaluate(definition, self.known.__getitem__)
+        except (ArithmeticError, ValueError):  # the root of what a run sets, which may be anything here
+            return _anything(variable)
+
+
+def _anything(variable: int) -> float:
+    return 0.2 + 0.6180339887498949 * (variable + 1) % 1.0

@@ -106,12 +106,11 @@ class _Dependence:
                 self._assignment(step)
 
     def _loop(self, loop: LinearLoop) -> None:
-        matrix = [e for row in loop.matrix for e in row if isinstance(e, int)]
-        self.linear = self.linear and not any(e in self.moving for e in matrix)
-        moves = any(e in self.moving for e in (*matrix, *loop.right))
-        if moves and any(e in self.given for e in matrix):
+        self.linear = self.linear and not any(e in self.moving for e in loop.gains)
+        moves = any(e in self.moving for e in loop.read)
+        if moves and any(e in self.given for e in loop.gains):
             self.varying = True
-        self._mark(loop.targets, moves, any(e in self.given for e in (*matrix, *loop.right)))
+        self._mark(loop.targets, moves, any(e in self.given for e in loop.read))
 
     def _assignment(self, step: Assignment) -> None:
         moving = frozenset(Symbol(i) for i, a in enumerate(step.arguments) if isinstance(a, int) and a in self.moving)
@@ -169,7 +168,6 @@ def _behind_the_rates(space: StateSpace) -> Iterator[Assignment | LinearLoop]:
 
 
 def _read(step: Assignment | LinearLoop) -> set[int]:
-    entries = (
-        (*(e for row in step.matrix for e in row), *step.right) if isinstance(step, LinearLoop) else step.arguments
-    )
-    return {e for e in entries if isinstance(e, int)}
+    if isinstance(step, LinearLoop):
+        return set(step.read)
+    return {e for e in step.arguments if isinstance(e, int)}

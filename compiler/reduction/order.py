@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from heapq import heapify, heappop, heappush
 
 
 def needed(
@@ -70,21 +71,35 @@ def tear(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> tuple[list[in
     cut: list[int] = []
     order: list[int] = []
     ready = [m for m in block if not waiting[m]]
-    left = dict.fromkeys(block)
+    left = set(block)
+    reads = {m: list(waiting[m]) for m in block}
+    dependents = {m: len(users[m]) for m in block}  # that are left
+    most = [(-dependents[m], place, m) for place, m in enumerate(block)]  # what it says may be too many, never too few
+    heapify(most)
+
+    def leave(member: int) -> None:
+        left.remove(member)
+        for source in reads[member]:
+            dependents[source] -= 1
+
     while left:
         while ready:
             member = ready.pop()
             if member not in left:
                 continue
-            del left[member]
+            leave(member)
             order.append(member)
             for user in users[member]:
                 waiting[user].discard(member)
                 if not waiting[user] and user in left:
                     ready.append(user)
         if left:
-            member = max(left, key=lambda m: sum(u in left for u in users[m]))
-            del left[member]
+            count, place, member = heappop(most)
+            while member not in left or -count != dependents[member]:
+                if member in left:
+                    heappush(most, (-dependents[member], place, member))
+                count, place, member = heappop(most)
+            leave(member)
             cut.append(member)
             for user in users[member]:
                 waiting[user].discard(member)

@@ -224,12 +224,16 @@ class _Reduction:
                 name = self.variables[variable].name
                 known[variable] = self._held(combined, name, self.assigned[variable], steps)
         matrix, right = [], []
+        places = {v: i for i, v in enumerate(cut)}
         for variable, (slopes, rest) in zip(cut, rows, strict=True):
             owner = self.assigned[variable]
             own = ZERO if owner.implicit else ONE
-            row = [add(own if v == variable else ZERO, negate(slopes.get(v, ZERO))) for v in cut]
-            entries = (self._entry(x, self._gain(v, variable), owner, steps) for v, x in zip(cut, row, strict=True))
-            matrix.append(tuple(entries))
+            row: list[Entry] = [0.0] * len(cut)  # most of a long loop
+            slopes.setdefault(variable, ZERO)
+            for v in sorted(slopes, key=places.__getitem__):
+                entry = add(own if v == variable else ZERO, negate(slopes[v]))
+                row[places[v]] = self._entry(entry, self._gain(v, variable), owner, steps)
+            matrix.append(tuple(row))
             right.append(self._entry(rest, f"right side of the loop for {self.variables[variable].name}", owner, steps))
         span = self.assigned[block[0]].span
         if any(all(x == 0.0 for x in row) for row in matrix):

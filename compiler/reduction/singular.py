@@ -68,7 +68,7 @@ def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: froze
 
 def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[list[Assignment], list[int]]:
     """What must be computed before the matrices of the loops, in order, and what that begins with; solutions of loops are not computed."""
-    wanted = {e for loop in loops for row in loop.matrix for e in row if not isinstance(e, float)}
+    wanted = {e for loop in loops for e in loop.gains}
     steps = []
     for step in reversed(space.steps):
         if isinstance(step, Assignment) and step.target in wanted:
@@ -96,7 +96,7 @@ def behind_loops(space: StateSpace) -> frozenset[str]:
     """The parameters that the matrices of linear loops depend on."""
     steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
     loops = [s for s in space.steps if isinstance(s, LinearLoop)]
-    work = [e for loop in loops for row in loop.matrix for e in row if not isinstance(e, float)]
+    work = [e for loop in loops for e in loop.gains]
     seen = set(work)
     for number in work:  # grows
         for argument in steps[number].arguments if number in steps else ():
@@ -109,7 +109,7 @@ def behind_loops(space: StateSpace) -> frozenset[str]:
 def _members(space: StateSpace, loop: LinearLoop) -> str:
     """The elements of a loop, and the parameters that its matrix depends on."""
     steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
-    work = [e for row in loop.matrix for e in row if not isinstance(e, float)]
+    work = list(loop.gains)
     seen, values = set(work), []
     for number in work:  # grows
         variable = space.variables[number]

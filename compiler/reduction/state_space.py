@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..equations.system import (
     Assignment,
@@ -34,6 +34,15 @@ class LinearLoop:
     right: tuple[Entry, ...]
     span: Span
     members: tuple[str, ...]
+    gains: tuple[int, ...] = field(init=False, compare=False)  # the variables in the matrix, of which most is nothing
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gains", tuple(e for row in self.matrix for e in row if not isinstance(e, float)))
+
+    @property
+    def read(self) -> tuple[int, ...]:
+        """All variables that the solution depends on."""
+        return (*self.gains, *(e for e in self.right if not isinstance(e, float)))
 
 
 Step = Assignment | LinearLoop

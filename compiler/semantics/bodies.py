@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from ..algebra.formula import Bound
-from ..graph.inertia import is_impossible, principal_moments
+from ..graph.inertia import ROUNDING, is_impossible, principal_moments
 from ..graph.mechanism import GROUND, Body, Frame, Inertia
 from ..graph.units import KILOGRAM, METRE
 from ..syntax import tree
+from .conditions import known_or_later, takes_energy
 from .errors import UnknownName, WrongMechanism, WrongType
 from .part_attributes import Attributes, counted, of_dimension, static
 from .part_kinds import noun_of
@@ -60,9 +61,9 @@ def _inertia(reader: Attributes) -> Inertia:
     parts = counted(template, attribute.value, (3, 6), expected, hint)
     of_dimension(parts, attribute.value, scope, (MOMENT,), "`inertia`")
     bounds = static(elaborator, template, scope, "`inertia`", attribute.value.span)
-    values = [elaborator.value_of(b, attribute.span) for b in bounds]
-    known = [v for v in values if v is not None]
-    if len(known) == len(values):
+    words = f"inertia of {reader.part.entry.name}"
+    known = known_or_later(elaborator, bounds, attribute.span, words, takes_energy(ROUNDING))
+    if known is not None:
         principal = principal_moments([*known, 0.0, 0.0, 0.0][:6])
         if is_impossible(principal):
             shown = ", ".join(f"{p:.6g}" for p in principal)

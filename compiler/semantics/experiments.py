@@ -112,7 +112,7 @@ def _analysis(
     """What a step asks; None where its numbers are set when a run begins, which makes no step of its own."""
     if isinstance(step, tree.Study):
         return read_study(elaborator, step, root, outputs)
-    before = set(elaborator.asked)
+    before = dict(elaborator.asked)
     try:
         return read_analysis(elaborator, step, root, outputs)
     except ValuesNeeded:

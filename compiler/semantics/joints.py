@@ -13,6 +13,7 @@ from ..graph.units import METRE, ONE
 from ..source import Span
 from ..syntax import tree
 from .bodies import part_named
+from .conditions import apart, known_or_later, not_parallel
 from .errors import WrongMechanism
 from .part_attributes import Attributes, static_bounds
 from .part_kinds import noun_of
@@ -142,7 +143,9 @@ def _check_span(reader: Attributes, definition: tree.Link, first: str, second: s
         if end == GROUND:
             what = f"The {kind} `{name}` needs a point of the ground"
             raise Wrong(WrongMechanism(place.span, what, "Name one: `frame anchor : ground { at = … }`."))
-    if _distance(reader, places.point_of(first), places.point_of(second), definition.span, APART) == 0:
+    points = (*places.point_of(first), *places.point_of(second))
+    known = known_or_later(reader.elaborator, points, definition.span, f"length of {name}", apart(APART))
+    if known is not None and _length(known, APART) == 0:
         what = f"The {kind} `{name}` has the length zero in the drawing, so no direction"
         raise Wrong(WrongMechanism(definition.span, what, "Draw its two ends apart."))
 
@@ -151,8 +154,10 @@ def _distance(reader: Attributes, a: Vector, b: Vector, span: Span, threshold: f
     """How far apart two points are drawn; 0 below the threshold. Raises `AlreadyTold` where that is not known: nothing is told."""
     values = [reader.elaborator.value_of(x, span) for x in (*a, *b)]
     known = [v for v in values if v is not None]
-    if len(known) < len(values):
-        return math.nan
+    return _length(known, threshold) if len(known) == len(values) else math.nan
+
+
+def _length(known: list[float], threshold: float) -> float:
     found = math.dist(known[:3], known[3:])
     return found if found > threshold * max(map(abs, known), default=0.0) else 0.0
 
@@ -191,9 +196,9 @@ def _planar_slide(reader: Attributes) -> tuple[Vector, Vector]:
 def _second_axis(reader: Attributes, first: Vector) -> Vector:
     """The axis about which a universal joint turns then, which is not parallel to the first."""
     second, attribute = reader.direction("then"), reader.needed("then")
-    values = [reader.elaborator.value_of(x, attribute.span) for x in (*first, *second)]
-    known = [v for v in values if v is not None]
-    if len(known) == len(values):
+    words = f"axes of {reader.part.entry.name}"
+    known = known_or_later(reader.elaborator, (*first, *second), attribute.span, words, not_parallel(APART))
+    if known is not None:
         a, b = known[:3], known[3:]
         normal = [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
         if math.hypot(*normal) <= APART * math.hypot(*a) * math.hypot(*b):

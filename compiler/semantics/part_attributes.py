@@ -11,6 +11,7 @@ from ..graph.mechanism import ATTITUDE, NOTHING, ORIGIN, Vector
 from ..graph.units import METRE, ONE, Dimension
 from ..source import Span
 from ..syntax import tree
+from .conditions import known_or_later, not_zero
 from .errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
 from .part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
 from .scope import STATIC_ROLES, AlreadyTold, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
@@ -162,7 +163,8 @@ class Attributes:
         """A number that must be there and cannot be zero."""
         attribute = self.needed(name)
         bound = self.scalar(name, dimension)
-        if self.elaborator.value_of(bound, attribute.span) == 0:
+        words = f"{name} of {self.part.entry.name}"
+        if known_or_later(self.elaborator, [bound], attribute.span, words, not_zero) == [0]:
             what = f"The {name} of `{self.part.entry.name}` is zero"
             raise Wrong(WrongMechanism(attribute.value.span, what, why))
         return bound
@@ -195,8 +197,9 @@ class Attributes:
         else:
             what, hint = "A direction (x, y, z)", f"Write `{name} = (0, 0, 1)`."
         found = self._three(attribute, what, hint, (ONE, METRE))
-        values = [self.elaborator.value_of(b, attribute.span) for b in found]
-        if all(v == 0 for v in values):
+        words = f"{name} of {self.part.entry.name}"
+        values = known_or_later(self.elaborator, found, attribute.span, words, not_zero)
+        if values is not None and not any(values):
             what = f"The direction `{name}` of `{self.part.entry.name}` has the length zero"
             raise Wrong(WrongMechanism(attribute.value.span, what, "Any length but zero will do: `(0, 0, 1)`."))
         return found

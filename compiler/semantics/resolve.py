@@ -70,6 +70,7 @@ from .template import Check, Readable, Slot, Template, Typed, bind_template
 from .typed import ExpressionCompiler
 
 MAXIMUM_MISTAKES = 200  # told of one file
+SHOWN = 60  # characters of a line that is told
 
 
 class Resolver(ABC):
@@ -82,7 +83,7 @@ class Resolver(ABC):
         self.overrides = {o.path: o for o in overrides if o.role == "set"}
         self.used_overrides: set[str] = set()
         self.later = frozenset(o.path for o in self.overrides.values() if o.value is None)  # known when a run begins
-        self.asked: set[str] = set()  # quantities without a value whose value decides something
+        self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
         self.positive: list[tuple[str, Bound]] = []  # what is never negative, but only a run can tell
         self.diagnostics: list[Diagnostic] = []
         self.quantities: dict[str, Named] = {}
@@ -155,9 +156,15 @@ class Resolver(ABC):
 
     def need_no_values(self) -> None:
         """Raises `ValuesNeeded` if something was decided by values that only a run knows."""
-        needed = behind(self.asked, self.quantities) & self.later if self.later else frozenset()
-        if needed:
-            raise ValuesNeeded(needed)
+        if not self.later:
+            return
+        why: dict[str, str] = {}
+        for name, span in self.asked.items():
+            for needed in behind([name], self.quantities) & self.later:
+                line = " ".join(span.source.line(span.line).split())
+                why.setdefault(needed, f"line {span.line}, `{line[:SHOWN]}{'…' if len(line) > SHOWN else ''}`")
+        if why:
+            raise ValuesNeeded(why)
 
     def value_of(self, bound: Bound, span: Span, decides: bool = True) -> float | None:
         """The value of what does not change during a run; None where something has no value yet. Raises `Wrong`.
@@ -182,7 +189,7 @@ class Resolver(ABC):
             value = evaluate(bound.formula.expression, lookup)
         except AlreadyTold:
             if decides:
-                self.asked |= unknown
+                self.asked = dict.fromkeys(unknown, span) | self.asked
             return None
         except (ArithmeticError, ValueError) as error:
             raise Wrong(NoValue(span, _why(error), self._values(bound))) from None

@@ -102,7 +102,9 @@ def test_growth_is_linear() -> None:
 def test_an_arm_drawn_askew() -> None:
     """Turned as a whole by 20 degrees no axis lies along the world's: constants take that up, not operations."""
     straight, tilted = (operations(arm(t).compiled((), PORTS, everything=True)) for t in (0.0, math.radians(20)))
-    assert sum(tilted) <= sum(straight) + 30
+    assert (
+        sum(tilted) <= sum(straight) + 30 and sum(tilted) < 850
+    )  # products that both share are fewer in the straight one
     state = {f"m.j{i}.phi": 0.3 * i - 0.5 for i in range(6)} | {f"m.j{i}.phi.omega": 1.0 - 0.4 * i for i in range(6)}
     rates = [Running(arm(t).compiled((), PORTS, everything=True)).rates(state) for t in (0.0, math.radians(20))]
     for i in range(6):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -86,3 +88,80 @@ def test_frequencies_alone_are_those_of_the_modes() -> None:
         type(copy.source)("manipulator.bg", text.replace("f      = 0.4375", "f      = 0.42"), MODELS / "manipulator.bg")
     )
     assert [m.frequency for m in copy.modes()] == pytest.approx(alone, rel=1e-12)
+
+
+SPATIAL = (MODELS / "spatial_slider_crank.bg").read_text(encoding="utf-8")
+VALUES = {"r": 85e-3, "l": 0.31, "beside": 90e-3, "above": 110e-3, "J": 2.2e-3, "m_rod": 0.35, "J_rod": 3e-5}
+
+
+def test_geometry_in_space_is_an_argument() -> None:
+    """Places, axes and inertias: one program for all of them, and the rates that a text with these numbers gives."""
+    model = bondgraph.load(SPATIAL)
+    asked = Asked(None, VALUES, state="start")
+    found = operating_point(model, asked)
+    model.operating_point(Asked(None, {n: 1.01 * v for n, v in VALUES.items()}, state="start"))
+    assert sum("lowered" in c.__dict__ for c in model._compilations.values()) == 1
+    written, metres, moment = SPATIAL, "[m]", "[kg*m^2]"
+    for name, unit in {
+        "r": metres,
+        "l": metres,
+        "beside": metres,
+        "above": metres,
+        "J": moment,
+        "m_rod": "kg",
+        "J_rod": moment,
+    }.items():
+        written, count = re.subn(
+            rf"\b{name} = [-0-9.e]+ (\[[^]]*\]|\w+)", f"{name} = {VALUES[name]!r} {unit}", written, count=1
+        )
+        assert count == 1
+    alone = bondgraph.load(written).operating_point(Asked(None, state="start"))
+    assert alone.program.states.names == found.program.states.names
+    assert found.state == pytest.approx(alone.state, rel=1e-12, abs=1e-15)
+    assert found.rates == pytest.approx(alone.rates, rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"J": -1e-3}, "The inertia of `crank` is impossible"),
+        ({"m_rod": -0.1}, "The mass of `rod` is negative"),
+        ({"r": -120e-3, "beside": 1e-320}, "Both axes of the universal joint `eye` are parallel"),
+    ],
+)
+def test_what_a_run_sets_is_refused_as_a_text_would_be(settings: dict[str, float], told: str) -> None:
+    with pytest.raises(bondgraph.CompilationFailed, match=told):
+        bondgraph.load(SPATIAL).equilibrium(settings=settings)
+
+
+def test_a_root_of_what_is_set_is_no_defect() -> None:
+    """`sqrt(coupler^2 - …)` where nobody knows the lengths before the run."""
+    model = bondgraph.load(MODELS / "four_bar.bg")
+    found = model.operating_point(Asked(None, {"rocker": 0.36}, state="start"))
+    alone = model.operating_point(Asked(None, {"rocker": "0.3 m + 0.06 m"}, state="start"))
+    assert found.rates == pytest.approx(alone.rates, rel=1e-9, abs=1e-12)
+
+
+PARALLEL = """
+model Parallel {
+  parameter n = 2, k: N/m = 3, load: N = 4
+  Se push : F = load
+  1 body
+  push -> body
+  for i in 1..n { C spring[i] : F = k*x;  R drag[i] : F = 1 [N*s/m]*v;  body -> spring[i], drag[i] }
+  output x = spring[1].x
+}
+"""
+
+
+def test_what_is_compiled_at_each_value_is_told() -> None:
+    """n springs side by side: x = load/(n k)."""
+    model = bondgraph.load(PARALLEL)
+    found = model.sweep({"n": "1, 3", "load": "1 N, 2 N"}, of="equilibrium")
+    assert found("x") == pytest.approx(found("load") / (3 * found("n")), rel=1e-12)
+    (note,) = found.notes
+    assert note.startswith("`n` is compiled into the model anew at each of its 2 values") and "`for i in 1..n {" in note
+    assert note in found.summary() and found.to_json()["notes"] == [note]
+    assert model.sweep({"k": "1 N/m, 2 N/m", "load": "1 N, 2 N"}, of="equilibrium").notes == ()
+    study = model.montecarlo({"k": "uniform(3 N/m, 4 N/m)"}, of="equilibrium", samples=4, indices=0)
+    assert study.notes == ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -13,7 +14,8 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments import Segment, follower
-from ..steps.factorise import is_large, once, sparse
+from ..steps.factorise import Shifted, is_large, once, sparse
+from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion
 
 if TYPE_CHECKING:
@@ -84,9 +86,14 @@ class CoarseRun:
         self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        kind = sparse if is_large(len(state), len(self.rows)) else once
-        self.shifted = kind(self.rows, self.columns, self.differential)
+        self.keeping, self.kept = keeps_factors(program), KeptFactors()
         self.compiled = self._compiled()
+
+    @cached_property
+    def shifted(self) -> Shifted:
+        """The linear systems of steps that are not made in machine code."""
+        kind = sparse if is_large(len(self.state), len(self.rows)) else once
+        return kind(self.rows, self.columns, self.differential)
 
     def _compiled(self) -> CompiledEuler | None:
         """The steps in machine code, if the program is that."""
@@ -256,6 +263,11 @@ class CoarseRun:
                 return None
         if self.compiled is not None:
             return self.compiled.step(begin, x, self.largest, (time, size), mode)
+        if self.keeping:
+            found = self.kept.step(begin, size, lambda y: self.eliminated.rates(time, y, *fixed), self._share, CLOSE)
+            if found is not None:
+                return found
+            self.kept.size = 0.0
         before = np.inf
         for _ in range(NEWTON_ITERATIONS):
             slope = self.eliminated.rates(time, x, *fixed)
@@ -267,7 +279,10 @@ class CoarseRun:
             unit = np.where(self.differential, scale, 1.0)
             rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
             try:
-                step = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows]).solve(rest / unit)
+                factors = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
+                if self.keeping:
+                    self.kept.keep(size, factors, scale, entries)
+                step = factors.solve(rest / unit)
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
             change = step * scale

@@ -12,6 +12,7 @@ from typing import Any
 
 from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.systems import LEADING, SYSTEMS, shape_of
 from ...algebra.table import lists
 from ...errors import printable
 from ...native.c_source import BEGINNING, c_number, c_source
@@ -28,7 +29,8 @@ ARGUMENTS = (
 _FUNCTIONS = {"abs": "fabs"}
 _SIGNS = {"less": "<", "less_equal": "<=", "equal": "==", "and": "&&", "or": "||"}
 _SUPPORTED: dict[str, Callable[..., Any]] = {
-    "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
+    "solve": support.solve, "banded": support.banded, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite,
+    "inverse": support.inverse,
     "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
 }  # fmt: skip
 _OWN = """static inline double chosen(int condition, double value, double otherwise) { return condition ? value : otherwise; }
@@ -136,7 +138,7 @@ class _Body:
         """Everything behind the roots, then the roots into `out`."""
         for node in operations_in_order(roots, self.known):
             text = self._operation(node)
-            if node.operator == "solve":
+            if node.operator in SYSTEMS:
                 self.names[node] = text
                 continue
             kind = "int" if node.operator in CONDITIONS else "double"
@@ -214,6 +216,15 @@ class _Body:
                     self._room(2 * count * count + 6 * count),
                 )
                 self.lines.append(f"solve({count}, {entries}, {work}, {out});")
+                return out
+            case "banded":
+                shape = shape_of(node)
+                entries, out, work = (
+                    self._points(operands[LEADING:]),
+                    self._room(shape.unknowns),
+                    self._room(support.room(*shape)),
+                )
+                self.lines.append(f"banded({', '.join(map(str, shape))}, {entries}, {work}, {out});")
                 return out
             case "natural_slope" | "monotone_slope":
                 return self._slope(node)

@@ -169,6 +169,137 @@ def solution(count: int, matrix: Floats, right: Floats, work: Floats, out: Float
     return missed
 
 
+def room(count: int, lower: int, upper: int) -> int:
+    """How many numbers `banded` works with."""
+    return count * (3 * lower + 2 * upper + 2) + 5 * count
+
+
+def banded(count: int, lower: int, upper: int, entries: Floats, work: Floats, out: Floats) -> None:
+    """As `solve`, for a matrix with `lower` diagonals below the main one and `upper` above it, given by rows; `work` as `room` says."""
+    width = lower + upper + 1
+    missed = banded_solution(count, lower, upper, entries, entries[count * width :], work, out)
+    if not missed < WELL:
+        scaled = work[count * (width + lower) + 2 * count :]
+        rows = scaled[count * width :]
+        columns = rows[count:]
+        other = columns[count:]
+        banded_balance(count, lower, upper, entries, scaled)
+        for i in range(count):
+            for j in range(max(0, i - lower), min(count, i + upper + 1)):
+                place = i * width + j - i + lower
+                scaled[place] = entries[place] / rows[i] / columns[j]
+            rows[i] = entries[count * width + i] / rows[i]
+        better = banded_solution(count, lower, upper, scaled, rows, work, other)
+        if not better > missed:
+            missed = better
+            for i in range(count):
+                out[i] = other[i] / columns[i]
+    if not missed < ENOUGH:
+        for i in range(count):
+            out[i] = nan
+
+
+def banded_balance(count: int, lower: int, upper: int, entries: Floats, out: Floats) -> None:
+    """As `balance`; the powers of two follow the entries in `out`."""
+    width = lower + upper + 1
+    rows = out[count * width :]
+    columns = rows[count:]
+    for i in range(count):
+        columns[i] = 0.0
+        for k in range(i * width, (i + 1) * width):
+            size = abs(entries[k])
+            out[k] = log(size) / log(2.0) if size != 0.0 else 0.0
+    for _ in range(MEANS):
+        for i in range(count):
+            total = 0.0
+            found = 0
+            for j in range(max(0, i - lower), min(count, i + upper + 1)):
+                if entries[i * width + j - i + lower] != 0.0:
+                    total += out[i * width + j - i + lower] - columns[j]
+                    found += 1
+            rows[i] = total / float(max(1, found))
+        for j in range(count):
+            total = 0.0
+            found = 0
+            for i in range(max(0, j - upper), min(count, j + lower + 1)):
+                if entries[i * width + j - i + lower] != 0.0:
+                    total += out[i * width + j - i + lower] - rows[i]
+                    found += 1
+            columns[j] = total / float(max(1, found))
+    for i in range(count):
+        rows[i] = pow(2.0, floor(rows[i] + 0.5))
+        columns[i] = pow(2.0, floor(columns[i] + 0.5))
+
+
+def banded_solution(
+    count: int, lower: int, upper: int, matrix: Floats, right: Floats, work: Floats, out: Floats
+) -> float:
+    """As `solution`. What pivoting fills in lies in `lower` more diagonals above the others."""
+    width = lower + upper + 1
+    wide = width + lower
+    columns = work[count * wide :]
+    ones = columns[count:]
+    for j in range(count):
+        columns[j] = 0.0
+    for i in range(count):
+        first = max(0, i - lower)
+        end = min(count, i + upper + 1)
+        largest = 0.0
+        for j in range(first, end):
+            largest = max(largest, abs(matrix[i * width + j - i + lower]))
+        for k in range(i * wide, (i + 1) * wide):
+            work[k] = 0.0
+        for j in range(first, end):
+            share = matrix[i * width + j - i + lower] / largest
+            work[i * wide + j - i + lower] = share
+            columns[j] = max(columns[j], abs(share))
+        out[i] = right[i] / largest
+    for i in range(count):
+        ones[i] = 0.0
+        for j in range(max(0, i - lower), min(count, i + upper + 1)):
+            place = i * wide + j - i + lower
+            work[place] = work[place] / columns[j]
+            ones[i] += work[place]
+    for k in range(count):
+        last = min(count, k + lower + 1)
+        end = min(count, k + lower + upper + 1)
+        best = k
+        for i in range(k + 1, last):
+            if abs(work[i * wide + k - i + lower]) > abs(work[best * wide + k - best + lower]):
+                best = i
+        if not abs(work[best * wide + k - best + lower]) > 0.0:
+            return INFINITE
+        if best != k:
+            for j in range(k, end):
+                kept = work[k * wide + j - k + lower]
+                work[k * wide + j - k + lower] = work[best * wide + j - best + lower]
+                work[best * wide + j - best + lower] = kept
+            kept = out[k]
+            out[k] = out[best]
+            out[best] = kept
+            kept = ones[k]
+            ones[k] = ones[best]
+            ones[best] = kept
+        for i in range(k + 1, last):
+            factor = work[i * wide + k - i + lower] / work[k * wide + lower]
+            for j in range(k + 1, end):
+                work[i * wide + j - i + lower] -= factor * work[k * wide + j - k + lower]
+            out[i] -= factor * out[k]
+            ones[i] -= factor * ones[k]
+    missed = 0.0
+    for i in range(count - 1, -1, -1):
+        for j in range(i + 1, min(count, i + lower + upper + 1)):
+            out[i] -= work[i * wide + j - i + lower] * out[j]
+            ones[i] -= work[i * wide + j - i + lower] * ones[j]
+        out[i] = out[i] / work[i * wide + lower]
+        ones[i] = ones[i] / work[i * wide + lower]
+        off = abs(ones[i] - 1.0)
+        missed = off if not off <= missed else missed
+    for i in range(count):
+        out[i] = out[i] / columns[i]
+    return missed
+
+
 # ---------------------------------------------------------------- curves through points
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
 from ...native.translate import translate
 from ...native.values import float_text
@@ -36,7 +37,8 @@ _INTRINSICS = {n: f"llvm.{n}.f64" for n in ("sin", "cos", "exp", "log", "sqrt", 
 }
 _COMPARE = {"less": "olt", "less_equal": "ole", "equal": "oeq"}
 _SUPPORTED: dict[str, Callable[..., Any]] = {
-    "solve": support.solve, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite, "inverse": support.inverse,
+    "solve": support.solve, "banded": support.banded, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite,
+    "inverse": support.inverse,
     "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
 }  # fmt: skip
 LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
@@ -142,7 +144,7 @@ class _Body:
         """One value, or the several of a linear system, to where `%target` points."""
         for node in operations_in_order([expression], {}):
             self.names[node] = self._operation(node)
-        if isinstance(expression, Apply) and expression.operator == "solve":
+        if isinstance(expression, Apply) and expression.operator in SYSTEMS:
             self.lines.append(
                 f"  call void @llvm.memcpy.p0.p0.i64(ptr %target, ptr {self.names[expression]}, i64 {8 * count}, i1 false)"
             )
@@ -304,10 +306,17 @@ class _Body:
         operands = node.operands
         match node.operator:
             case "solve":
-                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
+                count = size_of(node)
                 entries, out = self._points(operands), self._room(count)
                 work = self._room(2 * count * count + 6 * count)
                 self.lines.append(f"  call void @solve(i64 {count}, ptr {entries}, ptr {work}, ptr {out})")
+                return out
+            case "banded":
+                shape = shape_of(node)
+                entries, out = self._points(operands[LEADING:]), self._room(shape.unknowns)
+                work = self._room(support.room(*shape))
+                given = ", ".join(f"i64 {x}" for x in shape)
+                self.lines.append(f"  call void @banded({given}, ptr {entries}, ptr {work}, ptr {out})")
                 return out
             case "natural_slope" | "monotone_slope":
                 return self._slope(node)

@@ -240,6 +240,16 @@ def _noise(order, place, seed):
     return np.where(np.isnan(place), np.nan, value).reshape(shape)[()]
 '''
 
+BANDED = '''def _banded(count, lower, upper, *entries):
+    """The same for a matrix of which only `lower` diagonals below the main one and `upper` above it are given, by rows."""
+    width = lower + upper + 1
+    full = [0.0] * (count * count)
+    for i in range(count):
+        for j in range(max(0, i - lower), min(count, i + upper + 1)):
+            full[i * count + j] = entries[i * width + j - i + lower]
+    return _solve(count, *full, *entries[count * width :])
+'''
+
 ROOT = '''def _root(x, n):
     """The one real number whose power n is x; none for an even n."""
     n = np.asarray(n, dtype=float)
@@ -254,6 +264,7 @@ NEEDED = (
     ({"natural_slope", "monotone_slope"}, SLOPES),
     ({"noise"}, NOISE.replace("@SMOOTH@", repr(SMOOTH_STEP))),
     ({"root"}, ROOT),
+    ({"banded"}, BANDED),
 )
 
 

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ...algebra.expression import Apply, Expression, Number
+from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
 from ...errors import printable
 from ..order import in_order
@@ -44,7 +45,7 @@ class Body:
         for node in order:
             label = labels.get(node)
             given = names.get(node)
-            vector = node.operator == "solve"
+            vector = node.operator in SYSTEMS
             if given is None and label is None and uses[node] < 2 and not vector and not _long(node):
                 continue
             text = self._text(node, 0)
@@ -98,8 +99,10 @@ class Body:
             case "less" | "less_equal" | "equal":
                 return f"({self._text(operands[0], 1)} {_COMPARE[node.operator]} {self._text(operands[1], 1)})"
             case "solve":
-                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
-                return f"_solve({count}, {', '.join(self._text(o, 0) for o in operands)})"
+                return f"_solve({size_of(node)}, {', '.join(self._text(o, 0) for o in operands)})"
+            case "banded":
+                shape = ", ".join(map(str, shape_of(node)))
+                return f"_banded({shape}, {', '.join(self._text(o, 0) for o in operands[LEADING:])})"
             case "item":
                 index = operands[1]
                 assert isinstance(index, Number)

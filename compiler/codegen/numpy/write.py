@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
+from ...algebra.systems import SYSTEMS
 from ...errors import printable
 from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
@@ -17,6 +18,9 @@ from ..lower import Lowered, moving
 from .beginning import beginning
 from .body import Body, number
 from .names import Identifiers
+
+FIXED, FULL = "constants", "time, state, inputs, constants, mode"
+Written = tuple[str, str, str, Sequence[Expression]]  # a function's name, arguments, what it is, and what it returns
 
 
 class Writer:
@@ -105,7 +109,7 @@ class Writer:
             if id(node) in seen or isinstance(node, Number):
                 continue
             seen.add(id(node))
-            vector = isinstance(node, Apply) and node.operator == "solve"  # only its items are numbers
+            vector = isinstance(node, Apply) and node.operator in SYSTEMS  # only its items are numbers
             if not vector and not bits[id(node)] & changing:
                 found[node] = None
                 continue
@@ -144,114 +148,84 @@ class Writer:
         arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.arrays.items())
         return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
 
-    def functions(self) -> Iterator[tuple[str, str, str, Sequence[Expression]]]:
+    def functions(self) -> Iterator[Written]:
         """Name, arguments, what it is, and what it returns."""
-        lowered, zero = self.lowered, Number(0.0)
-        fixed, full = "constants", "time, state, inputs, constants, mode"
-        unknowns = ", then what the unknowns make vanish" * bool(lowered.space.unknowns)
-        entries = [lowered.jacobian[place] for place in sorted(lowered.jacobian)]
-        slopes = [lowered.sensitivities[place] for place in sorted(lowered.sensitivities)]
-        limits = lowered.limits
-        yield "start", fixed, "The state at the start, from the constants.", lowered.starts
-        yield (
-            "nominal",
-            fixed,
-            "Nominal magnitudes that the author gave; 0 where there is none.",
-            [x or zero for x in lowered.nominals],
-        )
-        yield "derivative", full, f"The rates of the states{unknowns}.", lowered.rates
-        yield (
-            "jacobian_entries",
-            full,
-            "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns).",
-            entries,
-        )
-        yield "output", full, "The outputs.", list(lowered.outputs.values())
-        yield (
-            "claims",
-            full,
-            "By how much the starts that the author gave to computed quantities are missed.",
-            lowered.claims,
-        )
-        yield (
-            "forced",
-            full,
-            "What time alone moves and a storage in derivative form differentiates: it must not jump.",
-            lowered.forced,
-        )
-        yield "dependent", full, "What storages in derivative form hold.", lowered.dependents
-        yield (
-            "sensitivities",
-            full,
-            "Slopes of what storages in derivative form hold by the states, where they change in a run.",
-            slopes,
-        )
-        if lowered.solved is not None:
-            roots = [*lowered.solved.rates, *lowered.solved.multipliers]
-            yield "solved", full, "The rates with the multipliers solved for, and then these.", roots
-        if lowered.energy:
-            yield "stored_energy", full, "All energy that is stored, and its slopes by the states.", lowered.energy
-        yield "invariant", full, "What every state of a run keeps at zero.", lowered.invariants
-        held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
-        yield "invariant_slopes", full, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held
-        yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
-        if lowered.bends:
-            yield "bends", full, "Zero where a law of states bends.", lowered.bends
-        yield (
-            "powers",
-            full,
-            "Power into each port, energies of mechanisms, stored quantities: for an energy balance.",
-            self._power_nodes(),
-        )
-        yield "instants", fixed, "Known instants at which an expression of time jumps or bends.", lowered.instants
-        yield (
-            "periods",
-            fixed,
-            "No step may be longer than any of these, or it would miss what changes with time.",
-            lowered.periods,
-        )
-        yield "holds", full, "The truth of the limits of the model.", [limit.condition for limit in limits]
-        yield (
-            "limit_values",
-            full,
-            "What the limits of the model are about.",
-            [v.expression for limit in limits for v in limit.values],
-        )
-        yield (
-            "crossings",
-            "time, constants, mode",
-            "Functions of time at whose zeros an expression jumps or bends.",
-            lowered.crossings,
-        )
-        yield "switches", "time, constants", "The truth of the conditions on time.", lowered.switches
-        if lowered.lags:
-            yield "lags", fixed, "By how much delayed signals are late.", lowered.lags
-            yield "delayed", full, "What delayed signals will be.", lowered.delayed
-        if lowered.events.present:
+        yield from self._equations()
+        yield from self._stored_and_held()
+        yield from self._limits_and_instants()
+        if self.lowered.events.present:
             yield from self._event_functions()
 
-    def _event_functions(self) -> Iterator[tuple[str, str, str, Sequence[Expression]]]:
+    def _equations(self) -> Iterator[Written]:
+        """What a run begins with, and what it solves."""
+        lowered, zero = self.lowered, Number(0.0)
+        unknowns = ", then what the unknowns make vanish" * bool(lowered.space.unknowns)
+        nominals = [x or zero for x in lowered.nominals]
+        entries = [lowered.jacobian[place] for place in sorted(lowered.jacobian)]
+        slopes = [lowered.sensitivities[place] for place in sorted(lowered.sensitivities)]
+        yield "start", FIXED, "The state at the start, from the constants.", lowered.starts
+        yield "nominal", FIXED, "Nominal magnitudes that the author gave; 0 where there is none.", nominals
+        yield "derivative", FULL, f"The rates of the states{unknowns}.", lowered.rates
+        words = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
+        yield "jacobian_entries", FULL, words, entries
+        yield "output", FULL, "The outputs.", list(lowered.outputs.values())
+        words = "By how much the starts that the author gave to computed quantities are missed."
+        yield "claims", FULL, words, lowered.claims
+        words = "What time alone moves and a storage in derivative form differentiates: it must not jump."
+        yield "forced", FULL, words, lowered.forced
+        yield "dependent", FULL, "What storages in derivative form hold.", lowered.dependents
+        words = "Slopes of what storages in derivative form hold by the states, where they change in a run."
+        yield "sensitivities", FULL, words, slopes
+        if lowered.solved is not None:
+            roots = [*lowered.solved.rates, *lowered.solved.multipliers]
+            yield "solved", FULL, "The rates with the multipliers solved for, and then these.", roots
+
+    def _stored_and_held(self) -> Iterator[Written]:
+        """Energies, constraints, and what a step must follow."""
+        lowered = self.lowered
+        if lowered.energy:
+            yield "stored_energy", FULL, "All energy that is stored, and its slopes by the states.", lowered.energy
+        yield "invariant", FULL, "What every state of a run keeps at zero.", lowered.invariants
+        held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
+        yield "invariant_slopes", FULL, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held
+        yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
+        if lowered.bends:
+            yield "bends", FULL, "Zero where a law of states bends.", lowered.bends
+        words = "Power into each port, energies of mechanisms, stored quantities: for an energy balance."
+        yield "powers", FULL, words, self._power_nodes()
+
+    def _limits_and_instants(self) -> Iterator[Written]:
+        """Where something happens in time, and what must hold."""
+        lowered = self.lowered
+        limits = lowered.limits
+        words = "Known instants at which an expression of time jumps or bends."
+        yield "instants", FIXED, words, lowered.instants
+        words = "No step may be longer than any of these, or it would miss what changes with time."
+        yield "periods", FIXED, words, lowered.periods
+        yield "holds", FULL, "The truth of the limits of the model.", [limit.condition for limit in limits]
+        values = [v.expression for limit in limits for v in limit.values]
+        yield "limit_values", FULL, "What the limits of the model are about.", values
+        words = "Functions of time at whose zeros an expression jumps or bends."
+        yield "crossings", "time, constants, mode", words, lowered.crossings
+        yield "switches", "time, constants", "The truth of the conditions on time.", lowered.switches
+        if lowered.lags:
+            yield "lags", FIXED, "By how much delayed signals are late.", lowered.lags
+            yield "delayed", FULL, "What delayed signals will be.", lowered.delayed
+
+    def _event_functions(self) -> Iterator[Written]:
         """The functions of a program in which something happens at instants that depend on its states."""
-        events, full = self.lowered.events, "time, state, inputs, constants, mode"
-        yield "mode_start", "constants", "What only events change, at the start.", events.starts
+        events = self.lowered.events
+        yield "mode_start", FIXED, "What only events change, at the start.", events.starts
         roots = [item.root for item in events.located]
-        yield (
-            "roots",
-            full,
-            "Conditions on states, left side less right side: each flips where this changes sign.",
-            roots,
-        )
-        yield "triggers", full, "The truth of the conditions of events.", events.triggers
-        yield "values", full, "What events set.", events.values
-        yield "targets", full, "What is computed from states and set by events, as it is.", events.targets
-        yield "sampling", "constants", "The periods of sampled events.", events.periods
-        yield "actives", full, "Whether switched junctions are on.", events.actives
-        yield (
-            "conjugates",
-            full,
-            "Efforts for displacements and flows for momenta, where junctions switch.",
-            events.conjugates,
-        )
+        words = "Conditions on states, left side less right side: each flips where this changes sign."
+        yield "roots", FULL, words, roots
+        yield "triggers", FULL, "The truth of the conditions of events.", events.triggers
+        yield "values", FULL, "What events set.", events.values
+        yield "targets", FULL, "What is computed from states and set by events, as it is.", events.targets
+        yield "sampling", FIXED, "The periods of sampled events.", events.periods
+        yield "actives", FULL, "Whether switched junctions are on.", events.actives
+        words = "Efforts for displacements and flows for momenta, where junctions switch."
+        yield "conjugates", FULL, words, events.conjugates
 
     def array(self, values: tuple[float, ...]) -> str:
         """The name of a list of numbers, written once for the module."""

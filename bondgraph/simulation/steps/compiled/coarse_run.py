@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...start.coarse import smallest_angles
+from ...start.kept import keeps_factors
 from .coarse import Coarse
 from .euler import Euler
 from .factors import Factors, room_for
@@ -33,7 +34,8 @@ class CompiledEuler:
         self.values: dict[str, Any] = {
             "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
             "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
-            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)),
+            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)), "kept": 0.0, "factorised": 0,
+            "keeping": int(keeps_factors(program)),
             "real": room_for(Factors, 0 if is_sparse(program) else n),
         } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}  # fmt: skip
         self.values["smallest"] = smallest_angles(program)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ....door import Record
 from ...start import coarse as look
+from ...start import kept
 from .factors import Factors, back, eliminate
 from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 NEWTON_ITERATIONS = look.NEWTON_ITERATIONS
 CLOSE, ROUNDING, SMALLEST_RATIO = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO
 INFINITE = float("inf")
+KEPT_ITERATIONS, FAR, SHRINKS = kept.KEPT_ITERATIONS, kept.FAR, kept.SHRINKS
 
 
 class Euler(Record):
@@ -42,6 +44,9 @@ class Euler(Record):
     scaled: Floats  # entry_count
     sparse: int
     pattern: Pattern
+    keeping: int  # whether factors of one step serve in others
+    kept: float  # the step for which the sparse factors stand, with `scale`; 0: there are none
+    factorised: int  # how often there were new ones
     # room
     slope: Floats  # n
     scale: Floats  # n
@@ -52,6 +57,11 @@ class Euler(Record):
 def euler(e: Euler) -> int:
     """The state at the end of the step, from a guess in its place: `FINE`; not found: `SINGULAR`; `ANEW`: in another order."""
     n = e.n
+    if e.keeping != 0 and e.size <= FAR * e.kept <= FAR * FAR * e.size:
+        if with_kept_factors(e) == FINE:
+            return FINE
+        for i in range(n):
+            e.x[i] = e.start[i]
     before = INFINITE
     for _ in range(NEWTON_ITERATIONS):
         e.derivative(e.time, e.x, e.inputs, e.constants, e.mode, e.slope)
@@ -81,6 +91,30 @@ def euler(e: Euler) -> int:
     return SINGULAR
 
 
+def with_kept_factors(e: Euler) -> int:
+    """The same with the factors of an earlier step: see `start.kept.KeptFactors.step`."""
+    relaxed = 2.0 / (1.0 + e.kept / e.size)
+    before = INFINITE
+    for turn in range(KEPT_ITERATIONS):
+        e.derivative(e.time, e.x, e.inputs, e.constants, e.mode, e.slope)
+        for i in range(e.n):
+            if not isfinite(e.slope[i]):
+                return SINGULAR
+            e.slope[i] = (e.slope[i] - (e.x[i] - e.start[i]) / e.size) / e.scale[i]
+        real_back(e.pattern, e.slope)
+        for i in range(e.n):
+            e.slope[i] *= relaxed * e.scale[i]
+        norm = moved_share(e)
+        if not isfinite(norm) or (turn > 0 and norm > SHRINKS * before):
+            return SINGULAR
+        for i in range(e.n):
+            e.x[i] += e.slope[i]
+        if norm == 0.0 or (turn > 0 and norm <= CLOSE):
+            return FINE
+        before = norm
+    return SINGULAR
+
+
 def solve_step(e: Euler) -> int:
     """The scaled change of the state in the place of what is missed."""
     n = e.n
@@ -89,8 +123,11 @@ def solve_step(e: Euler) -> int:
         unit = e.scale[row] if row < e.differential else 1.0
         e.scaled[k] = e.jacobian[k] * e.scale[e.columns[k]] / unit
     if e.sparse != 0:
+        e.kept = 0.0
         done = real_factors(e.pattern, 1.0 / e.size, e.scaled)
         if done == FINE:
+            e.kept = e.size
+            e.factorised += 1
             real_back(e.pattern, e.slope)
         return done
     matrix = e.real.matrix

@@ -1,4 +1,5 @@
-"""The order of rows and columns for sparse factors: SuperLU's pivots and fill-reducing order for the numbers at hand, then kept."""
+"""The order of rows and columns for sparse factors: that of least degree where hardly anything fills, else SuperLU's pivots and fill-reducing
+order for the numbers at hand; then kept."""
 
 from __future__ import annotations
 
@@ -6,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from .light import DIAGONAL, Columns, light_factors
+
 SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for a pattern that is not symmetric that with less fill is taken
-DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
 PRESENT = 1e-9  # of the largest number of its row: what stands for a zero that may not stay one
 
 
@@ -15,12 +17,15 @@ def ordered(
     rows: Any, columns: Any, differential: int, count: int, shift: float, entries: Any
 ) -> dict[str, Any] | None:
     """The fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0); None if the matrix is singular."""
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
     diagonal = np.arange(differential)
     every_row, every_column = np.concatenate([rows, diagonal]), np.concatenate([columns, diagonal])
     values = np.concatenate([-np.asarray(entries), np.full(differential, shift)])
+    light = light_factors(every_row, every_column, values, count)
+    if light is not None:
+        return _fields(light.place, light.place, light.lower, light.upper, rows, columns, differential, count)
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
     matrix = csc_array((values, (every_row, every_column)), shape=(count, count))
     matrix.sum_duplicates()
     largest = np.zeros(count)
@@ -35,7 +40,9 @@ def ordered(
         factors = min((splu(matrix, permc_spec=m, diag_pivot_thresh=DIAGONAL) for m in methods), key=lambda f: f.nnz)
     except RuntimeError:
         return None
-    return _fields(factors, rows, columns, differential, count)
+    places = np.asarray(factors.perm_r), np.asarray(factors.perm_c)
+    lower, upper = _without_diagonal(factors.L, count), _without_diagonal(factors.U, count)
+    return _fields(*places, lower, upper, rows, columns, differential, count)
 
 
 def _is_symmetric(matrix: Any) -> bool:
@@ -46,8 +53,9 @@ def _is_symmetric(matrix: Any) -> bool:
     return np.array_equal(matrix.indptr, turned.indptr) and np.array_equal(matrix.indices, turned.indices)
 
 
-def _fields(factors: Any, rows: Any, columns: Any, differential: int, count: int) -> dict[str, Any]:
-    row_place, column_place = np.asarray(factors.perm_r), np.asarray(factors.perm_c)
+def _fields(
+    row_place: Any, column_place: Any, lower: Columns, upper: Columns, rows: Any, columns: Any, differential: int, count: int
+) -> dict[str, Any]:  # fmt: skip
     # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
     slots = np.full(count, -1)
     entry_rows, entry_columns = row_place[rows], column_place[columns]
@@ -61,7 +69,6 @@ def _fields(factors: Any, rows: Any, columns: Any, differential: int, count: int
     row = np.concatenate([entry_rows, row_place[alone]])
     column = np.concatenate([entry_columns, column_place[alone]])
     order = np.argsort(column, kind="stable")
-    lower, upper = _without_diagonal(factors.L, count), _without_diagonal(factors.U, count)
     found = {
         "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
         "l_start": lower[0], "l_row": lower[1], "u_start": upper[0], "u_row": upper[1], "row_place": row_place, "column_place": column_place,

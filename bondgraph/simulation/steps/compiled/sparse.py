@@ -148,71 +148,90 @@ def complex_factors(p: Pattern, re: float, im: float, entries: Floats) -> int:
     x = p.x
     xi = p.xi
     scale = p.scale_complex
-    lr = p.lower_re
-    li = p.lower_im
-    l_start = p.l_start
-    l_row = p.l_row
-    start = p.start
     for i in range(n):
         scale[i] = 0.0
-    for k in range(start[n]):
-        a = re if p.shifted[k] != 0 else 0.0
+    for k in range(p.start[n]):
+        a = complex_part(p, k, re, entries)
         b = im if p.shifted[k] != 0 else 0.0
-        if p.entry[k] >= 0:
-            a -= entries[p.entry[k]]
         scale[p.row[k]] = max(scale[p.row[k]], sqrt(a * a + b * b))
     for i in range(n):
         size = scale[i]
         scale[i] = 1.0 / size if size > 0.0 and isfinite(size) else 1.0
     for j in range(n):
-        for k in range(start[j], start[j + 1]):
-            a = re if p.shifted[k] != 0 else 0.0
-            b = im if p.shifted[k] != 0 else 0.0
-            if p.entry[k] >= 0:
-                a -= entries[p.entry[k]]
-            x[p.row[k]] = a * scale[p.row[k]]
-            xi[p.row[k]] = b * scale[p.row[k]]
-        q = p.u_start[j]
-        end = p.u_start[j + 1]
-        while q < end:
-            k = p.u_row[q]
-            if q + 1 < end and p.wide[k] >= 2 and p.u_row[q + 1] == k + 1:
-                two_columns(x, xi, lr, li, l_start, l_row, p.upper_re[q:], p.upper_im[q:], k)
-                q += 2
-            else:
-                a = x[k]
-                b = xi[k]
-                x[k] = 0.0
-                xi[k] = 0.0
-                p.upper_re[q] = a
-                p.upper_im[q] = b
-                if a != 0.0 or b != 0.0:
-                    for r in range(l_start[k], l_start[k + 1]):
-                        i = l_row[r]
-                        x[i] -= lr[r] * a - li[r] * b
-                        xi[i] -= lr[r] * b + li[r] * a
-                q += 1
-        pr = x[j]
-        pi = xi[j]
-        x[j] = 0.0
-        xi[j] = 0.0
-        size = pr * pr + pi * pi
-        largest = 0.0
-        for r in range(l_start[j], l_start[j + 1]):
-            i = l_row[r]
-            a = x[i]
-            b = xi[i]
-            largest = max(largest, a * a + b * b)
-            lr[r] = (a * pr + b * pi) / size if size != 0.0 else 0.0
-            li[r] = (b * pr - a * pi) / size if size != 0.0 else 0.0
-            x[i] = 0.0
-            xi[i] = 0.0
-        p.diagonal_re[j] = pr
-        p.diagonal_im[j] = pi
-        if size == 0.0 or not isfinite(size) or not isfinite(largest):
-            return SINGULAR if p.tolerant != 0 or size != 0.0 else ANEW
-        if p.tolerant == 0 and size < p.small * p.small * largest:
-            return ANEW
+        for k in range(p.start[j], p.start[j + 1]):
+            row = p.row[k]
+            x[row] = complex_part(p, k, re, entries) * scale[row]
+            xi[row] = (im if p.shifted[k] != 0 else 0.0) * scale[row]
+        take_columns(p, j)
+        answer = close_column(p, j)
+        if answer != FINE:
+            return answer
+    return FINE
+
+
+def complex_part(p: Pattern, k: int, re: float, entries: Floats) -> float:
+    """The real part of the matrix at a place of its pattern."""
+    value = re if p.shifted[k] != 0 else 0.0
+    if p.entry[k] >= 0:
+        value -= entries[p.entry[k]]
+    return value
+
+
+def take_columns(p: Pattern, j: int) -> None:
+    """Take the columns of L before from a column; what is left above the diagonal is U's."""
+    x = p.x
+    xi = p.xi
+    lr = p.lower_re
+    li = p.lower_im
+    l_start = p.l_start
+    l_row = p.l_row
+    q = p.u_start[j]
+    end = p.u_start[j + 1]
+    while q < end:
+        k = p.u_row[q]
+        if q + 1 < end and p.wide[k] >= 2 and p.u_row[q + 1] == k + 1:
+            two_columns(x, xi, lr, li, l_start, l_row, p.upper_re[q:], p.upper_im[q:], k)
+            q += 2
+        else:
+            a = x[k]
+            b = xi[k]
+            x[k] = 0.0
+            xi[k] = 0.0
+            p.upper_re[q] = a
+            p.upper_im[q] = b
+            if a != 0.0 or b != 0.0:
+                for r in range(l_start[k], l_start[k + 1]):
+                    i = l_row[r]
+                    x[i] -= lr[r] * a - li[r] * b
+                    xi[i] -= lr[r] * b + li[r] * a
+            q += 1
+
+
+def close_column(p: Pattern, j: int) -> int:
+    """Divide what is left of a column by its pivot: it is L's. Tells whether the pivot will do."""
+    x = p.x
+    xi = p.xi
+    pr = x[j]
+    pi = xi[j]
+    x[j] = 0.0
+    xi[j] = 0.0
+    size = pr * pr + pi * pi
+    largest = 0.0
+    for r in range(p.l_start[j], p.l_start[j + 1]):
+        i = p.l_row[r]
+        a = x[i]
+        b = xi[i]
+        largest = max(largest, a * a + b * b)
+        p.lower_re[r] = (a * pr + b * pi) / size if size != 0.0 else 0.0
+        p.lower_im[r] = (b * pr - a * pi) / size if size != 0.0 else 0.0
+        x[i] = 0.0
+        xi[i] = 0.0
+    p.diagonal_re[j] = pr
+    p.diagonal_im[j] = pi
+    if size == 0.0 or not isfinite(size) or not isfinite(largest):
+        return SINGULAR if p.tolerant != 0 or size != 0.0 else ANEW
+    if p.tolerant == 0 and size < p.small * p.small * largest:
+        return ANEW
     return FINE
 
 

@@ -1,0 +1,115 @@
+"""Setpoints from a file: a CSV whose headings are outputs with units, `x [um],phi [deg]`, each line held at rest; with `time [s]` a path.
+
+A column of a parameter or input is set in its line. Lines that begin with `#` say nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis.inversion.feed_forward import FeedForward
+from ..analysis.outcome import Outcome, Point
+from ..errors import UsageError
+from .asked import WRONG, Settings
+from .experiment import made
+from .measured import OF_MODES, SIGMA, read_columns
+from .sharing import Sharing
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Asked of each line: the inputs that hold its outputs."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    experiment: str | None
+    settings: tuple[tuple[str, str | float], ...]
+
+    def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
+        """At one line. What goes wrong there is part of the answer."""
+        wanted = {n: point[n] for n in self.outputs}
+        given = {**dict(self.settings), **{n: v for n, v in point.items() if n not in wanted}}
+        try:
+            return Point(point, analyses=(("invert", model.invert(wanted, self.inputs, self.experiment, given)),))
+        except WRONG as problem:
+            return problem
+
+
+def invert_file(
+    model: Model, file: str | os.PathLike[str], inputs: Sequence[str], experiment: str | None, settings: Settings, along: Mapping[str, Any],
+    sharing: Sharing | None = None,
+) -> Outcome | FeedForward:  # fmt: skip
+    """A table of inputs by lines, or inputs over time. `along`: as `Model.invert` takes them for a path. Raises as that, and OSError."""
+    name = os.fspath(file)
+    compilation = model.compilation(model.scene(experiment, settings))
+    graph = compilation.whole_graph
+    units = {n: q.unit for n, q in graph.quantities.items() if q.role in ("parameter", "input")}
+    outputs = {n: o.unit for n, o in model.compilation(model.scene(None)).whole_graph.outputs.items()}
+    columns = read_columns(name, units | outputs)
+    wanted = _checked(name, columns, outputs, units, settings, inputs)
+    if "time" in columns:
+        return _along(model, name, columns, wanted, inputs, experiment, settings, along)
+    asked_for = [w for w in ("to", "start", "moving", "limits") if along.get(w)]
+    if asked_for:
+        raise UsageError(f"{name}: without a column `time [s]` each line is held at rest: there is no path to go along")
+    points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
+    held = Held(tuple(inputs), wanted, experiment, tuple(settings.items()))
+    found = made(model, held, points, sharing or Sharing(workers=1))
+    shown = {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report}
+    swept = {n: (units | outputs)[n] for n in columns}
+    return Outcome(
+        graph.name, compilation.plan.experiment, swept, found, {n: s for n, s in shown.items() if n in swept}
+    )
+
+
+def _checked(
+    file: str, columns: Mapping[str, Any], outputs: Mapping[str, str], units: Mapping[str, str], settings: Settings, inputs: Sequence[str],
+) -> tuple[str, ...]:  # fmt: skip
+    """The outputs that are wanted. Raises `UsageError` for columns that are no setpoints."""
+    sought = {n.strip() for pair in inputs for n in pair.split("/")}
+    for name, values in columns.items():
+        if name.startswith(SIGMA) or OF_MODES.fullmatch(name):
+            raise UsageError(
+                f"{file}: `{name}` is nothing that inputs could hold; columns are outputs, `time [s]`, and what is set"
+            )
+        if np.isnan(values).any():
+            raise UsageError(f"{file}: `{name}` is not given in every line")
+        if name in sought:
+            raise UsageError(f"{file}: `{name}` is to be found, and set line by line: one of the two")
+        if name in settings:
+            raise UsageError(f"{file}: `{name}` is set for all, and line by line: one of the two")
+    wanted = tuple(n for n in columns if n in outputs)
+    if not wanted:
+        raise UsageError(f"{file}: there is no column of an output; outputs are {', '.join(outputs) or 'none'}")
+    if "time" in columns:
+        other = next((n for n in columns if n in units and n not in outputs), None)
+        if other is not None:
+            raise UsageError(
+                f"{file}: over time nothing else is set line by line; leave out `{other}`, or set it for all"
+            )
+        if (np.diff(columns["time"]) <= 0).any():
+            raise UsageError(f"{file}: the column `time` does not grow from line to line")
+    return wanted
+
+
+def _along(
+    model: Model, file: str, columns: Mapping[str, Any], wanted: Sequence[str], inputs: Sequence[str], experiment: str | None,
+    settings: Settings, along: Mapping[str, Any],
+) -> FeedForward:  # fmt: skip
+    time = columns["time"]
+    if len(time) < 2:
+        raise UsageError(f"{file}: a path has two instants or more")
+    paths = {n: (time, columns[n]) for n in wanted}
+    start, stop = along.get("start"), along.get("to")
+    return model.invert(
+        paths, inputs, experiment, settings, to=float(time[-1]) if stop is None else stop, start=float(time[0]) if start is None else start,
+        points=along.get("points") or 501, moving=bool(along.get("moving")), limits=along.get("limits") or {},
+    )  # fmt: skip

@@ -1,0 +1,49 @@
+"""The coarse run of a large model factorises seldom: factors of an earlier step serve as long as they bring the state fast to where it
+should be, and what is found is what a run that factorises in each iteration finds; in machine code as in Python."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bondgraph.door import Source
+from bondgraph.model import Model
+from bondgraph.simulation.segments import Segment
+from bondgraph.simulation.start.coarse import CoarseRun
+from tests.benchmarks import large_models
+
+pytestmark = pytest.mark.machine_code
+SIDE = 13
+LEAKS = {
+    "cubic": large_models.CUBIC,
+    # A diode: its slope changes by decades along the run, and old factors must be noticed to be wrong.
+    "diode": "1e-6 [A]*(exp(u/(0.05 [V])) - 1)",
+}
+
+
+def coarse_run(leak: str, target: str, keeping: bool = True) -> CoarseRun:
+    text = large_models.network(large_models.mesh_edges(SIDE), SIDE**2, leak=leak)
+    model = Model(Source("mesh.bg", text))
+    program = model.prepared(model.scene(), False, target).program
+    constants = program.constants(np.array(program.defaults))
+    state = np.asarray(program.start(constants), dtype=float)
+    run = CoarseRun(program, constants, np.array(program.input_defaults), state)
+    run.keeping = run.keeping and keeping
+    run.peak([Segment(0.0, 1e-3, program.switches(0.0, constants))], None)
+    return run
+
+
+@pytest.mark.parametrize("leak", LEAKS)
+def test_few_factors_and_the_same_magnitudes(leak: str) -> None:
+    usual, kept = coarse_run(LEAKS[leak], "numpy"), coarse_run(LEAKS[leak], "native")
+    assert usual.compiled is None and kept.compiled is not None
+    assert usual.stopped is kept.stopped is None
+    np.testing.assert_allclose(kept.largest, usual.largest, rtol=1e-6)
+    record: Any = kept.compiled.record
+    assert usual.kept.count == record.factorised  # step by step the same
+    assert 0 < record.factorised <= {"cubic": 6, "diode": 50}[leak]
+    anew = coarse_run(LEAKS[leak], "numpy", keeping=False)
+    assert anew.kept.count == 0
+    np.testing.assert_allclose(kept.largest, anew.largest, rtol=0.01)
