@@ -27,6 +27,7 @@ COARSE = 1000  # times as much of a signal as a step of the run may overlook, a 
 EXPLODED = 1e3  # times as large within the second half of the way
 CAREFUL = 300  # of these: up to then a step must not overshoot what grows
 AGAIN = 1.25  # times as far as when it was noted last how large all was
+STIFFER = 1e4  # times as fast as at the start: there a free linear motion does not lead
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
@@ -151,10 +152,21 @@ class CoarseRun:
         slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
         away = reach.rest(jacobian, slope if basis is None else basis.T @ slope)
         found = along(reach, basis, len(self.state))
+        if basis is None and self._stiffens(first, jacobian, found(self.state)):
+            return None
         if away is not None:
             whole = away if basis is None else np.concatenate([basis @ away, np.zeros(len(self.state) - count)])
             self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
         return found
+
+    def _stiffens(self, first: Segment, jacobian: Any, far: Any) -> bool:
+        """Whether all moves so much faster where a free linear motion would lead that it never gets there, as a reaction whose product decays by its square."""
+        rate = float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+        for there in (self.state + far, self.state - far):
+            found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
+            if np.isfinite(found).all() and np.abs(np.linalg.eigvals(found)).max(initial=0.0) > STIFFER * rate > 0:
+                return True
+        return False
 
     def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
         """The loop over steps in machine code, where they are projected on nothing."""

@@ -51,6 +51,12 @@ NEWTON_ITERATIONS = 6
 FIRST = 1e-2  # of what other iterations may leave: one that begins without a guess tells too little of how it converges
 SLOWEST = 0.9  # contraction of a single number of the stages by an iteration: what is slower counts as that
 CREEPING = 0.5  # and what is faster needs no look of its own
+STIFF = 300.0  # times its own size a state would change in a step, if the others did not follow
+SURE = 0.3  # of the tolerance: polynomials within a step that differ by less are both right
+NEAR = 1e-4  # of a step: so far apart two of their values tell a slope
+SLOW = 0.1  # contraction beyond which Newton's method takes a Jacobian anew there
+BACK_ITERATIONS = 8  # of Newton's method there
+LEFT = 1e-3  # of a tolerance, which it may leave
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 # A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
 # its start than a share of it; but not again and again.
@@ -281,12 +287,27 @@ class Radau:
         """
         times = np.asarray(times)
         after, cubic = self._ends[-1], self.collocation(times)
-        if len(self._ends) < 3:
+        if not self.has_quintic:
             return cubic
         quintic = _hermite(self._ends, times)
         problem = self.problem
         limit = 10 * (problem.absolute + problem.relative * np.abs(after.state))
         return np.where((np.abs(quintic - cubic) <= limit) & np.isfinite(limit), quintic, cubic)
+
+    @property
+    def jacobian(self) -> Any:
+        """The one that served last."""
+        return self._jacobian
+
+    @property
+    def has_quintic(self) -> bool:
+        """Whether three ends are known."""
+        return len(self._ends) == 3
+
+    @property
+    def state_at_end(self) -> Any:
+        """Of the last step."""
+        return self._ends[-1].state
 
     def collocation(self, times: Any) -> Any:
         """The collocation polynomial of the last step; shape (times, n).
@@ -452,6 +473,11 @@ def _false_position(function: Callable[[float], Any], item: Any, a: float, b: fl
         if value == 0 or abs(b - a) < CLOSE:
             break
     return b
+
+
+def interpolated(radau: Radau, times: Any) -> Any:
+    """The polynomial through the last ends of steps, or the collocation polynomial where these are too few; shape (times, n)."""
+    return _hermite(radau._ends, times) if radau.has_quintic else radau.collocation(times)
 
 
 def _hermite(ends: list[_End], times: Any) -> Any:

@@ -20,10 +20,12 @@ from ..segments import Segment, with_time_of
 from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, NAMES, RADAU
 from ..steps.radau import INNER, Radau, StepFailed
 from ..trajectory import Kept, Tolerances, Trajectory, empty
+from ..watch.beyond import notes_of_beyond
 from ..watch.choice import Choice, Handover
 from ..watch.crawling import notes_of
 from ..watch.stuck import MOST_STEPS, failure, not_finite
 from ..watch.validity import Watch
+from .between import settled
 from .quadrature import work_of
 from .reference import reference
 from .stateless import without_states
@@ -221,8 +223,8 @@ class Stepper:
         return self._by_steps(stretch, x)
 
     def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
-        """Tell the result what held the steps, if they were very many."""
-        self.result.notes += notes_of(self, solver, steps, mode)
+        """Tell the result what held the steps, if they were very many, and what went much farther than was seen."""
+        self.result.notes += [*notes_of(self, solver, steps, mode), *notes_of_beyond(self, solver)]
 
     def name(self, method: int, target: str) -> None:
         """Tell the result what steps."""
@@ -452,9 +454,12 @@ class Stepper:
         while last < len(self.instants) and self.instants[last] <= solver.time and self.instants[last] < end:
             last += 1
         if last > first:
-            states = solver.sample(self.instants[first:last]) * self.tolerances.magnitude
+            states = self._settled(solver, self.instants[first:last]) * self.tolerances.magnitude
             self.result.states[first:last] = self.held_all(self.instants[first:last], states, stretch.mode)
             self.position = last
+
+    def _settled(self, solver: Radau | Interpreted, times: Any) -> Any:
+        return settled(self, solver, times) if isinstance(solver, Radau) else solver.sample(times)
 
     def look(self, solver: Solver, stretch: Segment, reported: Any) -> None:
         """Look at the limits of the model at the stages of the last step and at the instants that it passed."""

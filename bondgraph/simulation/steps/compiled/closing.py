@@ -6,8 +6,8 @@ from math import sqrt
 
 from ...stretch import quadrature
 from .holding import put_multipliers
+from .polynomials import collocation
 from .stepper import Stepper
-from .within import collocation
 
 PLACES, KRONROD, GAUSS = (tuple(a.tolist()) for a in (quadrature.PLACES, quadrature.KRONROD, quadrature.GAUSS))
 DEEPEST = quadrature.DEEPEST

@@ -83,6 +83,9 @@ class Stepper(Record):
     factorised_size: float
     negative: int  # whether the determinant of the real matrix is; 0 where it is sparse
     jacobian: Floats  # entry_count
+    inner_jacobian: Floats  # entry_count: at an instant within a step
+    inner: Factors
+    steepness: Floats  # n: what a step is times the sum of a row of it
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
     pattern: Pattern

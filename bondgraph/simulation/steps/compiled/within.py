@@ -6,27 +6,32 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import pair, radau
-from ..methods import ENERGY, EXPLICIT, RADAU
-from .along import polynomial
-from .conserving import sample_step, within_step
+from ..methods import ENERGY, RADAU
+from .between import bring_back, has_steep_states, is_unsure
+from .conserving import sample_step
 from .holding import hold
+from .polynomials import collocation, quintic
 from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ....door import Floats
 
-INNER = pair.INNER
-C, P = tuple(radau.C.tolist()), tuple(radau.P.ravel().tolist())
+INNER, C = pair.INNER, tuple(radau.C.tolist())
 
 
 def sample(s: Stepper) -> bool:
     """States at the instants that the last step passed; whether the caller should look at the limits of the model."""
     first = s.position
+    steep = 0
+    if s.position < s.instant_count and s.instants[s.position] <= s.time:
+        steep = has_steep_states(s)
     while s.position < s.instant_count:
         at = s.instants[s.position]
         if at > s.time or at >= s.stop:
             break
         state_at(s, at, s.reported[s.position * s.n :])
+        if steep != 0 and at < s.time and is_unsure(s, at):
+            bring_back(s, at, s.reported[s.position * s.n :])
         s.position += 1
     if s.always != 0:
         return True
@@ -66,13 +71,8 @@ def state_at(s: Stepper, time: float, out: Floats) -> None:
     else:
         collocation(s, time, out)
     if s.ends == 3 and s.method == RADAU:
-        if s.node_count == 0:
-            interpolate(s)
-        m = s.node_count
         for i in range(n):
-            value = s.coefficients[(m - 1) * n + i]
-            for k in range(m - 2, -1, -1):
-                value = value * (time - s.nodes[k]) + s.coefficients[k * n + i]
+            value = quintic(s, time, i)
             limit = 10.0 * (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))
             if abs(value - out[i]) <= limit and isfinite(limit):
                 out[i] = value
@@ -80,46 +80,3 @@ def state_at(s: Stepper, time: float, out: Floats) -> None:
         out[i] *= s.magnitude[i]
     if s.closed.gaps > 0:
         hold(s.closed, time, out)
-
-
-def collocation(s: Stepper, time: float, out: Floats) -> None:
-    """The polynomial of the method in the last step, scaled states."""
-    if s.method == EXPLICIT:
-        polynomial(s, time, out)
-        return
-    if s.method == ENERGY:
-        within_step(s, time, out)
-        return
-    n = s.n
-    before = s.ends - 2
-    at = (time - s.end_time[before]) / (s.end_time[before + 1] - s.end_time[before])
-    a = at * (P[0] + at * (P[1] + at * P[2]))
-    b = at * (P[3] + at * (P[4] + at * P[5]))
-    c = at * (P[6] + at * (P[7] + at * P[8]))
-    for i in range(n):
-        out[i] = s.end_state[before * n + i] + (a * s.stages[i] + b * s.stages[n + i] + c * s.stages[2 * n + i])
-
-
-def interpolate(s: Stepper) -> None:
-    """The polynomial through values and slopes of the last three ends, by divided differences, in Newton's form."""
-    n = s.n
-    m = 0
-    for k in range(3):
-        for twice in range(2):
-            if k == 0 and twice == 1 and s.first_sloped == 0:
-                continue
-            s.nodes[m] = s.end_time[k]
-            for i in range(n):
-                s.coefficients[m * n + i] = s.end_state[k * n + i]
-            m += 1
-    shift = 6 - m  # a first end without slope is one node
-    for order in range(1, m):
-        for j in range(m - 1, order - 1, -1):
-            gap = s.nodes[j] - s.nodes[j - order]
-            for i in range(n):
-                if gap == 0.0:
-                    s.coefficients[j * n + i] = s.end_slope[(j + shift) // 2 * n + i]
-                else:
-                    rise = s.coefficients[j * n + i] - s.coefficients[(j - 1) * n + i]
-                    s.coefficients[j * n + i] = rise / gap
-    s.node_count = m

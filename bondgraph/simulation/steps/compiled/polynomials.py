@@ -1,0 +1,70 @@
+"""The polynomials within the last step: of each method, and of Radau that through the last ends; see `radau.Radau.sample`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .. import radau
+from ..methods import ENERGY, EXPLICIT
+from .along import polynomial
+from .conserving import within_step
+from .stepper import Stepper
+
+if TYPE_CHECKING:
+    from ....door import Floats
+
+P = tuple(radau.P.ravel().tolist())
+
+
+def quintic(s: Stepper, time: float, i: int) -> float:
+    """One state by the polynomial through the last ends."""
+    if s.node_count == 0:
+        interpolate(s)
+    m = s.node_count
+    value = s.coefficients[(m - 1) * s.n + i]
+    for k in range(m - 2, -1, -1):
+        value = value * (time - s.nodes[k]) + s.coefficients[k * s.n + i]
+    return value
+
+
+def collocation(s: Stepper, time: float, out: Floats) -> None:
+    """The polynomial of the method in the last step, scaled states."""
+    if s.method == EXPLICIT:
+        polynomial(s, time, out)
+        return
+    if s.method == ENERGY:
+        within_step(s, time, out)
+        return
+    n = s.n
+    before = s.ends - 2
+    at = (time - s.end_time[before]) / (s.end_time[before + 1] - s.end_time[before])
+    a = at * (P[0] + at * (P[1] + at * P[2]))
+    b = at * (P[3] + at * (P[4] + at * P[5]))
+    c = at * (P[6] + at * (P[7] + at * P[8]))
+    for i in range(n):
+        out[i] = s.end_state[before * n + i] + (a * s.stages[i] + b * s.stages[n + i] + c * s.stages[2 * n + i])
+
+
+def interpolate(s: Stepper) -> None:
+    """The polynomial through values and slopes of the last three ends, by divided differences, in Newton's form."""
+    n = s.n
+    m = 0
+    for k in range(3):
+        for twice in range(2):
+            if k == 0 and twice == 1 and s.first_sloped == 0:
+                continue
+            s.nodes[m] = s.end_time[k]
+            for i in range(n):
+                s.coefficients[m * n + i] = s.end_state[k * n + i]
+            m += 1
+    shift = 6 - m  # a first end without slope is one node
+    for order in range(1, m):
+        for j in range(m - 1, order - 1, -1):
+            gap = s.nodes[j] - s.nodes[j - order]
+            for i in range(n):
+                if gap == 0.0:
+                    s.coefficients[j * n + i] = s.end_slope[(j + shift) // 2 * n + i]
+                else:
+                    rise = s.coefficients[j * n + i] - s.coefficients[(j - 1) * n + i]
+                    s.coefficients[j * n + i] = rise / gap
+    s.node_count = m
