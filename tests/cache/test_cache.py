@@ -184,7 +184,9 @@ def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
         *HEAVY,
     }
     stages = {".".join(m.split(".")[:2]) for m in loaded if m.startswith("compiler.")}
-    assert stages <= {f"compiler.{m}" for m in ("certificate", "codegen", "errors", "native", "scene", "source")}
+    assert stages <= {
+        f"compiler.{m}" for m in ("certificate", "codegen", "errors", "kept", "native", "scene", "source")
+    }
 
 
 @pytest.mark.parametrize("model", ["manipulator.bg", "oscillator.bg", "drag.bg"])
