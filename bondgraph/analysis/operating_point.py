@@ -171,7 +171,7 @@ class OperatingPoint:
         """The same, sparse by rows."""
         from scipy.sparse import csr_array
 
-        slopes = self._slopes_of(tuple(variables))
+        slopes = self.slopes_of(tuple(variables))
         values, numbers = np.array(slopes.tape.values(self.lookup), dtype=float), slopes.rows
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -179,7 +179,7 @@ class OperatingPoint:
             raise self._without_slope(name)
         return csr_array((values, (numbers, slopes.columns)), shape=(len(variables), self.all + len(self.by)))
 
-    def _slopes_of(self, variables: tuple[int, ...]) -> Slopes:
+    def slopes_of(self, variables: tuple[int, ...]) -> Slopes:
         """The same as expressions, with their places."""
         found: Slopes | None = self.made.kept.get(variables)
         if found is None:

@@ -145,6 +145,19 @@ def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
     )  # fmt: skip
 
 
+def rest_moves(point: OperatingPoint, linear: Linearization, by: Sequence[int]) -> Any:
+    """How all states and unknowns at rest follow some of the point's `by`, which are the inputs of the linear model, (n + m, k). Raises `RunFailed`."""
+    return _followed(point, _moved(linear), by)
+
+
+def _followed(point: OperatingPoint, moved: Any, by: Sequence[int]) -> Any:
+    """All states and unknowns, where the free coordinates move so with some of `by`."""
+    n, reduced, places = point.count, point.reduced, list(by)
+    states = reduced.directions @ moved + reduced.following[:, places]
+    follow = reduced.unknowns
+    return np.concatenate([states, follow[:, :n] @ states + follow[:, [n + p for p in places]]])
+
+
 def _moved(linear: Linearization) -> Any:
     """How the free coordinates at rest follow the parameters (r, k)."""
     found, left = balanced_step(linear.A, linear.B)
@@ -191,9 +204,7 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: An
     follow = point.reduced.unknowns
     A = whole[:n, :n] + (whole[:n, n:] @ follow[:, :n] if size > n else 0.0)
     values, left, right = left_shapes(A)
-    states = point.reduced.directions @ moved + point.reduced.following
-    unknowns = follow[:, :n] @ states + follow[:, n:]
-    changes = _jacobian_changes(point, np.concatenate([states, unknowns]))
+    changes = _jacobian_changes(point, _followed(point, moved, range(k)))
     rows, columns = (np.array(part, dtype=int) for part in zip(*changes, strict=True)) if changes else ([], [])
     entries = np.array(list(changes.values())).reshape(len(changes), k)
     fastest = max((abs(value) for value in found), default=0.0)
@@ -216,14 +227,20 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: An
 
 def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int], Any]:
     """The derivatives of the Jacobian's entries by `by`, states and unknowns following: place -> (k,)."""
-    lowered, k = point.lowered, len(point.by)
+    lowered = point.lowered
+    tape = point.tape("jacobian", lambda: list(lowered.jacobian.values()))
+    _, slopes = tape.slopes(point.lookup, directions_of(point, moved, point.by), len(point.by))
+    return {place: s for place, s in zip(lowered.jacobian, slopes, strict=True) if s is not None}
+
+
+def directions_of(point: OperatingPoint, moved: Any, names: Sequence[str]) -> dict[Leaf, Any]:
+    """How the symbols of the program move with parameters or inputs of these names (k), states and unknowns following as `moved` (n + m, k)."""
+    lowered, k = point.lowered, len(names)
     directions: dict[Leaf, Any] = {Leaf("state", i): row for i, row in enumerate(moved) if row.any()}
     places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
     places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
     quantities = point.compilation.state_space.quantities
-    for j, name in enumerate(point.by):
+    for j, name in enumerate(names):
         if name in quantities and quantities[name] in places:
             directions[places[quantities[name]]] = np.eye(k)[j]
-    tape = point.tape("jacobian", lambda: list(lowered.jacobian.values()))
-    _, slopes = tape.slopes(point.lookup, directions, k)
-    return {place: s for place, s in zip(lowered.jacobian, slopes, strict=True) if s is not None}
+    return directions

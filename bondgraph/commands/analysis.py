@@ -102,3 +102,18 @@ def bounds(text: str, option: str, example: str) -> tuple[str, str]:
     if not dots:
         raise click.UsageError(f"{option} takes {example}; this is `{text}`")
     return low, high
+
+
+over_option = click.option(
+    "--over", metavar='"LOW .. HIGH"', help="Frequencies, as `100 Hz .. 10 kHz`; a decade around the modes if left out."
+)
+
+
+def frequencies_of(over: str | None) -> tuple[float | None, float | None]:
+    """Both ends in Hz; None where they are left to the model."""
+    if over is None:
+        return None, None
+    from ..quantities import quantity
+
+    low, high = bounds(over, "--over", "a range, as in `100 Hz .. 10 kHz`")
+    return quantity(low, "Hz", "--over"), quantity(high, "Hz", "--over")

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, bounds, check_targets, picture_option, write_all
+from .analysis import PICTURES, Asked, analysis, check_targets, frequencies_of, over_option, picture_option, write_all
 from .options import inputs_option, seconds_of, state_option, time_option
 
 
 @analysis("bode")
 @inputs_option
-@click.option(
-    "--over", metavar='"LOW .. HIGH"', help="Frequencies, as `100 Hz .. 10 kHz`; a decade around the modes if left out."
-)
+@over_option
 @click.option("--points", default=400, metavar="N", help="How many frequencies, besides those of resonances (400).")
 @state_option
 @time_option
@@ -24,16 +22,9 @@ def command(
 ) -> None:
     """Print the frequency response of the linear model at rest or at the start."""
     check_targets((plot, PICTURES, "--plot"))
-    low, high = (None, None) if over is None else _range(over)
+    low, high = frequencies_of(over)
     found = asked.model.response(
         tuple(inputs) or None, asked.outputs, low, high, points, asked.experiment, asked.settings, state, seconds_of(time)
     )  # fmt: skip
     write_all((plot, found.plot))
     asked.answer(found)
-
-
-def _range(text: str) -> tuple[float, float]:
-    from ..quantities import quantity
-
-    low, high = bounds(text, "--over", "a range, as in `100 Hz .. 10 kHz`")
-    return quantity(low, "Hz", "--over"), quantity(high, "Hz", "--over")

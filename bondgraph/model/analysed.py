@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..analysis.inversion.feed_forward import FeedForward
     from ..analysis.inversion.static import Inversion
     from ..analysis.linear import Linearization
+    from ..analysis.linear_sensitivity import ResponseSensitivity
     from ..analysis.modes import Modes
     from ..analysis.operating_point import Asked, OperatingPoint
     from ..analysis.outcome import Outcome
@@ -107,6 +108,47 @@ class Analysed(Compiled):
         by, fixed = independent(self._whole, _names(parameters), experiment, settings or {})
         point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
+
+    def sensitivity_of_response(
+        self, parameters: tuple[str, ...] | str | None = None, inputs: tuple[str, ...] | str | None = None,
+        outputs: tuple[str, ...] | str | None = None, low: float | None = None, high: float | None = None, points: int = 400,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, time: float | None = None,
+    ) -> ResponseSensitivity:  # fmt: skip
+        """Derivatives of the frequency response at rest by parameters (None: all that follow from no others), exact, from `low` to `high` in Hz.
+        Raises as `response`."""
+        from ..analysis.linear_sensitivity import response_sensitivity
+
+        point, given, by = self._moved_linear(
+            _names(parameters), _names(inputs), _names(outputs), experiment, settings, time
+        )
+        return response_sensitivity(point, given, by, low, high, points)
+
+    def sensitivity_of_linearization(
+        self, parameters: tuple[str, ...] | str | None = None, inputs: tuple[str, ...] | str | None = None,
+        outputs: tuple[str, ...] | str | None = None, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        time: float | None = None,
+    ) -> Sensitivity:  # fmt: skip
+        """Derivatives of the entries of A, B, C and D at rest, named `A[row, column]`, by parameters (None: all that follow from no others),
+        exact. Raises as `linearize`, and `UsageError` where closing joints tie coordinates."""
+        from ..analysis.linear_sensitivity import linear_sensitivity
+
+        point, given, by = self._moved_linear(
+            _names(parameters), _names(inputs), _names(outputs), experiment, settings, time
+        )
+        return linear_sensitivity(point, given, by)
+
+    def _moved_linear(
+        self, parameters: tuple[str, ...] | None, inputs: tuple[str, ...] | None, outputs: tuple[str, ...] | None, experiment: str | None,
+        settings: Mapping[str, str | float] | None, time: float | None,
+    ) -> tuple[OperatingPoint, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
+        """The model at rest with the slopes by inputs and parameters, and what these are."""
+        from ..analysis.operating_point import Asked
+        from ..analysis.sensitivity import independent
+
+        given = self.inputs if inputs is None else inputs
+        by, fixed = independent(self._whole, parameters, experiment, settings or {})
+        both = tuple(dict.fromkeys((*given, *by)))
+        return self.operating_point(Asked(experiment, fixed, outputs, both, time=time)), given, by
 
     def sensitivity_of_run(
         self, parameters: tuple[str, ...] | str | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,

@@ -141,8 +141,10 @@ class Whole:
                     )  # fmt: skip
                     found = replace(found, responses=(*found.responses, made))
                 case Differentiating():
-                    some = differentiated(model, study, of, self.experiment, settings, self.outputs, self.wanted)
-                    found = replace(found, analyses=(*found.analyses, *((study.role, one) for one in some)))
+                    some = differentiated(
+                        model, study, of, studies, self.experiment, settings, self.outputs, self.wanted
+                    )
+                    found = replace(found, analyses=(*found.analyses, *some))
                 case _:
                     one = made_of(model, study, self.experiment, settings, self.outputs)
                     found = replace(found, analyses=(*found.analyses, (study.role, one)))

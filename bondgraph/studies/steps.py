@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..door import Differentiating, Fitting, Following, Inverting, Linearizing, Varying
+from ..door import Differentiating, Fitting, Following, Inverting, Linearizing, Study, Varying
 from .distributions import Distribution
 
 if TYPE_CHECKING:
@@ -50,17 +50,27 @@ def _inverted(model: Model, step: Inverting, experiment: str | None, settings: S
 
 
 def differentiated(
-    model: Model, step: Differentiating, of: Sequence[str], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: Wanted,
-) -> list[Any]:  # fmt: skip
-    """Derivatives of what the other steps find: at rest, along the run."""
-    by, found = step.by or None, list[Any]()
+    model: Model, step: Differentiating, of: Sequence[str], beside: Sequence[Analysis], experiment: str | None, settings: Settings,
+    outputs: tuple[str, ...] | None, wanted: Wanted,
+) -> list[tuple[str, Any]]:  # fmt: skip
+    """Derivatives of what the other steps find, each with its word: at rest, along the run, of linear models and responses."""
+    by, given, word = step.by or None, (experiment, settings), step.role
+    linear: list[tuple[str, Any]] = []
+    for other in beside:
+        match other:
+            case Linearizing():
+                some = other.inputs or None, other.outputs or outputs
+                linear.append((f"{word} of {other.role}", model.sensitivity_of_linearization(by, *some, *given)))
+            case Study(role="response"):
+                over = other.given, other.seen, other.low, other.high, other.points
+                linear.append((f"{word} of {other.role}", model.sensitivity_of_response(by, *over, *given)))
+    found: list[tuple[str, Any]] = []
     at_rest = tuple(s for s in of if s in ("equilibrium", "modes"))
-    if at_rest or "simulate" not in of:
-        found.append(model.sensitivity(by, at_rest or ("equilibrium", "modes"), experiment, settings, outputs))
+    if at_rest or not (linear or "simulate" in of):
+        found.append((word, model.sensitivity(by, at_rest or ("equilibrium", "modes"), *given, outputs)))
     if "simulate" in of:
-        found.append(model.sensitivity_of_run(by, experiment, settings, wanted.to, wanted.points or 101, outputs))
-    return found
+        found.append((word, model.sensitivity_of_run(by, *given, wanted.to, wanted.points or 101, outputs)))
+    return [*found, *linear]
 
 
 def varied(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..analysis.equilibrium import Equilibrium
     from ..analysis.inversion.static import Inversion
     from ..analysis.linear import Linearization
+    from ..analysis.linear_sensitivity import ResponseSensitivity
     from ..analysis.modes import Mode, Modes
     from ..analysis.outcome import Outcome
     from ..analysis.response import Response
@@ -102,8 +103,7 @@ def response_text(found: Response) -> str:
         for i, seen in enumerate(found.outputs):
             column, unit = size[:, i, j], found.unit(given, seen)
             last = len(column) - 1
-            peaks = [k for k in range(1, last) if column[k - 1] < column[k] >= column[k + 1]]
-            chosen = sorted(sorted(peaks, key=lambda k: -column[k])[:PEAKS])
+            chosen = _peaks(column)
             for k in (0, *chosen, last):
                 note = "peak" if k in chosen else ""
                 numbers = (
@@ -113,6 +113,32 @@ def response_text(found: Response) -> str:
                 )
                 rows.append((short(given, 24), short(seen, 24), *numbers, note))
     return f"{title(found.model, found.experiment, 'frequency response')}\n\n{aligned(rows, '<<>>><')}"
+
+
+def response_sensitivity_text(found: ResponseSensitivity) -> str:
+    """For each way from an input to an output, at the ends and at peaks: what one percent of each parameter does, the largest first."""
+    told, relative, phase = found.response, np.nan_to_num(found.relative), found.phase * found.at / 100
+    rows = [("from", "to", "frequency", "magnitude", "by", "percent per percent", "degrees per percent")]
+    for j, given in enumerate(told.inputs):
+        for i, seen in enumerate(told.outputs):
+            column, unit = told.magnitude[:, i, j], told.unit(given, seen)
+            for k in (0, *_peaks(column), len(column) - 1):
+                size = f"{column[k]:.6g} {_unit(unit)}".rstrip()
+                head = (short(given, 24), short(seen, 24), f"{told.frequencies[k]:.6g} Hz", size)
+                order = sorted(range(len(found.parameters)), key=lambda q: -abs(relative[k, i, j, q]))
+                for q in [q for q in order if relative[k, i, j, q] != 0][:STRONGEST]:
+                    moves = f"{relative[k, i, j, q]:.4g}", f"{phase[k, i, j, q]:.4g}"
+                    rows.append((*head, short(found.parameters[q], 30), *moves))
+                    head = ("", "", "", "")
+    return (
+        f"{title(told.model, told.experiment, 'sensitivity of the frequency response')}\n\n{aligned(rows, '<<>><>>')}"
+    )
+
+
+def _peaks(column: Any) -> list[int]:
+    """The places of the largest peaks, rising."""
+    peaks = [k for k in range(1, len(column) - 1) if column[k - 1] < column[k] >= column[k + 1]]
+    return sorted(sorted(peaks, key=lambda k: -column[k])[:PEAKS])
 
 
 def outcome_text(found: Outcome) -> str:

@@ -124,7 +124,22 @@ def test_slopes_and_linear_models(plate: bondgraph.Model) -> None:
     assert point.modes is not None and linear.outputs == ("x", "spring.F") and linear.inputs == ("volt",)
     (mode,) = np.abs(np.linalg.eigvals(linear.A))[:1]
     assert mode == pytest.approx(2 * np.pi * point.modes[0].frequency, rel=1e-9)
+    entries = point.of("sensitivity of linearize")
+    assert entries.parameters == ("k", "gap") and "A[spring.x, mass.p]" in entries.quantities
+    assert entries.of("C[spring.F, spring.x]", "k") == pytest.approx(1) and len(point.analyses) == 3
     assert point.units()["frequency 1 by k"] == "Hz/(N/m)" or point.units()["frequency 1 by k"].startswith("Hz/(")
+
+
+def test_slopes_of_a_response(plate: bondgraph.Model) -> None:
+    text = plate.source.text.replace(
+        "experiment slopes",
+        "experiment answers { response volt to x over 1 kHz .. 1 MHz; sensitivity k }\n  experiment slopes",
+    )
+    (point,) = bondgraph.load(text).run("answers")
+    (told,) = (found for word, found in point.analyses if word == "sensitivity of response")
+    (given,) = point.responses
+    assert (told.response.values == given.values).all() and told.parameters == ("k",)
+    assert "degrees per percent" in bondgraph.load(text).run("answers").summary()
 
 
 def test_slopes_of_a_run(plate: bondgraph.Model) -> None:

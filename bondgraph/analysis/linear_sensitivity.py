@@ -1,0 +1,211 @@
+"""How the linear model at rest, and its frequency response, move with parameters: second derivatives of the compiled equations, no differences.
+
+The slopes of rates, of what unknowns make vanish and of outputs by states, unknowns and inputs are one matrix W. Along the way that a
+parameter, states and unknowns take together it changes by dW, which a tape tells. With M = s diag(1 .. 1, 0 .. 0) - W of states and unknowns
+the response is y = Y v + Y_u, M v = W_u, and moves by (Y M^-1 dW_rates + dW_outputs) (v, 1): one solution forwards and one backwards for all parameters.
+Closing joints need nothing besides, as rates keep the constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import RunFailed, UsageError
+from .linear import Linearization, linearization
+from .operating_point import OperatingPoint
+from .response import Response, response
+from .sensitivity import Sensitivity, directions_of, rest_moves
+from .told import finite, pair
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SCHEMA = "bondgraph-response-sensitivity/1"
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseSensitivity:
+    """`slopes` (f, m, k, q): derivatives of `response.values` by `parameters` (q), which are `at`, in SI; `units` are those of the parameters."""
+
+    response: Response
+    parameters: tuple[str, ...]
+    at: NDArray[np.float64]
+    slopes: NDArray[np.complex128]
+    units: Mapping[str, str]
+
+    def of(self, given: str, seen: str, parameter: str) -> NDArray[np.complex128]:
+        """From an input to an output, (f,). Raises `UsageError`."""
+        self.response.of(given, seen)  # tells what is not there
+        if parameter not in self.parameters:
+            raise UsageError(
+                f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}"
+            )
+        i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
+        found: NDArray[np.complex128] = self.slopes[:, i, j, self.parameters.index(parameter)]
+        return found
+
+    @property
+    def magnitude(self) -> NDArray[np.float64]:
+        """Of the magnitude, (f, m, k, q)."""
+        values = self.response.values[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: NDArray[np.float64] = (values.conj() * self.slopes).real / np.abs(values)
+        return found
+
+    @property
+    def phase(self) -> NDArray[np.float64]:
+        """Of the phase, in degrees, (f, m, k, q)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: NDArray[np.float64] = np.degrees((self.slopes / self.response.values[..., None]).imag)
+        return found
+
+    @property
+    def relative(self) -> NDArray[np.float64]:
+        """By how many percent the magnitude moves with one percent of a parameter, (f, m, k, q); NaN where it is zero."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = self.magnitude * self.at / self.response.magnitude[..., None]
+        return np.where(np.isfinite(found), found, np.nan)
+
+    def to_json(self) -> dict[str, Any]:
+        """By the schema `bondgraph-response-sensitivity/1`: {schema, model, experiment, frequencies (Hz), parameters: {name: {value, unit}},
+        responses: [{input, output, values: [{re, im}], slopes: {parameter: [{re, im}]}, relative: {parameter: [number]}}]}."""
+        told = self.response
+        relative = self.relative
+        responses = [
+            {
+                "input": given, "output": seen, "values": [pair(complex(x)) for x in told.values[:, i, j]],
+                "slopes": {p: [pair(complex(x)) for x in self.slopes[:, i, j, q]] for q, p in enumerate(self.parameters)},
+                "relative": {p: [finite(x) for x in relative[:, i, j, q]] for q, p in enumerate(self.parameters)},
+            }
+            for j, given in enumerate(told.inputs)
+            for i, seen in enumerate(told.outputs)
+        ]  # fmt: skip
+        parameters = {
+            n: {"value": finite(v), "unit": self.units[n]} for n, v in zip(self.parameters, self.at, strict=True)
+        }
+        head = {"schema": SCHEMA, "model": told.model, "experiment": told.experiment}
+        return {
+            **head,
+            "frequencies": told.frequencies.tolist(),
+            "parameters": parameters,
+            "responses": responses,
+        }
+
+    def summary(self) -> str:
+        """A table for terminals."""
+        from ..views.analyses import response_sensitivity_text
+
+        return response_sensitivity_text(self)
+
+
+class _Moving:
+    """W and its changes: rows are rates, residuals, outputs; columns states, unknowns, inputs. The point's `by` has inputs and parameters."""
+
+    def __init__(self, point: OperatingPoint, inputs: tuple[str, ...], parameters: tuple[str, ...]) -> None:
+        self.point, self.inputs, self.parameters = point, inputs, parameters
+        self.n, self.size = point.count, point.all
+        space = point.compilation.state_space
+        rows = (*(s.rate for s in space.states), *(u.residual for u in space.unknowns), *space.outputs.values())
+        columns = [point.by.index(n) for n in inputs]
+        by = [point.by.index(n) for n in parameters]
+        if columns and np.any(point.reduced.following[:, columns]):
+            raise UsageError(
+                "an input moves places of closing joints themselves: how its response moves with parameters is not told"
+            )
+        whole = linearization(point)
+        self.linear: Linearization = replace(
+            whole, inputs=inputs, B=whole.B[:, columns], D=whole.D[:, columns], u=whole.u[columns]
+        )
+        self.at, self.units = whole.u[by], whole.units
+        self.chosen = [*range(self.size), *(self.size + c for c in columns)]
+        self.W = point.slopes(rows)[:, self.chosen]
+        slopes = point.slopes_of(rows)
+        moved = rest_moves(point, replace(whole, inputs=parameters, B=whole.B[:, by]), by)
+        _, changes = slopes.tape.slopes(point.lookup, directions_of(point, moved, parameters), len(parameters))
+        self.dW = np.zeros((len(parameters), len(rows), self.size + len(point.by)))
+        for row, column, change in zip(slopes.rows, slopes.columns, changes, strict=True):
+            if change is not None:
+                self.dW[:, row, column] += change
+        self.dW = self.dW[:, :, self.chosen]
+
+
+def linear_sensitivity(point: OperatingPoint, inputs: tuple[str, ...], parameters: tuple[str, ...]) -> Sensitivity:
+    """Of the entries of A, B, C and D that are not zero or move: `A[state, state]`. Raises `UsageError` where closing joints tie coordinates."""
+    if point.reduced.tied:
+        raise UsageError(
+            "closing joints tie coordinates here: which of them A stands for is a choice; modes and responses have sensitivities of their own"
+        )
+    moving = _Moving(point, inputs, parameters)
+    n, size, linear = moving.n, moving.size, moving.linear
+    W, dW = moving.W, moving.dW
+    kept = [*range(n), *range(size, len(moving.chosen))]  # states and inputs
+    follow = -np.linalg.solve(W[n:size, n:size], W[n:size, kept]) if size > n else np.zeros((0, len(kept)))
+    turned = dW[:, n:size][:, :, kept] + dW[:, n:size, n:size] @ follow
+    followed = -np.linalg.solve(W[n:size, n:size], turned) if size > n else np.zeros((len(parameters), 0, len(kept)))
+    rows = [*range(n), *range(size, len(W))]
+    changes = dW[:, rows][:, :, kept] + dW[:, rows, n:size] @ follow + W[rows, n:size] @ followed
+    values = np.block([[linear.A, linear.B], [linear.C, linear.D]])
+    above: list[tuple[str, bool]] = [
+        *((linear.units[s], True) for s in linear.states),
+        *((linear.units[o], False) for o in linear.outputs),
+    ]
+    names: list[str] = []
+    units = {p: moving.units[p] for p in parameters}
+    places = [*zip(*np.nonzero((values != 0) | changes.any(axis=0)), strict=True)]
+    for i, j in places:
+        letter = ("A" if j < n else "B") if i < n else ("C" if j < n else "D")
+        row, column = (*linear.states, *linear.outputs)[i], (*linear.states, *linear.inputs)[j]
+        names.append(f"{letter}[{row}, {column}]")
+        unit, a_second = above[i]
+        units[names[-1]] = _ratio(unit, a_second, linear.units[column])
+    slopes = np.array([changes[:, i, j] for i, j in places]).reshape(len(names), len(parameters))
+    return Sensitivity(
+        linear.model, linear.experiment, tuple(names), parameters, np.array([values[p] for p in places]), moving.at,
+        slopes, units,
+    )  # fmt: skip
+
+
+def _ratio(above: str, a_second: bool, below: str) -> str:
+    """The unit of an entry: of a state or output (of a state's rate: a second) over that of a state or input."""
+    if above == below:
+        return "1/s" if a_second else "1"
+    found = above if not a_second else above.removesuffix("*s") if above.endswith("*s") else f"{above}/s"
+    return found if below == "1" else f"{found}/({below})" if any(c in below for c in "*/") else f"{found}/{below}"
+
+
+def response_sensitivity(
+    point: OperatingPoint, inputs: tuple[str, ...], parameters: tuple[str, ...], low: float | None, high: float | None, points: int
+) -> ResponseSensitivity:  # fmt: skip
+    """Of the frequency response from inputs to all outputs of the point, at `points` frequencies and resonances. Raises as `response`, and `RunFailed`
+    on a pole."""
+    moving = _Moving(point, inputs, parameters)
+    found = response(moving.linear, low, high, points)
+    slopes = np.empty((*found.values.shape, len(parameters)), dtype=complex)
+    for number, frequency in enumerate(found.frequencies):
+        slopes[number] = _moves(moving, 2j * np.pi * frequency)
+    units = {p: moving.units[p] for p in parameters}
+    return ResponseSensitivity(found, parameters, moving.at, slopes, units)
+
+
+def _moves(moving: _Moving, s: complex) -> Any:
+    """The derivatives of the response at s, (m, k, q)."""
+    size, k = moving.size, len(moving.inputs)
+    matrix = -moving.W[:size, :size].astype(complex)
+    matrix[np.arange(moving.n), np.arange(moving.n)] += s
+    rows = 1 / np.maximum(np.abs(matrix).max(axis=1, initial=0.0), np.finfo(float).tiny)
+    columns = 1 / np.maximum(np.abs(matrix * rows[:, None]).max(axis=0, initial=0.0), np.finfo(float).tiny)
+    scaled = matrix * rows[:, None] * columns
+    try:
+        forwards = columns[:, None] * np.linalg.solve(scaled, rows[:, None] * moving.W[:size, size:])
+        backwards = np.linalg.solve(scaled.T, columns[:, None] * moving.W[size:, :size].T).T * rows
+    except np.linalg.LinAlgError as problem:
+        raise RunFailed(
+            f"at {abs(s) / (2 * np.pi):.6g} Hz an undamped mode answers without bound: its response does not move smoothly there"
+        ) from problem
+    whole = np.concatenate([forwards, np.eye(k)])
+    left = np.concatenate([backwards, np.eye(len(moving.W) - size)], axis=1)
+    return np.einsum("mr,qrc,ck->mkq", left, moving.dW, whole)
