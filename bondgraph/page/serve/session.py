@@ -34,7 +34,6 @@ LOOK_EVERY = 0.15  # s between two looks at the files
 LONGEST_FIRST, LONGEST = 120.0, 15.0  # s of a run that compiles, and of any other
 WAITING = 0.6  # s after which a run gives way to the next one
 MOST_COMPILED = 40  # compilations that are held at once
-COMPILED_IN = "One of these values decides more than numbers (a place in a mechanism, a length, a choice): each is compiled in, which takes longer."
 
 
 @dataclass
@@ -187,10 +186,21 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
             _settle()
         told = run_data(watched, experiment, result)
         if not first and watched.model.compiled > before:
-            told["notes"].append(COMPILED_IN)
+            told["notes"] += _compiled_in(watched.model, experiment, settings)
         return {"name": experiment, "kind": "run", "run": told, "told": ""}
     except PROBLEMS as problem:
         return {"name": experiment, "kind": "failed", "told": tag("pre", str(problem))}
+
+
+def _compiled_in(model: Model, experiment: str, settings: Mapping[str, float]) -> list[str]:
+    """What is said of values that take longer."""
+    from ...simulation.settings import compiled_in
+
+    why = compiled_in(model, experiment, settings, settings)
+    return [
+        f"`{name}` is compiled in, which takes longer: more than numbers go with it in {place}"
+        for name, place in why.items()
+    ]
 
 
 def _settle() -> None:
