@@ -125,12 +125,21 @@ def in_states() -> Iterator[Case]:
             )
     yield spring("spring of constant force, sign", "1 N*sign(x)", _constant_force, 40.0)
     yield signal("drained by sqrt(max(x, 0))", "-2*sqrt(max(x, 0))", 1, lambda t: np.clip(1 - t, 0, None) ** 2, 2.0)
-    yield signal(
-        "leaves zero by a root", "3*(x^2)^(1/3) + (1 if time < 1 else 0)*1e-3", 1e-9, lambda t: np.nan * t, 0.5
-    )
+    yield signal("leaves zero by a root", "3*(x^2)^(1/3) + 1e-3", 1e-9, _leaving, 0.5)
     yield signal(
         "down to a cube root", "-1.5*x/max(abs(x), 1e-20)^(2/3)", 1, lambda t: np.clip(1 - t, 0, None) ** 1.5, 0.99
     )
+
+
+def _leaving(t: Any) -> Any:
+    """x = y^3 with y - r atan(y/r) = t + constant, r^2 = 1e-3/3: y by halving."""
+    r, first = np.sqrt(1e-3 / 3), 1e-3
+    low, high = np.full_like(t, first), t + first + 2 * r
+    for _ in range(100):
+        y = (low + high) / 2
+        early = y - first - r * (np.arctan(y / r) - np.arctan(first / r)) < t
+        low, high = np.where(early, y, low), np.where(early, high, y)
+    return y**3
 
 
 def _constant_force(t: Any) -> Any:
