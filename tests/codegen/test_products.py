@@ -50,12 +50,11 @@ def test_the_values_are_the_same(name: str) -> None:
     assert work([*after.rates, *after.jacobian.values()]) <= work([*before.rates, *before.jacobian.values()])
 
 
-@pytest.mark.parametrize("name, less", [("manipulator", 0.83), ("car", 0.70), ("robot_arm", 0.76)])
-def test_jacobians_get_shorter(name: str, less: float) -> None:
-    """By what was seen when this was written, and a little."""
+@pytest.mark.parametrize("name, most", [("manipulator", 722), ("car", 1543), ("robot_arm", 9987)])
+def test_jacobians_get_shorter(name: str, most: int) -> None:
+    """To what was seen when this was written: from 908, 2246 and 13 301 operations, which may become fewer by themselves."""
     before = lower(compiled(MODELS / f"{name}.bg").state_space)
-    was, found = (work(list(x.jacobian.values())) for x in (before, with_shared_products(before)))
-    assert found < less * was
+    assert work(list(with_shared_products(before).jacobian.values())) <= most
 
 
 def test_a_sign_and_what_parameters_decide_stand_apart() -> None:
