@@ -295,7 +295,7 @@ def _examine(
             compilation.__dict__["_built"] = parts.built
         try:
             if not compilation.is_part:
-                _ = compilation.lowered
+                _ = compilation._as_written
                 certificate = compilation.certificate
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
