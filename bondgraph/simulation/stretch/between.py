@@ -15,7 +15,7 @@ from ..steps.factorise import is_large
 from ..steps.radau import BACK_ITERATIONS, LEFT, MU_REAL, NEAR, SLOW, STIFF, SURE, Radau, interpolated
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 
 def stiff_states(stepper: Stepper, entries: Any, size: float) -> Any:
