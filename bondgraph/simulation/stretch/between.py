@@ -28,7 +28,7 @@ from ..steps.radau import (
 )
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 
 def stiff_states(stepper: Stepper, entries: Any, size: float) -> Any:

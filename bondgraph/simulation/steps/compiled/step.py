@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ... import segments
 from .. import radau
-from .bending import after_bend, first_bend
+from .bending import after_bend, bends_of, first_bend
 from .dense import factorise, solve_complex, solve_real
 from .holding import hold, put_multipliers
 from .sparse import ANEW, SINGULAR
@@ -93,8 +93,7 @@ def look_at_side(s: Stepper, ahead: float) -> None:
     """After a step: see `radau.Radau._look_at_side`."""
     for i in range(s.n):
         s.rest[i] = s.state[i] + ahead * s.rate[i]
-        s.si[i] = s.rest[i] * s.magnitude[i]
-    s.bends(s.time + ahead, s.si, s.inputs, s.constants, s.mode, s.bend_seen)
+    bends_of(s, s.time + ahead, s.rest, s.bend_seen)
     for j in range(s.bend_count):
         if sign(s.bend_seen[j]) != s.bend_side[j]:
             renew_at(s, s.time + ahead, s.rest)
@@ -199,12 +198,12 @@ def renew(s: Stepper) -> None:
 
 def renew_at(s: Stepper, time: float, y: Floats) -> None:
     """The Jacobian at a state, and on which side of all bends that is."""
-    for i in range(s.n):
-        s.si[i] = y[i] * s.magnitude[i]
     if s.bend_count > 0:
-        s.bends(time, s.si, s.inputs, s.constants, s.mode, s.bend_side)
+        bends_of(s, time, y, s.bend_side)
         for j in range(s.bend_count):
             s.bend_side[j] = sign(s.bend_side[j])
+    for i in range(s.n):
+        s.si[i] = y[i] * s.magnitude[i]
     if s.closed.multipliers > 0:
         put_multipliers(s.closed, time, s.si)
     s.entries(time, s.si, s.inputs, s.constants, s.mode, s.jacobian)
