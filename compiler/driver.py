@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
 from .memory import uncollected
+from .nouns import dataclass
 from .reduction import (
     Certificate,
     StateSpace,

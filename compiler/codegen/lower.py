@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 
 from ..algebra.derivative import derivative
@@ -31,6 +31,7 @@ from ..algebra.formula import Formula
 from ..algebra.systems import Layout, band_of, solutions
 from ..equations.system import Assignment
 from ..errors import ValuesNeeded
+from ..nouns import dataclass
 from ..reduction import LinearLoop, StateSpace
 from ..reduction.state_space import Step
 from ..source import Span

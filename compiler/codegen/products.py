@@ -178,6 +178,8 @@ class _Products:
 
 
 def _pairs(numbers: Sequence[int]) -> list[Pair]:
+    if len(numbers) < 3:
+        return [(min(numbers), max(numbers))] if len(numbers) == 2 else []
     return list(dict.fromkeys(combinations(sorted(numbers), 2)))
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import lru_cache
+
+from ..nouns import dataclass
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 

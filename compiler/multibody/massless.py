@@ -20,10 +20,10 @@ none for chains that branch.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import frexp, inf
 
 from ..graph.mechanism import COUPLINGS, GROUND, Joint
+from ..nouns import dataclass
 from .kinematics import Kinematics
 from .recursion import Recursion
 from .tree import Tree
