@@ -1,4 +1,4 @@
-"""Runs `advance.advance` as machine code, in the place of the loop over steps in `integrate.py`.
+"""Runs `advance.advance` as machine code, in the place of the loop over steps in `one_by_one.py`.
 
 What a step looks at besides (limits, other choices of states, work) happens in there too; the code comes back where Python must decide, and every
 some tens of milliseconds, so that a run can be interrupted.
@@ -126,7 +126,7 @@ class Ordered:
 
 
 class CompiledRadau:
-    """Steps over one stretch; answers what `integrate` asks of `radau.Radau`."""
+    """Steps over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
@@ -267,14 +267,15 @@ class CompiledRadau:
 
     def _reference(self) -> Radau:
         """The last step, told to the reference: it has the ends, the stages and the tolerances."""
-        from ..radau import Problem, _End
+        from ..ends import End
+        from ..radau import Problem
 
         n, count = self.n, self.ends
         known = [count < 3 or bool(self.first_sloped) or k > 0 for k in range(count)]
         known[0] = known[0] and count == 3
         states, slopes = self.end_state.reshape(3, n), self.end_slope.reshape(3, n)
         radau = object.__new__(Radau)
-        radau._ends = [_End(float(self.end_time[k]), states[k], slopes[k] if known[k] else None) for k in range(count)]
+        radau._ends = [End(float(self.end_time[k]), states[k], slopes[k] if known[k] else None) for k in range(count)]
         radau._stages = self.stages.reshape(3, n)
         nothing: Any = None
         radau.problem = Problem(nothing, nothing, nothing, nothing, self.relative, self.absolute, nothing)
