@@ -163,8 +163,13 @@ class Compilation:
         refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
         return reduce_equations(less, self.everything, span)
 
+    def look_at_laws(self) -> None:
+        """Raise what would go wrong where laws become a program; neither the slopes of one by another nor products that are shared can."""
+        with self._instances():
+            lower(self.state_space, whole=False)
+
     @cached_property
-    def as_written(self) -> Lowered:
+    def _as_written(self) -> Lowered:
         space = self.state_space
         known = [space.quantities[name] for name in self.scene.by if name in space.quantities]
         with self._instances():
@@ -172,7 +177,7 @@ class Compilation:
 
     @cached_property
     def lowered(self) -> Lowered:
-        return with_shared_products(self.as_written)
+        return with_shared_products(self._as_written)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -199,7 +204,7 @@ class Compilation:
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
         looped = frozenset() if not self.later else behind_loops(space) & self.later
         return Facts(
-            mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self.as_written)
+            mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written)
         )
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
@@ -295,7 +300,7 @@ def _examine(
             compilation.__dict__["_built"] = parts.built
         try:
             if not compilation.is_part:
-                _ = compilation.as_written  # products that are shared cannot go wrong
+                compilation.look_at_laws()
                 certificate = compilation.certificate
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
