@@ -24,6 +24,7 @@ WIDTH = 4  # units in the last place of a time: where cutting ends
 PEAKS = 2  # times that a least distance is looked at again
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), whether loops are solved exactly -> states (k, n)
+RootsAt = Callable[[Any, Any], Any]  # instants (k,), a mode -> roots of the conditions (k, conditions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,28 +36,33 @@ class Flip:
     conditions: Any
 
 
-def first_flip(events: Events, start: float, stop: float, mode: Any, state_at: StateAt) -> Flip | None:
-    """The first flip in (start, stop], or None. What holds at the start itself is what the mode says, whatever rounding leaves."""
+def first_flip(
+    events: Events, start: float, stop: float, mode: Any, state_at: StateAt, roots: Callable[[Any, bool], Any]
+) -> Flip | None:
+    """The first flip in (start, stop], or None. What holds at the start itself is what the mode says, whatever rounding leaves.
+
+    `roots`: of the conditions, as `state_at`; shape (k, conditions).
+    """
     if not len(events.places):
         return None
     said = np.asarray(mode)[events.places] == 1.0
     times = start + (stop - start) * np.arange(1, PLACES + 1) / PLACES
     times[-1] = stop
-    roots = events.roots(times, state_at(times, False), mode)
+    seen = roots(times, False)
     for _ in range(PEAKS):
-        more = _closest(times, roots)
+        more = _closest(times, seen)
         if not len(more):
             break
-        found = events.roots(more, state_at(more, False), mode)
+        found = roots(more, False)
         order = np.argsort(np.concatenate([times, more]), kind="stable")
-        times, roots = np.concatenate([times, more])[order], np.concatenate([roots, found])[order]
-    wrong = _wrong(events, roots, said)
+        times, seen = np.concatenate([times, more])[order], np.concatenate([seen, found])[order]
+    wrong = _wrong(events, seen, said)
     if not wrong.any():
         return None
     # Unknowns of loops have been taken from the dense output so far; from the first suspicion on they are solved for.
     first = int(np.argmax(wrong.any(axis=1)))
     start, times = (float(times[first - 1]) if first else start), times[first:]
-    wrong = _wrong(events, events.roots(times, state_at(times, True), mode), said)
+    wrong = _wrong(events, roots(times, True), said)
     if not wrong.any():
         return None
     last = int(np.argmax(wrong.any(axis=1)))
@@ -67,7 +73,7 @@ def first_flip(events: Events, start: float, stop: float, mode: Any, state_at: S
         inner = inner[(inner > low) & (inner < high)]
         if not len(inner):
             break
-        wrong = _wrong(events, events.roots(inner, state_at(inner, True), mode), said).any(axis=1)
+        wrong = _wrong(events, roots(inner, True), said).any(axis=1)
         if wrong.any():
             first = int(np.argmax(wrong))
             high = float(inner[first])
@@ -75,8 +81,7 @@ def first_flip(events: Events, start: float, stop: float, mode: Any, state_at: S
         else:
             low = float(inner[-1])
     at = np.array([high])
-    state = state_at(at, True)
-    return Flip(high, state[0], _wrong(events, events.roots(at, state, mode), said)[0])
+    return Flip(high, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
 
 
 def _wrong(events: Events, roots: Any, said: Any) -> Any:

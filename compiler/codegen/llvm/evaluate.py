@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...native.machine import MachineCode
+from ..program import HybridNote
 from .described import Rows
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
@@ -46,6 +47,24 @@ def dense(entries: Function, pattern: Any, count: int) -> Function:
         return matrix
 
     return jacobian
+
+
+def mode_at(note: HybridNote, found: Mapping[str, Function]) -> Function:
+    """The mode from the conditions on time and on states, with what only events change as it starts."""
+    places = [condition.position for condition in note.conditions]
+    strict = np.array([condition.strict for condition in note.conditions], dtype=bool)
+
+    def evaluate(time: Any, state: Any, inputs: Any, constants: Any) -> Any:
+        leading = np.broadcast_shapes(np.shape(time), *(np.shape(a)[:-1] for a in (state, inputs, constants)))
+        mode = np.zeros((*leading, note.size))
+        mode[..., : len(note.modes.names)] = found["mode_start"](constants)
+        mode[..., list(note.timed)] = found["switches"](time, constants)
+        for _ in places:  # one may be asked under another
+            roots = found["roots"](time, state, inputs, constants, mode)
+            mode[..., places] = (roots < 0) | ((roots == 0) & ~strict)
+        return mode
+
+    return evaluate
 
 
 def _function(address: int, many: Any, arguments: Sequence[str], size: int, code: MachineCode) -> Function:
