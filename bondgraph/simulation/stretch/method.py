@@ -49,6 +49,14 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
         return RADAU
     if stepper.result.settled is not None:
         return stepper.result.settled
+    key = np.asarray(stretch.mode).tobytes()
+    if key not in stepper.methods or stepper.program.hybrid is None:  # events come back to modes that have been looked at
+        stepper.methods[key] = _by_spectrum(stepper, stretch, x, compiled)
+    return stepper.methods[key]
+
+
+def _by_spectrum(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
+    """The method that fits what the modes do on a stretch."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
         return RADAU

@@ -127,6 +127,12 @@ class Ordered:
         return True
 
 
+@lru_cache
+def _along(name: str) -> Any:
+    """A function that looks at several instants of the last step."""
+    return _ALONG(machine_code().address(name))
+
+
 class CompiledRadau:
     """Steps over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
 
@@ -316,7 +322,7 @@ class CompiledRadau:
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
         there, here = (a.__array_interface__["data"][0] for a in (times, out))
-        _ALONG(self.code.address(name))(self._here, len(times), there, here)
+        _along(name)(self._here, len(times), there, here)
         return out
 
     def _interpreted(self, times: Any) -> Any:
