@@ -94,7 +94,8 @@ def follower(
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
     the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
     is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
-    that is short beside a step would not be seen at all. `known`: the signals there, if they have been asked for; `coarse`: times as much may be missed, for a first look."""
+    that is short beside a step would not be seen at all. `known`: the signals there, if they have been asked for; `coarse`: times as much may be missed, for a
+    first look."""
     known, ends = known or signals_on(program, inputs, constants, stretch), inside(stretch)
     allowed = coarse * known.allowed
     if not len(allowed):

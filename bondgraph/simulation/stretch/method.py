@@ -50,7 +50,9 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
     if stepper.result.settled is not None:
         return stepper.result.settled
     key = np.asarray(stretch.mode).tobytes()
-    if key not in stepper.methods or stepper.program.hybrid is None:  # events come back to modes that have been looked at
+    if (
+        key not in stepper.methods or stepper.program.hybrid is None
+    ):  # events come back to modes that have been looked at
         stepper.methods[key] = _by_spectrum(stepper, stretch, x, compiled)
     return stepper.methods[key]
 
