@@ -1,4 +1,4 @@
-"""Where a condition flips within a step: signs of the roots on places of the dense output, then ever finer places.
+"""Where a condition flips within a step: signs of the roots on places of the dense output, then finer ones, then narrowed down to rounding.
 
 Between two places where a root has one sign it may still touch zero and come back: where its distance from zero is least, a
 parabola through three places tells where to look once more.
@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .zeros import narrowed
+
 if TYPE_CHECKING:
     from .events import Events
 
 PLACES = 12  # of a step
-FINER, FEWER = (
-    256,
-    8,
-)  # places by which an interval is cut again and again; the latter where each is a loop to be solved
-WIDTH = 4  # units in the last place of a time: where cutting ends
+FINER = 256  # places between two of these, where it costs no loop to be solved
+WIDTH = 4  # units in the last place of a time: where narrowing ends
+LEAST = 1e-300  # distance from a flip that counts: no flip has a sign of its own
 PEAKS = 2  # times that a least distance is looked at again
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), whether loops are solved exactly -> states (k, n)
@@ -62,26 +62,44 @@ def first_flip(
     # Unknowns of loops have been taken from the dense output so far; from the first suspicion on they are solved for.
     first = int(np.argmax(wrong.any(axis=1)))
     start, times = (float(times[first - 1]) if first else start), times[first:]
-    wrong = _wrong(events, roots(times, True), said)
+    if not len(events.program.unknowns.names):
+        stop = float(times[0])
+        times = np.append(start + (stop - start) * np.arange(1, FINER) / FINER, stop)
+    seen = roots(times, True)
+    wrong = _wrong(events, seen, said)
     if not wrong.any():
         return None
     last = int(np.argmax(wrong.any(axis=1)))
     low, high = (float(times[last - 1]) if last else start), float(times[last])
-    finer = FEWER if len(events.program.unknowns.names) else FINER
-    while high - low > WIDTH * np.spacing(max(abs(low), abs(high))):
-        inner = low + (high - low) * np.arange(1, finer) / finer
-        inner = inner[(inner > low) & (inner < high)]
-        if not len(inner):
-            break
-        wrong = _wrong(events, roots(inner, True), said).any(axis=1)
-        if wrong.any():
-            first = int(np.argmax(wrong))
-            high = float(inner[first])
-            low = float(inner[first - 1]) if first else low
-        else:
-            low = float(inner[-1])
+    high = _narrowed(events, low, high, seen[last], said, roots)
     at = np.array([high])
     return Flip(high, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
+
+
+def _narrowed(
+    events: Events, low: float, high: float, there: Any, said: Any, roots: Callable[[Any, bool], Any]
+) -> float:
+    """The first of the instants between two that rounding tells apart at which a condition has flipped; `there`: the roots at the second."""
+    scale = np.where((there != 0) & np.isfinite(there), np.abs(there), 1.0)
+    flipping = _wrong(events, there, said)
+
+    def beyond(time: float) -> float:
+        """How far a condition is behind its flip; negative before all flips."""
+        nonlocal flipping
+        seen = roots(np.array([time]), True)[0]
+        wrong, distance = _wrong(events, seen, said), np.abs(seen) / scale
+        if wrong.any():
+            flipping = wrong
+            return max(float(distance[wrong].max()), LEAST)
+        return min(-float(np.nan_to_num(distance[flipping], nan=1.0).min()), -LEAST)
+
+    width = 0.5 * WIDTH * float(np.spacing(max(abs(low), abs(high))))
+    if high - low > 2 * width:
+        first = -abs(beyond(low))
+        flipping = _wrong(events, there, said)
+        (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, max(1.0, LEAST)), width)
+        return a if at_a > 0 else b
+    return high
 
 
 def _wrong(events: Events, roots: Any, said: Any) -> Any:

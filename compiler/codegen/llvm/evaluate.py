@@ -98,6 +98,11 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
 
 def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     """The function at every point of the leading axes."""
+    if _is_plain(arrays):
+        count, strides = len(arrays[1]), [1, arrays[1].shape[1], 0, 0, 0]
+        out = np.empty((count, size))
+        many(address, count, *map(_address, arrays), _address(out), *strides, size)
+        return out
     if arrays[0] is not _NONE:
         arrays[0] = np.asarray(arrays[0], dtype=float)[..., None]
     shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
@@ -107,6 +112,21 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     count = int(np.prod(shape, dtype=int))
     many(address, count, *(_address(a) for a in flat), _address(out), *strides, size)
     return out
+
+
+def _is_plain(arrays: list[Any]) -> bool:
+    """Whether these are so many instants and as many states, and nothing else differs between them."""
+    time, state, *others = arrays
+    return (
+        type(time) is np.ndarray
+        and time is not _NONE
+        and time.dtype == _DOUBLE
+        and time.flags.c_contiguous
+        and time.ndim == 1
+        and state.ndim == 2
+        and len(state) == len(time)
+        and all(a.ndim == 1 for a in others)
+    )
 
 
 def _address(array: Any) -> int:

@@ -148,6 +148,7 @@ class CompiledRadau:
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
         self.values["pattern"] = self.order.record
         self._kept: list[Any] = []
+        self._mode: Any = None  # that was put last
         self._record: Any = None
 
     def report(self, instants: Any, position: int, states: Any) -> None:
@@ -216,6 +217,7 @@ class CompiledRadau:
 
     def put_mode(self, mode: Any) -> None:
         """Conditions and what only events change are like this from now on."""
+        self._mode = mode
         self.values["mode"][:] = mode
         self.constraints.values["mode"][:] = mode
         hybrid = self.program.hybrid
@@ -318,7 +320,8 @@ class CompiledRadau:
         return self._all("states_along", times, mode, self.n)
 
     def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
-        self.put_mode(mode)
+        if mode is not self._mode:
+            self.put_mode(mode)
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
         there, here = (a.__array_interface__["data"][0] for a in (times, out))
