@@ -87,19 +87,19 @@ def _narrowed(
         """How far a condition is behind its flip; negative before all flips."""
         nonlocal flipping
         seen = roots(np.array([time]), True)[0]
-        wrong, distance = _wrong(events, seen, said), np.abs(seen) / scale
+        distance = np.where(events.truth(seen) != said, np.abs(seen), -np.abs(seen)) - events.floor
+        wrong = _wrong(events, seen, said)
         if wrong.any():
             flipping = wrong
-            return max(float(distance[wrong].max()), LEAST)
-        return min(-float(np.nan_to_num(distance[flipping], nan=1.0).min()), -LEAST)
+        found = float((distance / scale)[flipping].max())
+        return max(found, LEAST) if wrong.any() else min(found, -LEAST)
 
     width = 0.5 * WIDTH * float(np.spacing(max(abs(low), abs(high))))
-    if high - low > 2 * width:
-        first = -abs(beyond(low))
-        flipping = _wrong(events, there, said)
-        (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, max(1.0, LEAST)), width)
-        return a if at_a > 0 else b
-    return high
+    if high - low <= 2 * width:
+        return high
+    first, last = -abs(beyond(low)), beyond(high)
+    (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, last), width)
+    return a if at_a > 0 else b
 
 
 def _wrong(events: Events, roots: Any, said: Any) -> Any:
