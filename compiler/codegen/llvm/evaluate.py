@@ -17,6 +17,7 @@ _POINTER = ctypes.c_void_p
 _One = ctypes.CFUNCTYPE(None, ctypes.c_double, *([_POINTER] * 5))
 _Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, *([_POINTER] * 6), *([ctypes.c_int64] * 6))
 _NONE = np.zeros(1)
+_NOWHERE = _NONE.__array_interface__["data"][0]  # where an array without items may lie
 _DOUBLE = np.dtype(float)
 
 Function = Callable[..., Any]
@@ -27,7 +28,9 @@ def functions(
 ) -> dict[str, Function]:
     """The functions of a program by name."""
     many = _Many(code.address("batch"))
-    return {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
+    found = {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
+    whole = [(name, size) for name, arguments, size in described if arguments == ROLES]
+    return found | {name: _at_once(addresses[name], found[name], size) for name, size in whole}
 
 
 def hand_over(code: MachineCode, rows: Rows) -> None:
@@ -93,6 +96,31 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
         return _batch(address, many, arrays, size)
 
     evaluate.code = code  # type: ignore[attr-defined]  # keeps the machine code in memory
+    return evaluate
+
+
+def _at_once(address: int, otherwise: Function, size: int) -> Function:
+    """A function of everything, quickly for one instant; `otherwise` is the same for anything else."""
+    one, at = _One(address), ctypes.addressof
+    view: Callable[[Any], Any] = ctypes.c_char.from_buffer
+
+    def evaluate(time: Any, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
+        if not type(state) is type(inputs) is type(constants) is type(mode) is np.ndarray:
+            return otherwise(time, state, inputs, constants, mode)
+        if not state.ndim == inputs.ndim == constants.ndim == mode.ndim == 1 or (
+            type(time) is not float and np.ndim(time)
+        ):
+            return otherwise(time, state, inputs, constants, mode)
+        if not state.dtype is inputs.dtype is constants.dtype is mode.dtype is _DOUBLE:
+            return otherwise(time, state, inputs, constants, mode)
+        out = np.empty(size)
+        try:
+            places = [at(view(a)) if a.size else _NOWHERE for a in (state, inputs, constants, mode, out)]
+        except TypeError:  # not contiguous, or not to be written
+            return otherwise(time, state, inputs, constants, mode)
+        one(time, *places)
+        return out
+
     return evaluate
 
 

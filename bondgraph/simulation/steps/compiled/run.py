@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .held import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
+OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
 _ALONG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
@@ -179,6 +180,7 @@ class CompiledRadau:
         self.put_mode(self.values["mode"])
         self._record, self._kept = structure(Stepper, self.values, self.program)
         self._here = ctypes.addressof(self._record)
+        self.__dict__ |= {name: self.values[name] for name in OFTEN}
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
         self._begin(self._here)
         if self.fixed_size is not None:
