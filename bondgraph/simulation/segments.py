@@ -75,13 +75,12 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
     """
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
+    begin, end = inside(stretch)  # where a narrow pulse may have its crest
+    if not program.signals(begin, inputs, constants, stretch.mode).shape[-1]:
+        return Signals(np.zeros(0), np.zeros(0), np.zeros((0, 0)), False)
     numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))
     times = stretch.start + span * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / len(numbers)
-    begin, end = inside(stretch)  # where a narrow pulse may have its crest
     times = np.concatenate([[begin], np.clip(times, begin, end), [end]])
-    first = program.signals(times[:1], inputs, constants, stretch.mode)
-    if not first.shape[-1]:
-        return Signals(np.zeros(0), times[:0], np.zeros((0, 0)), False)
     values = program.signals(times, inputs, constants, stretch.mode)
     allowed = SHARE * np.ptp(values, axis=0) + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
     steady = len(values) > 0 and not np.ptp(values, axis=0).any()

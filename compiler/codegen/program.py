@@ -87,6 +87,7 @@ class HybridNote:
     conditions: tuple[ConditionNote, ...]
     events: tuple[EventNote, ...]
     junctions: tuple[tuple[str, Span], ...]
+    switches_signals: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,7 @@ class Hybrid:
     conjugates: Callable[
         [float, Array, Array, Array, Array], Array
     ]  # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
+    switches_signals: bool  # whether `Program.signals` change with what is not of time alone
 
 
 HYBRID = ("mode_start", "roots", "triggers", "values", "targets", "sampling", "actives", "conjugates")  # its functions
@@ -128,7 +130,7 @@ def hybrid_of(note: HybridNote, functions: Mapping[str, Callable[..., Any]]) -> 
     start, roots, triggers, values, targets, sampling, actives, conjugates = (functions[name] for name in HYBRID)
     return Hybrid(
         note.size, note.modes, start, note.timed, note.conditions, roots, note.events, triggers, values, targets, sampling,
-        functions["mode_at"], note.junctions, actives, conjugates,
+        functions["mode_at"], note.junctions, actives, conjugates, note.switches_signals,
     )  # fmt: skip
 
 

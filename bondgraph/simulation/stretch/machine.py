@@ -113,17 +113,18 @@ class InMachineCode:
             stepper.result.steps += solver.steps
             stepper.count(solver.evaluations)
             raise
-        stepper.position, stepper.traffic = solver.position, solver.traffic
+        record = solver.record
+        stepper.position, stepper.traffic = record.position, record.traffic
         self._put_unknowns(self.first, stepper.position)
-        stepper.steps += solver.steps
-        stepper.result.steps += solver.steps
+        stepper.steps += record.steps
+        stepper.result.steps += record.steps
         stepper.count(solver.evaluations)
-        stepper.tell_crawling(solver, solver.steps, self.stretch.mode)
+        stepper.tell_crawling(solver, record.steps, self.stretch.mode)
         stepper.grow(solver.greatest * self.tolerances.magnitude)
         if stepper.flip is not None:
             stepper.grow(stepper.flip.state)
             return stepper.flip.state
-        return stepper.loops.solve(solver.time, self._state, self.stretch.mode)
+        return stepper.loops.solve(record.time, self._state, self.stretch.mode)
 
     @property
     def _state(self) -> Any:
@@ -175,7 +176,7 @@ class InMachineCode:
         stepper, solver = self.stepper, self.solver
         self._note()
         self.noted = True
-        parts = 1 if solver.method == RADAU else pair.PARTS
+        parts = 1 if solver.record.method == RADAU else pair.PARTS
         self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
         solver.put_mode(self.stretch.mode)
         if stepper.flip is not None:
@@ -192,13 +193,14 @@ class InMachineCode:
     def _note(self) -> None:
         """What is sure where machine code stands. A step that is pending has not been looked at: it does not count."""
         stepper, solver = self.stepper, self.solver
-        last = solver.ends - 1 - (1 if solver.pending else 0)
-        if last < 0 or solver.ends == 0:
+        record = solver.record
+        last = record.ends - 1 - (1 if record.pending else 0)
+        if last < 0 or record.ends == 0:
             return
-        time, n = float(solver.end_time[last]), solver.n
+        time, n = float(solver.end_time[last]), record.n
         state = solver.end_state[last * n : (last + 1) * n] * self.tolerances.magnitude
         position = max(stepper.position, int(np.searchsorted(stepper.instants, time, "right")))
-        position = min(position, solver.position)
+        position = min(position, record.position)
         work = None if stepper.powers is None else np.array(solver.work)
         self._put_unknowns(stepper.position, position)
         stepper.keep(time, state, self.stretch.mode, self.stretch.start, work, position)

@@ -103,7 +103,8 @@ class Stepper:
 
     def signals(self, stretch: Segment) -> Signals:
         """What time alone moves on a stretch, or on a longer one that ends with it: events cut one into many."""
-        key = stretch.stop, np.asarray(stretch.mode).tobytes()
+        hybrid, mode = self.program.hybrid, np.asarray(stretch.mode)
+        key = stretch.stop, mode.tobytes() if hybrid is None or hybrid.switches_signals else b""
         if key not in self._signals:
             if len(self._signals) >= MOST_KNOWN:
                 self._signals.clear()

@@ -7,6 +7,7 @@ import importlib.util
 from importlib.abc import InspectLoader
 from types import ModuleType
 
+from ..dependence import EVENT
 from ..lower import Lowered, count_operations
 from ..multipliers import solved_for
 from ..program import Delays, HybridNote, Names, Program, hybrid_of
@@ -48,14 +49,9 @@ def hybrid_note(lowered: Lowered) -> HybridNote | None:
         return None
     variables = [lowered.space.variables[d.variable] for d in lowered.space.discretes]
     modes = Names(tuple(v.name for v in variables), tuple(v.unit for v in variables))
-    return HybridNote(
-        events.size,
-        modes,
-        tuple(events.timed),
-        tuple(item.note for item in events.located),
-        events.events,
-        events.junctions,
-    )
+    conditions = tuple(item.note for item in events.located)
+    switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
+    return HybridNote(events.size, modes, tuple(events.timed), conditions, events.events, events.junctions, switched)
 
 
 def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:

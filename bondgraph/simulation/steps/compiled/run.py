@@ -274,6 +274,11 @@ class CompiledRadau:
             raise StepFailed(FAILURES[answer])
         return answer
 
+    @property
+    def record(self) -> Any:
+        """What machine code works on: single numbers are there."""
+        return self._record
+
     def step(self) -> None:
         """One step. Raises `StepFailed`."""
         self.advance(1)
@@ -292,12 +297,14 @@ class CompiledRadau:
     @property
     def last_step(self) -> tuple[float, float]:
         """Its start and its end."""
-        return float(self.end_time[self.ends - 2]), float(self.end_time[self.ends - 1])
+        count = self._record.ends
+        return float(self.end_time[count - 2]), float(self.end_time[count - 1])
 
     @property
     def evaluations(self) -> dict[str, int]:
         """How often what was evaluated."""
-        return {"derivative": self.derivatives, "jacobian": self.jacobians, "factorisation": self.factorisations}
+        record = self._record
+        return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     @property
     def inner(self) -> tuple[float, ...]:
@@ -315,11 +322,11 @@ class CompiledRadau:
 
     def roots(self, times: Any, mode: Any) -> Any:
         """The roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
-        return self._all("roots_along", times, mode, self.root_count)
+        return self._all("roots_along", times, mode, self._record.root_count)
 
     def states(self, times: Any, mode: Any) -> Any:
         """The states in SI there, with the multipliers that belong to them; shape (times, n)."""
-        return self._all("states_along", times, mode, self.n)
+        return self._all("states_along", times, mode, self._record.n)
 
     def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
         if mode is not self._mode:
@@ -358,12 +365,12 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause
 
     `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
     """
-    several, answer = 64, MORE
-    while answer == LOOK or (answer == MORE and solver.steps < pause):
-        if solver.steps >= most:
+    several, answer, record = 64, MORE, solver.record
+    while answer == LOOK or (answer == MORE and record.steps < pause):
+        if record.steps >= most:
             raise StepFailed("steps")
         began = clock.perf_counter()
-        answer = solver.advance(max(1, int(min(several, most - solver.steps, pause - solver.steps))))
+        answer = solver.advance(max(1, int(min(several, most - record.steps, pause - record.steps))))
         if answer == LOOK:
             solver.left[look()] = 1
         elif clock.perf_counter() - began < AT_ONCE:
