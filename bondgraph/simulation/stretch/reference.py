@@ -38,11 +38,11 @@ def reference(
     differential = np.arange(len(x)) < count
     rows, columns = program.pattern
     unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
-    ratio = magnitude[columns] / unit[rows]
+    ratio, per_unit = magnitude[columns] / unit[rows], 1 / unit
     eliminated = Eliminated(program)
 
     def derivative(time: float, scaled: Any) -> Any:
-        return eliminated.rates(time, scaled * magnitude, *fixed) / unit
+        return eliminated.rates(time, scaled * magnitude, *fixed) * per_unit
 
     def jacobian(time: float, scaled: Any) -> Any:
         return eliminated.entries(time, scaled * magnitude, *fixed) * ratio

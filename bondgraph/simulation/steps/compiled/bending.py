@@ -23,13 +23,13 @@ def first_bend(s: Stepper, size: float) -> float:
             if k > 0:
                 s.rest[i] = s.state[i] + s.z[(k - 1) * s.n + i]
         bends_of(s, s.time + PLACES[k] * size, s.rest, s.bend_seen[k * s.bend_count :])
-    return first_between(s, size, PLACES, 4, NEAREST)
+    return first_between(s, size, PLACES, 4, NEAREST, ON_IT)
 
 
-def first_between(s: Stepper, size: float, places: Numbers, count: int, nearest: float) -> float:
+def first_between(s: Stepper, size: float, places: Numbers, count: int, nearest: float, on_it: float) -> float:
     """The share of a step at which a law bends first, from all bends at `count` places of it (in `bend_seen`); 1 if none does.
 
-    What lies nearer to its start than a share of it does not count.
+    What lies nearer to its start than a share of it does not count, nor where it starts if a bend is so small a share of its largest value there.
     """
     m = s.bend_count
     first = 1.0
@@ -37,7 +37,7 @@ def first_between(s: Stepper, size: float, places: Numbers, count: int, nearest:
         largest = 0.0
         for k in range(count):
             largest = max(largest, abs(s.bend_seen[k * m + j]))
-        if abs(s.bend_seen[j]) <= ON_IT * largest:
+        if abs(s.bend_seen[j]) <= on_it * largest:
             s.bend_seen[j] = 0.0
     for k in range(count - 1):
         for j in range(m):
