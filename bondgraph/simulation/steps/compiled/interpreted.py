@@ -1,4 +1,4 @@
-"""The source of the compiled steps as Python, in the place of the loop over steps in `one_by_one.py`: where there is no machine code, and for events.
+"""The source of the compiled steps as Python, in the place of the loop over steps in `one_by_one.py`: where there is no machine code, and for delays.
 
 Only what a step does by itself happens here; limits, events, work and samples are the affair of `one_by_one.py`.
 """
