@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from ..nouns import dataclass
 from ..source import Span
 
 Array = Any  # a numpy array; this module loads no numpy
