@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...segments import mode_size
 from ...start.coarse import smallest_angles
 from ...start.kept import keeps_factors
 from .coarse import Coarse
@@ -32,7 +33,7 @@ class CompiledEuler:
         n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
         self.program = program
         self.values: dict[str, Any] = {
-            "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
+            "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "n": n,
             "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
             "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)), "kept": 0.0, "factorised": 0,
             "keeping": int(keeps_factors(program)),
