@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,7 @@ from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
-    from .held import CompiledConstraints
+    from .held import CompiledConstraints, NothingHeld
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
@@ -66,9 +66,17 @@ def machine_code() -> MachineCode:
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
 
-def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
-    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
+def addresses_of(program: Program) -> Mapping[str, int]:
+    """Where the functions of a program lie."""
     assert program.native is not None
+    return program.native.addresses
+
+
+def structure(noun: type, values: dict[str, Any], addresses: Mapping[str, int]) -> tuple[Any, list[Any]]:
+    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`.
+
+    `addresses`: of the functions of a program.
+    """
     given: list[Any] = []
     kept: list[Any] = []
     for name, kind in record_of(noun).fields.items():
@@ -78,13 +86,13 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
         if isinstance(kind, Fields):
             inner = values[name]
             if isinstance(inner, Record):
-                inner, arrays = structure(type(inner), vars(inner), program)
+                inner, arrays = structure(type(inner), vars(inner), addresses)
                 kept += arrays
             given.append(ctypes.addressof(inner))
             kept.append(inner)
             continue
         if isinstance(kind, Handed):
-            given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
+            given.append(addresses.get("jacobian_entries" if name == "entries" else name, 0))
             continue
         array, wanted = values[name], _WHOLE if kind == INTS else _DOUBLE
         if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
@@ -111,7 +119,7 @@ class Ordered:
         room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
         self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
         self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
-        self.record, _ = structure(Pattern, self.values, program)
+        self.record, _ = structure(Pattern, self.values, {})
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
@@ -139,7 +147,7 @@ class CompiledRadau:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
+        constraints: CompiledConstraints | NothingHeld, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
         self.program, self.constraints = program, constraints
         self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
@@ -178,7 +186,7 @@ class CompiledRadau:
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
         self.put_mode(self.values["mode"])
-        self._record, self._kept = structure(Stepper, self.values, self.program)
+        self._record, self._kept = structure(Stepper, self.values, addresses_of(self.program))
         self._here = ctypes.addressof(self._record)
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
@@ -221,7 +229,7 @@ class CompiledRadau:
         """Conditions and what only events change are like this from now on."""
         self._mode = mode
         self.values["mode"][:] = mode
-        self.constraints.values["mode"][:] = mode
+        self.constraints.put_mode(mode)
         hybrid = self.program.hybrid
         if hybrid is not None:
             self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
