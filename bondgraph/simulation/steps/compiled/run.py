@@ -98,8 +98,19 @@ def structure(noun: type, values: dict[str, Any], addresses: Mapping[str, int]) 
         if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
             array = values[name] = np.ascontiguousarray(array, dtype=wanted)
         kept.append(array)
-        given.append(array.__array_interface__["data"][0])
+        given.append(address_of(array))
     return _layout(noun)(*given), kept
+
+
+def address_of(array: Any) -> int:
+    """Where a contiguous array lies; somewhere, if it has no items."""
+    if not array.size:
+        return 0
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # a fourth of what the way below takes
+    except TypeError:  # not to be written
+        found: int = array.__array_interface__["data"][0]
+        return found
 
 
 @lru_cache
@@ -137,6 +148,13 @@ class Ordered:
 
 
 @lru_cache
+def _no_pattern() -> Any:
+    """In the place of one where factors are dense."""
+    values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
+    return structure(Pattern, values | {"n": 0, "ready": 0, "small": SMALL, "tolerant": 0}, {})[0]
+
+
+@lru_cache
 def _along(name: str) -> Any:
     """A function that looks at several instants of the last step."""
     return _ALONG(machine_code().address(name))
@@ -153,9 +171,9 @@ class CompiledRadau:
         self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
         self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
         self.code = machine_code()
-        self.order = Ordered(program, SMALL)
+        self.order = Ordered(program, SMALL) if self.values["sparse"] else None
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
-        self.values["pattern"] = self.order.record
+        self.values["pattern"] = _no_pattern() if self.order is None else self.order.record
         self._kept: list[Any] = []
         self._mode: Any = None  # that was put last
         self._record: Any = None
@@ -168,7 +186,7 @@ class CompiledRadau:
         """Stop where other states should go on."""
         if self._record is not None:
             self.values["stored_peak"] = choice.peak
-            self._record.stored_peak = choice.peak.__array_interface__["data"][0]
+            self._record.stored_peak = address_of(choice.peak)
             return
         count = len(choice.rows)
         self.values |= {
@@ -205,7 +223,7 @@ class CompiledRadau:
         for name, value in signal_fields(signals, stretch.start).items():
             if isinstance(value, np.ndarray):
                 values[name] = value
-                value = value.__array_interface__["data"][0]
+                value = address_of(value)
             setattr(record, name, value)
         record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
         record.earliest, record.latest = inside(stretch)
@@ -269,8 +287,8 @@ class CompiledRadau:
     def advance(self, most: int) -> int:
         """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self._advance(self._here, most)
-        self.order.record.tolerant = 0
         while answer == ORDER:
+            assert self.order is not None
             # With an order that was made for just these numbers, small pivots are what there is.
             if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
@@ -341,7 +359,7 @@ class CompiledRadau:
             self.put_mode(mode)
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
-        there, here = (a.__array_interface__["data"][0] for a in (times, out))
+        there, here = address_of(times), address_of(out)
         _along(name)(self._here, len(times), there, here)
         return out
 
