@@ -282,7 +282,7 @@ def test_the_pattern_has_room_for_all_that_comes() -> None:
     for name, length in (("diagonal", n), ("scale", n), ("x", n), ("y", n), ("xi", n), ("yi", n)):
         order.values[name] = np.zeros(length)
     order.pattern = (rows, columns, n, n)
-    order.record, order.kept = compiled.structure(Pattern, order.values | {"n": n, "pattern": None}, made)
+    order.record, order.kept = compiled.structure(Pattern, order.values | {"n": n, "pattern": None}, {})
     entries = generator.normal(size=len(rows)) * (generator.random(len(rows)) < 0.5)
     assert order.choose(5.0, entries)
     values = order.values | {

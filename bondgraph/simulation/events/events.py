@@ -233,10 +233,12 @@ class Events:
     def _noise(self, at: Moment, roots: Any) -> Any:
         """How far from zero rounding may leave each root: by its slopes, in units of the magnitudes."""
         share = 1e-7
-        shift = share * np.diag(np.maximum(self.magnitude, np.abs(at.state)))
-        times = np.full(len(shift) + 1, at.time)
+        n = len(at.state)
+        times = np.full(n + 1, at.time)
         times[-1] += share * max(abs(at.time), 1e-300)
-        states = np.vstack([at.state + shift, at.state])
+        states = np.empty((n + 1, n))
+        states[:] = at.state
+        states.reshape(-1)[: n * n : n + 1] += share * np.maximum(self.magnitude, np.abs(at.state))
         change = np.abs(self.roots(times, states, at.mode) - roots)
         return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0)
 

@@ -14,7 +14,7 @@ from .coarse import Coarse
 from .euler import Euler
 from .factors import Factors, room_for
 from .fields import is_sparse
-from .run import Ordered, machine_code, structure
+from .run import Ordered, addresses_of, machine_code, structure
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class CompiledEuler:
         self.values["smallest"] = smallest_angles(program)
         self.order = Ordered(program, SMALL)
         self.values["pattern"] = self.order.record
-        self.record, self._kept = structure(Euler, self.values, program)
+        self.record, self._kept = structure(Euler, self.values, addresses_of(program))
         self._here = ctypes.addressof(self.record)
         self.code = machine_code()
         self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
@@ -79,7 +79,7 @@ class CompiledCoarse:
         self.values |= {
             "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(), "inverse_im": inverse.imag.ravel(), "unit": unit,
         }  # fmt: skip
-        self._record, self._kept = structure(Coarse, self.values, euler.program)
+        self._record, self._kept = structure(Coarse, self.values, addresses_of(euler.program))
         self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(euler.code.address("coarse"))
 
     def go(self, pace: Pace, note: float, state: Any, largest: Any, mode: Any) -> tuple[Any, Any]:

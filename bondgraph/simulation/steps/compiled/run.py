@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,7 @@ from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
-    from .held import CompiledConstraints
+    from .held import CompiledConstraints, NothingHeld
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
@@ -66,9 +66,17 @@ def machine_code() -> MachineCode:
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
 
-def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
-    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
+def addresses_of(program: Program) -> Mapping[str, int]:
+    """Where the functions of a program lie."""
     assert program.native is not None
+    return program.native.addresses
+
+
+def structure(noun: type, values: dict[str, Any], addresses: Mapping[str, int]) -> tuple[Any, list[Any]]:
+    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`.
+
+    `addresses`: of the functions of a program.
+    """
     given: list[Any] = []
     kept: list[Any] = []
     for name, kind in record_of(noun).fields.items():
@@ -78,20 +86,31 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
         if isinstance(kind, Fields):
             inner = values[name]
             if isinstance(inner, Record):
-                inner, arrays = structure(type(inner), vars(inner), program)
+                inner, arrays = structure(type(inner), vars(inner), addresses)
                 kept += arrays
             given.append(ctypes.addressof(inner))
             kept.append(inner)
             continue
         if isinstance(kind, Handed):
-            given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
+            given.append(addresses.get("jacobian_entries" if name == "entries" else name, 0))
             continue
         array, wanted = values[name], _WHOLE if kind == INTS else _DOUBLE
         if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
             array = values[name] = np.ascontiguousarray(array, dtype=wanted)
         kept.append(array)
-        given.append(array.__array_interface__["data"][0])
+        given.append(address_of(array))
     return _layout(noun)(*given), kept
+
+
+def address_of(array: Any) -> int:
+    """Where a contiguous array lies; somewhere, if it has no items."""
+    if not array.size:
+        return 0
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # a fourth of what the way below takes
+    except TypeError:  # not to be written
+        found: int = array.__array_interface__["data"][0]
+        return found
 
 
 @lru_cache
@@ -111,7 +130,7 @@ class Ordered:
         room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
         self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
         self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
-        self.record, _ = structure(Pattern, self.values, program)
+        self.record, _ = structure(Pattern, self.values, {})
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
@@ -129,6 +148,13 @@ class Ordered:
 
 
 @lru_cache
+def _no_pattern() -> Any:
+    """In the place of one where factors are dense."""
+    values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
+    return structure(Pattern, values | {"n": 0, "ready": 0, "small": SMALL, "tolerant": 0}, {})[0]
+
+
+@lru_cache
 def _along(name: str) -> Any:
     """A function that looks at several instants of the last step."""
     return _ALONG(machine_code().address(name))
@@ -139,15 +165,15 @@ class CompiledRadau:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
+        constraints: CompiledConstraints | NothingHeld, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
         self.program, self.constraints = program, constraints
         self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
         self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
         self.code = machine_code()
-        self.order = Ordered(program, SMALL)
+        self.order = Ordered(program, SMALL) if self.values["sparse"] else None
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
-        self.values["pattern"] = self.order.record
+        self.values["pattern"] = _no_pattern() if self.order is None else self.order.record
         self._kept: list[Any] = []
         self._mode: Any = None  # that was put last
         self._record: Any = None
@@ -160,7 +186,7 @@ class CompiledRadau:
         """Stop where other states should go on."""
         if self._record is not None:
             self.values["stored_peak"] = choice.peak
-            self._record.stored_peak = choice.peak.__array_interface__["data"][0]
+            self._record.stored_peak = address_of(choice.peak)
             return
         count = len(choice.rows)
         self.values |= {
@@ -178,7 +204,7 @@ class CompiledRadau:
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
         self.put_mode(self.values["mode"])
-        self._record, self._kept = structure(Stepper, self.values, self.program)
+        self._record, self._kept = structure(Stepper, self.values, addresses_of(self.program))
         self._here = ctypes.addressof(self._record)
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
@@ -197,7 +223,7 @@ class CompiledRadau:
         for name, value in signal_fields(signals, stretch.start).items():
             if isinstance(value, np.ndarray):
                 values[name] = value
-                value = value.__array_interface__["data"][0]
+                value = address_of(value)
             setattr(record, name, value)
         record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
         record.earliest, record.latest = inside(stretch)
@@ -221,7 +247,7 @@ class CompiledRadau:
         """Conditions and what only events change are like this from now on."""
         self._mode = mode
         self.values["mode"][:] = mode
-        self.constraints.values["mode"][:] = mode
+        self.constraints.put_mode(mode)
         hybrid = self.program.hybrid
         if hybrid is not None:
             self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
@@ -261,8 +287,8 @@ class CompiledRadau:
     def advance(self, most: int) -> int:
         """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self._advance(self._here, most)
-        self.order.record.tolerant = 0
         while answer == ORDER:
+            assert self.order is not None
             # With an order that was made for just these numbers, small pivots are what there is.
             if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
@@ -333,7 +359,7 @@ class CompiledRadau:
             self.put_mode(mode)
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
-        there, here = (a.__array_interface__["data"][0] for a in (times, out))
+        there, here = address_of(times), address_of(out)
         _along(name)(self._here, len(times), there, here)
         return out
 
