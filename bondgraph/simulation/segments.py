@@ -65,6 +65,7 @@ class Signals:
     allowed: Any  # (signals,)
     times: Any  # (places,), rising
     values: Any  # (places, signals)
+    steady: bool  # whether they are the same at all of them
 
 
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
@@ -80,10 +81,11 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
     times = np.concatenate([[begin], np.clip(times, begin, end), [end]])
     first = program.signals(times[:1], inputs, constants, stretch.mode)
     if not first.shape[-1]:
-        return Signals(np.zeros(0), times[:0], np.zeros((0, 0)))
+        return Signals(np.zeros(0), times[:0], np.zeros((0, 0)), False)
     values = program.signals(times, inputs, constants, stretch.mode)
-    allowed = SHARE * np.ptp(values, axis=0) + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
-    return Signals(allowed, times, values)
+    range_of = np.ptp(values, axis=0)
+    allowed = SHARE * range_of + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
+    return Signals(allowed, times, values, not range_of.any())
 
 
 def follower(

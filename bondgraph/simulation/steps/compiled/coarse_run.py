@@ -13,7 +13,8 @@ from .coarse import Coarse
 from .euler import Euler
 from .factors import Factors, room_for
 from .fields import is_sparse
-from .run import Ordered, machine_code, structure
+from .forms import Laid, form_of
+from .run import Ordered, called
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
@@ -24,27 +25,37 @@ if TYPE_CHECKING:
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
 
 
+def _room(program: Program, constants: Any) -> dict[str, Any]:
+    """What steps need room for, and what they know of the program."""
+    entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
+    numbers = {
+        "n": n, "differential": len(program.states.names), "entry_count": entries, "time": 0.0, "size": 0.0, "sparse": int(is_sparse(program)),
+        "kept": 0.0, "factorised": 0, "keeping": int(keeps_factors(program)),
+    }  # fmt: skip
+    arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}
+    arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
+    return numbers | arrays | {
+        "mode": np.zeros(len(program.switches(0.0, constants))), "smallest": smallest_angles(program),
+        "real": room_for(Factors, 0 if is_sparse(program) else n),
+    }  # fmt: skip
+
+
 class CompiledEuler:
     """Steps of the coarse run: `start.coarse.CoarseRun._step` from where the unknowns of loops are known."""
 
     def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
         rows, columns = program.pattern
-        n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
-        self.program = program
-        self.values: dict[str, Any] = {
-            "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
-            "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
-            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)), "kept": 0.0, "factorised": 0,
-            "keeping": int(keeps_factors(program)),
-            "real": room_for(Factors, 0 if is_sparse(program) else n),
-        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}  # fmt: skip
-        self.values["smallest"] = smallest_angles(program)
-        self.order = Ordered(program, SMALL)
-        self.values["pattern"] = self.order.record
-        self.record, self._kept = structure(Euler, self.values, program)
-        self._here = ctypes.addressof(self.record)
-        self.code = machine_code()
-        self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
+        self.program, self.order = program, Ordered(program, SMALL)
+        given = {
+            "inputs": inputs,
+            "constants": constants,
+            "rows": rows,
+            "columns": columns,
+            "pattern": self.order.values,
+        }
+        self.values = Laid(form_of(Euler, program, "", lambda: _room(program, constants)), given)
+        self.record = self.values.record
+        self._step = called("euler", ctypes.c_int64, ctypes.c_void_p)
 
     def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
         """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
@@ -53,7 +64,7 @@ class CompiledEuler:
         order.record.tolerant = 0
         while True:
             values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
-            answer = self._step(self._here)
+            answer = self._step(self.values.address)
             if answer != ANEW:
                 return values["x"].copy() if answer == FINE else None
             if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
@@ -65,21 +76,23 @@ class CompiledCoarse:
     """The loop over these steps, for a program whose states are all differential and on no constraints."""
 
     def __init__(self, euler: CompiledEuler, motion: FreeMotion | None) -> None:
-        n = euler.values["n"]
-        self.euler = euler
-        self.values: dict[str, Any] = {
-            "euler": euler.record, "n": n, "time": 0.0, "size": 0.0, "usual": 0.0, "smallest": 0.0, "stop": 0.0, "note": 0.0, "taken": 0,
-            "reaching": int(motion is not None),
-        } | {name: np.zeros(n) for name in ("state", "found", "modes")}  # fmt: skip
+        self.euler, n = euler, euler.record.n
+
+        def room() -> dict[str, Any]:
+            numbers = {"time": 0.0, "size": 0.0, "usual": 0.0, "smallest": 0.0, "stop": 0.0, "note": 0.0, "taken": 0}
+            return numbers | {"n": n} | {name: np.zeros(n) for name in ("state", "found", "modes")}
+
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = (
             (nothing, nothing, ones) if motion is None else (motion.amplitudes, motion.inverse, motion.scale)
         )
-        self.values |= {
-            "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(), "inverse_im": inverse.imag.ravel(), "unit": unit,
+        given = {
+            "euler": euler.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
+            "inverse_im": inverse.imag.ravel(), "unit": unit,
         }  # fmt: skip
-        self._record, self._kept = structure(Coarse, self.values, euler.program)
-        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(euler.code.address("coarse"))
+        self.values = Laid(form_of(Coarse, euler.program, "", room), given)
+        self._record = self.values.record
+        self._run = called("coarse", ctypes.c_int64, ctypes.c_void_p)
 
     def go(self, pace: Pace, note: float, state: Any, largest: Any, mode: Any) -> tuple[Any, Any]:
         """On until `note`, to where Python should look; `pace` is where it is then. The state there and the largest magnitudes."""
@@ -89,7 +102,7 @@ class CompiledCoarse:
             setattr(record, name, getattr(pace, name))
         record.note = note
         order.record.tolerant = 0
-        while self._run(ctypes.addressof(record)) == ANEW:
+        while self._run(self.values.address) == ANEW:
             if not order.choose(1 / self.euler.record.size, self.euler.values["scaled"]):
                 break
             order.record.tolerant = 1

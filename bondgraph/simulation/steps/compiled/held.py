@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from .holding import Held, Square
-from .run import machine_code, structure
+from .forms import Laid, form_of
+from .holding import Held
+from .run import called
 from .squares import square
 
 if TYPE_CHECKING:
@@ -40,36 +41,25 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
     } | squares  # fmt: skip
 
 
-def record(values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
-    """A `Held` as machine code sees it, and what it points to."""
-    kept: list[Any] = []
-    put = dict(values)
-    for name in ("positions", "speeds"):
-        inner = dict(values[name])
-        put[name], arrays = structure(Square, inner, program)
-        kept += [*arrays, inner]
-    found, arrays = structure(Held, put, program)
-    values |= {k: v for k, v in put.items() if k not in ("positions", "speeds")}
-    return found, [*kept, *arrays]
-
-
 class CompiledConstraints:
     """Projections and singular values at several instants; states have their index last, unknowns included."""
 
     def __init__(self, constraints: Constraints) -> None:
-        program = constraints.program
-        magnitude = constraints.magnitude
-        full = np.ones(len(program.states.names) + len(program.unknowns.names))
-        full[: len(magnitude)] = magnitude
-        self.values = fields_of(program, constraints.inputs, constraints.constants, full, constraints.taking)
-        self.redundant = not constraints.taking.all()
-        self.record, self._kept = record(self.values, program)
-        self._here = ctypes.addressof(self.record)
-        code = self._code = machine_code()
+        program, taking = constraints.program, constraints.taking
+        magnitude = np.ones(len(program.states.names) + len(program.unknowns.names))
+        magnitude[: len(constraints.magnitude)] = constraints.magnitude
+        given = {"inputs": constraints.inputs, "constants": constraints.constants, "magnitude": magnitude}
+
+        def values() -> dict[str, Any]:
+            found = fields_of(program, constraints.inputs, constraints.constants, magnitude, taking)
+            return {name: value for name, value in found.items() if name not in given}
+
+        self.values = Laid(form_of(Held, program, taking.tobytes(), values), given)
+        self.redundant = not taking.all()
+        self._here = self.values.address
         signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
-        self._hold = ctypes.CFUNCTYPE(None, *signature)(code.address("hold_all"))
-        self._least = ctypes.CFUNCTYPE(None, *signature)(code.address("least_all"))
-        self._rates = ctypes.CFUNCTYPE(None, *signature, _POINTER)(code.address("rates_all"))
+        self._hold, self._least = (called(name, None, *signature) for name in ("hold_all", "least_all"))
+        self._rates = called("rates_all", None, *signature, _POINTER)
 
     def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
         """The states on their invariants, and how many rows nearly hang together at each."""

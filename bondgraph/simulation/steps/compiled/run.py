@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import INTS, Fields, Handed, MachineCode, Program, Record, record_of
+from ....door import MachineCode, Program, record_of
 from ....native import kernel
 from ...segments import Segment
 from ...watch.choice import Choice
@@ -24,7 +24,8 @@ from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
 from .coarse import coarse
 from .euler import euler
-from .fields import fields_at
+from .fields import given_at, room_of
+from .forms import Laid, form_of
 from .holding import hold_all, least_all, rates_all
 from .ordering import ordered
 from .sparse import Pattern
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
-_WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
 SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
 
 
@@ -63,40 +63,10 @@ def machine_code() -> MachineCode:
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
 
-def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
-    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
-    assert program.native is not None
-    given: list[Any] = []
-    kept: list[Any] = []
-    for name, kind in record_of(noun).fields.items():
-        if kind in ("double", "i64"):
-            given.append(values[name])
-            continue
-        if isinstance(kind, Fields):
-            inner = values[name]
-            if isinstance(inner, Record):
-                inner, arrays = structure(type(inner), vars(inner), program)
-                kept += arrays
-            given.append(ctypes.addressof(inner))
-            kept.append(inner)
-            continue
-        if isinstance(kind, Handed):
-            given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
-            continue
-        array, wanted = values[name], _WHOLE if kind == INTS else _DOUBLE
-        if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
-            array = values[name] = np.ascontiguousarray(array, dtype=wanted)
-        kept.append(array)
-        given.append(array.__array_interface__["data"][0])
-    return _layout(noun)(*given), kept
-
-
 @lru_cache
-def _layout(noun: type) -> type[ctypes.Structure]:
-    """How a record lies in memory."""
-    kinds = {"double": ctypes.c_double, "i64": ctypes.c_int64}
-    fields = [(n, kinds.get(k, ctypes.c_void_p) if isinstance(k, str) else ctypes.c_void_p) for n, k in record_of(noun).fields.items()]  # fmt: skip
-    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})
+def called(name: str, result: Any, *arguments: Any) -> Any:
+    """A function of that code."""
+    return ctypes.CFUNCTYPE(result, *arguments)(machine_code().address(name))
 
 
 class Ordered:
@@ -104,21 +74,22 @@ class Ordered:
 
     def __init__(self, program: Program, small: float) -> None:
         n = len(program.states.names) + len(program.unknowns.names)
-        self.pattern, self.program = (*program.pattern, len(program.states.names), n), program
-        room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
-        self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
-        self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
-        self.record, _ = structure(Pattern, self.values, program)
+        self.pattern = (*program.pattern, len(program.states.names), n)
+
+        def values() -> dict[str, Any]:
+            room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
+            nothing: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields if name != "small"}
+            return nothing | {"n": n, "ready": 0, "tolerant": 0} | {name: np.zeros(n) for name in room}
+
+        self.values = Laid(form_of(Pattern, program, "", values), {"small": small})
+        self.record = self.values.record
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
         found = ordered(*self.pattern, shift, entries)
         if found is None:
             return False
-        kinds = record_of(Pattern).fields
-        for name, array in found.items():
-            self.values[name] = np.ascontiguousarray(array, dtype=np.int64 if kinds[name] == INTS else float)
-            setattr(self.record, name, self.values[name].ctypes.data)
+        self.values.put(found)
         for name in ("x", "xi"):
             self.values[name][:] = 0.0
         self.record.ready = 1
@@ -133,44 +104,47 @@ class CompiledRadau:
         constraints: CompiledConstraints, method: int = RADAU, whole: float = 0.0,
     ) -> None:  # fmt: skip
         self.program = program
-        self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method, whole)
-        self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
-        constraints.values["mode"][:] = stretch.mode
-        self.code = machine_code()
         self.order = Ordered(program, SMALL)
+        given = given_at(program, inputs, constants, tolerances, stretch, state, longest, whole)
+        given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
+
+        def room() -> dict[str, Any]:
+            at = stretch.start, state, inputs, constants, stretch.mode
+            return room_of(
+                program, method, len(given["allowed"]), 0 if program.bends is None else len(program.bends(*at))
+            )
+
+        self.values = Laid(form_of(Stepper, program, method, room), given)
+        constraints.values["mode"][:] = stretch.mode
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
-        self.values["pattern"] = self.order.record
-        self._kept: list[Any] = []
-        self._record: Any = None
+        self._record, self._here = self.values.record, self.values.address
+        self._advance = called("advance", ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
 
     def report(self, instants: Any, position: int, states: Any) -> None:
         """Where states at instants go, from the number `position` on."""
-        self.values |= {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+        self.values.put(
+            {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+        )
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should go on."""
         count = len(choice.rows)
-        self.values |= {
-            "slope_count": len(choice.chosen) if count else 0, "slope_rows": self.program.sensitivity_pattern[0],
-            "slope_columns": self.program.sensitivity_pattern[1], "slope_chosen": choice.chosen.astype(np.int64),
+        rows, columns = self.program.sensitivity_pattern
+        self.values.put({
+            "slope_count": len(choice.chosen) if count else 0, "slope_rows": rows, "slope_columns": columns, "slope_chosen": choice.chosen,
             "slopes": np.zeros(len(choice.chosen)), "stored_peak": choice.peak,
-        }  # fmt: skip
+        })  # fmt: skip
 
     def measure(self, work: Any, traffic: float) -> None:
         """Add up the work at all ports, on top of this."""
-        count = len(work)
-        self.values |= {"power_count": count, "work": work, "traffic": traffic}
-        self.values |= {"power": np.zeros(count), "partial": np.zeros(2 * count)}
+        room = {"power": np.zeros(len(work)), "partial": np.zeros(2 * len(work))}
+        self.values.put({"power_count": len(work), "work": work, "traffic": traffic} | room)
 
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
-        self._record, self._kept = structure(Stepper, self.values, self.program)
-        self._here = ctypes.addressof(self._record)
-        self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
-        self._begin(self._here)
+        called("begin", None, ctypes.c_void_p)(self._here)
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
-        self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
 
     def begin_again(self, time: float, state: Any, size: float) -> None:
         """Go on from elsewhere, with a first step that is not longer than this."""
@@ -191,7 +165,7 @@ class CompiledRadau:
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
         record.last_size = record.last_error = record.contraction = 0.0
-        self._begin(self._here)
+        called("begin", None, ctypes.c_void_p)(self._here)
 
     def went_on(self, position: int, work: Any, traffic: float) -> Any:
         """What was reported and added up meanwhile; the array in which work goes on to be added up."""
@@ -227,8 +201,7 @@ class CompiledRadau:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in record_of(Stepper).fields:
             raise AttributeError(name)
-        array = self.values[name]
-        return array if isinstance(array, np.ndarray) else getattr(self._record, name)
+        return self.values[name]
 
     @property
     def finished(self) -> bool:
