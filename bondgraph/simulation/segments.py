@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -36,6 +36,13 @@ class Segment:
     start: float
     stop: float
     mode: Any
+    seen: dict[float, tuple[Any, ...]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )  # by `signals_on`
+
+    def up_to(self, start: float, stop: float) -> Segment:
+        """A part of it; itself, if that is all of it."""
+        return self if (start, stop) == (self.start, self.stop) else Segment(start, stop, self.mode)
 
 
 def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
@@ -71,8 +78,19 @@ class Signals:
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
     """The signals on a stretch, at places that lie irregularly: the denser, the larger its share of the `whole` run is.
 
-    What turns up at none of these places (shorter than 1/4096 of a run) is not known, and may be stepped over.
+    What turns up at none of these places (shorter than 1/4096 of a run) is not known, and may be stepped over. All that looks at
+    a stretch asks for them: they are found once, unless what is delayed is among them.
     """
+    asked, seen = (program, inputs, constants), stretch.seen.get(whole)
+    if seen is not None and all(a is b for a, b in zip(seen, asked, strict=False)):
+        return cast("Signals", seen[-1])
+    found = _signals(program, inputs, constants, stretch, whole)
+    if program.delays is None:
+        stretch.seen[whole] = (*asked, found)
+    return found
+
+
+def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float) -> Signals:
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
     numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))

@@ -118,6 +118,7 @@ class Stepper:
         self.history: History | None = None  # of delayed signals
         self.reached = -np.inf  # where the last run ended
         self.flip: Flip | None = None  # where the last stretch ended early
+        self.begun: CompiledRadau | None = None  # steps of this stretch that were a trial, and count
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
@@ -186,7 +187,7 @@ class Stepper:
         start = stretch.start
         while True:
             stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
-            x = self.run(Segment(start, stop, stretch.mode), x)
+            x = self.run(stretch.up_to(start, stop), x)
             start = self.reached
             if start >= stretch.stop or self.result.handover is not None:
                 return x

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -81,12 +82,16 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     """The function at every point of the leading axes."""
     if arrays[0] is not _NONE:
         arrays[0] = np.asarray(arrays[0], dtype=float)[..., None]
-    shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
+    shapes = {a.shape[:-1] for a in arrays if a.ndim > 1}
+    if len(shapes) == 1:  # nothing to broadcast, and no wait for it
+        (shape,) = shapes
+        flat = [a if a.flags.c_contiguous else np.ascontiguousarray(a) for a in arrays]
+    else:
+        shape = np.broadcast_shapes(*shapes)
+        flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
     strides = [a.shape[-1] if a.ndim > 1 else 0 for a in arrays]
-    flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
     out = np.empty((*shape, size))
-    count = int(np.prod(shape, dtype=int))
-    many(address, count, *(_address(a) for a in flat), _address(out), *strides, size)
+    many(address, prod(shape), *map(_address, flat), _address(out), *strides, size)
     return out
 
 

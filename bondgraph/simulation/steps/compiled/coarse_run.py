@@ -19,9 +19,10 @@ from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
     from ....door import Program
-    from ...start.coarse import Pace
+    from ...start.coarse import CoarseRun, Pace
     from ...start.motion import FreeMotion
 
+PACE = "time", "size", "taken", "usual", "smallest", "stop"
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
 
 
@@ -79,8 +80,17 @@ class CompiledCoarse:
         self.euler, n = euler, euler.record.n
 
         def room() -> dict[str, Any]:
-            numbers = {"time": 0.0, "size": 0.0, "usual": 0.0, "smallest": 0.0, "stop": 0.0, "note": 0.0, "taken": 0}
-            return numbers | {"n": n} | {name: np.zeros(n) for name in ("state", "found", "modes")}
+            numbers = {
+                "time": 0.0,
+                "size": 0.0,
+                "usual": 0.0,
+                "smallest": 0.0,
+                "stop": 0.0,
+                "begun": 0.0,
+                "noted": 0,
+                "taken": 0,
+            }
+            return numbers | {"n": n} | {name: np.zeros(n) for name in ("found", "modes")}
 
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = (
@@ -88,23 +98,23 @@ class CompiledCoarse:
         )
         given = {
             "euler": euler.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
-            "inverse_im": inverse.imag.ravel(), "unit": unit,
+            "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
         self.values = Laid(form_of(Coarse, euler.program, "", room), given)
         self._record = self.values.record
         self._run = called("coarse", ctypes.c_int64, ctypes.c_void_p)
 
-    def go(self, pace: Pace, note: float, state: Any, largest: Any, mode: Any) -> tuple[Any, Any]:
-        """On until `note`, to where Python should look; `pace` is where it is then. The state there and the largest magnitudes."""
-        record, values, order = self._record, self.values, self.euler.order
-        values["state"][:], self.euler.values["largest"][:], self.euler.values["mode"][:] = state, largest, mode
-        for name in ("time", "size", "taken", "usual", "smallest", "stop"):
+    def go(self, run: CoarseRun, pace: Pace, begun: float, mode: Any) -> None:
+        """On to where Python should look, in a run that began there: its state, its magnitudes and `pace` are those of that place then."""
+        record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
+        values.put({"state": run.state, "far": run.far, "until": run.until, "begun": begun, "noted": run.noted})
+        euler["largest"][:], euler["mode"][:] = run.largest, mode
+        for name in PACE:
             setattr(record, name, getattr(pace, name))
-        record.note = note
         order.record.tolerant = 0
-        while self._run(self.values.address) == ANEW:
-            if not order.choose(1 / self.euler.record.size, self.euler.values["scaled"]):
+        while self._run(values.address) == ANEW:
+            if not order.choose(1 / self.euler.record.size, euler["scaled"]):
                 break
             order.record.tolerant = 1
         pace.time, pace.size, pace.taken = record.time, record.size, record.taken
-        return values["state"].copy(), self.euler.values["largest"].copy()
+        run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted

@@ -22,6 +22,7 @@ from .. import pair, radau
 from ..methods import ENERGY, EXPLICIT, RADAU
 from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
+from .balancing import balance
 from .coarse import coarse
 from .euler import euler
 from .fields import given_at, room_of
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
+WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
 SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
 
 
@@ -58,7 +60,7 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all])
+        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all, balance])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
