@@ -19,6 +19,7 @@ PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
 SPARSE = 16  # places for each change of sign, else more are taken
 GOLDEN = 0.6180339887498949
+BESIDE = (GOLDEN * np.arange(NODES) + 0.5) % 1.0  # how far beyond its equal share each of many places lies
 MOST_SAMPLES = 1_000_000  # of one sampled event
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
 ROUNDING = 16  # units in the last place of a time
@@ -75,6 +76,13 @@ class Signals:
     steady: bool  # whether they are the same at all of them
 
 
+def _irregular(start: float, span: float, count: int) -> Any:
+    """Places that lie irregularly: on a regular grid a fast oscillation would look like a slow one."""
+    numbers = np.arange(count)
+    beside = BESIDE[:count] if count <= NODES else (GOLDEN * numbers + 0.5) % 1.0
+    return start + span * (numbers + beside) / count
+
+
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
     """The signals on a stretch, at places that lie irregularly: the denser, the larger its share of the `whole` run is.
 
@@ -93,17 +101,19 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
 def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float) -> Signals:
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
-    numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))
-    times = stretch.start + span * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / len(numbers)
     begin, end = inside(stretch)  # where a narrow pulse may have its crest
-    times = np.concatenate([[begin], np.clip(times, begin, end), [end]])
-    first = program.signals(times[:1], inputs, constants, stretch.mode)
-    if not first.shape[-1]:
-        return Signals(np.zeros(0), times[:0], np.zeros((0, 0)), False)
+    first = program.signals(begin, inputs, constants, stretch.mode)
+    if not len(first):
+        return Signals(np.zeros(0), np.zeros(0), np.zeros((0, 0)), False)
+    count = int(min(NODES, max(GRID, NODES * share)))
+    times = np.empty(count + 2)
+    times[0], times[-1] = begin, end
+    np.clip(_irregular(stretch.start, span, count), begin, end, out=times[1:-1])
     values = program.signals(times, inputs, constants, stretch.mode)
-    range_of = np.ptp(values, axis=0)
-    allowed = SHARE * range_of + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
-    return Signals(allowed, times, values, not range_of.any())
+    columns = np.ascontiguousarray(values.T)
+    low, high = columns.min(axis=1), columns.max(axis=1)
+    allowed = SHARE * (high - low) + 1e-9 * np.maximum(high, -low)  # the latter for rounding
+    return Signals(allowed, times, values, not (high - low).any())
 
 
 def follower(
@@ -113,20 +123,22 @@ def follower(
     the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
     is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
     that is short beside a step would not be seen at all. `coarse`: times as much may be missed, for a first look."""
-    known, ends = signals_on(program, inputs, constants, stretch, whole), inside(stretch)
+    known = signals_on(program, inputs, constants, stretch, whole)
+    first, last = inside(stretch)
     allowed = coarse * known.allowed
     if not len(allowed):
         return lambda start, stop: True
 
     def follows(start: float, stop: float) -> bool:
-        times = np.clip(start + (stop - start) * LOOKS, *ends)
+        times = np.minimum(np.maximum(start + (stop - start) * LOOKS, first), last)
         values = program.signals(times, inputs, constants, stretch.mode)
         seen = values[: len(SEEN)]
         if (np.abs(BETWEEN @ seen - values[len(SEEN) :]) > allowed).any():
             return False
-        first, last = np.searchsorted(known.times, (start, stop))
-        shares = (known.times[first:last] - start) / (stop - start)
-        return not bool((np.abs(np.vander(shares, 4) @ CUBIC @ seen - known.values[first:last]) > allowed).any())
+        passed = slice(*np.searchsorted(known.times, (start, stop)))
+        shares = ((known.times[passed] - start) / (stop - start))[:, None]
+        a, b, c, d = CUBIC @ seen
+        return not (np.abs(((a * shares + b) * shares + c) * shares + d - known.values[passed]) > allowed).any()
 
     return follows
 
@@ -154,7 +166,10 @@ def with_time_of(program: Program, mode: Any, before: Any) -> Any:
 
 def _mode(program: Program, constants: Any, time: Any) -> Any:
     """The conditions on time; with events, what only they change is as at the start. Shape (…, mode)."""
-    switches, hybrid = program.switches(time, constants), program.hybrid
+    hybrid = program.hybrid
+    if hybrid is None and not _count(program, "switches", lambda: program.switches(0.0, constants)):
+        return np.empty((*np.shape(time), 0))
+    switches = program.switches(time, constants)
     if hybrid is None:
         return switches
     start = hybrid.start(constants)
@@ -162,6 +177,14 @@ def _mode(program: Program, constants: Any, time: Any) -> Any:
     mode[..., : len(start)] = start
     mode[..., list(hybrid.timed)] = switches
     return mode
+
+
+def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
+    """How many values a function of a program has, whatever they are."""
+    kept = program.kept
+    if name not in kept:
+        kept[name] = int(np.shape(values())[-1])
+    return cast("int", kept[name])
 
 
 def _distinct(edges: list[float]) -> list[float]:
@@ -188,14 +211,10 @@ def _places(program: Program, constants: Any, length: float) -> int:
 
 
 def _looked_at(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, Any]:
-    """Times and the values there of the functions whose zeros are looked for; more places where signs change often.
-
-    The places lie irregularly: on a regular grid a fast oscillation would look like a slow one.
-    """
+    """Times and the values there of the functions whose zeros are looked for; more places where signs change often."""
     places = _places(program, constants, stop - start)
     while True:
-        numbers = np.arange(places)
-        times = start + (stop - start) * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / places
+        times = _irregular(start, stop - start, places)
         values = program.crossings(times, constants, _mode(program, constants, times))
         signs = np.sign(values)
         changes = int((signs[:-1] * signs[1:] < 0).sum(axis=0).max(initial=0))
@@ -215,7 +234,9 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed, if others do not lie close.
     """
     middle = 0.5 * (edges[0] + edges[-1])
-    if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
+    if not _count(
+        program, "crossings", lambda: program.crossings(middle, constants, _mode(program, constants, middle))
+    ):
         return []
     found: list[float] = []
     for a, b in pairwise(edges):

@@ -56,8 +56,11 @@ class Look:
 
 def smallest_angles(program: Program) -> Any:
     """What an angle or its rate is rounding below, for all states and unknowns; 0 for what has a unit."""
-    units = np.array([*program.states.units, *program.unknowns.units])
-    return np.where(np.isin(units, ["1", "1/s"]), SMALLEST_ANGLE, 0.0)
+    kept = program.kept
+    if "angles" not in kept:
+        units = (*program.states.units, *program.unknowns.units)
+        kept["angles"] = np.array([SMALLEST_ANGLE if unit in ("1", "1/s") else 0.0 for unit in units])
+    return kept["angles"]
 
 
 @dataclass(slots=True)

@@ -118,7 +118,6 @@ class Stepper:
         self.history: History | None = None  # of delayed signals
         self.reached = -np.inf  # where the last run ended
         self.flip: Flip | None = None  # where the last stretch ended early
-        self.begun: CompiledRadau | None = None  # steps of this stretch that were a trial, and count
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances

@@ -35,34 +35,10 @@ def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> Compiled
     return solver
 
 
-def _reporting(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float = np.inf) -> CompiledRadau:
-    """The same, with all that is asked of the run. `size` of all steps, if the method wants that."""
-    solver = _solver(stepper, stretch, x, method)
-    solver.fixed_size = size if size < np.inf else None
-    solver.report(stepper.instants, stepper.position, stepper.result.states)
-    if stepper.choice is not None:
-        solver.choose(stepper.choice)
-    if stepper.powers is not None:
-        if stepper.result.work is None:
-            stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
-        solver.measure(stepper.result.work, stepper.traffic)
-    solver.begin()
-    return solver
-
-
 def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
-    """Up to so many explicit steps: evaluations, whether stability holds the steps, whether the end came first.
-
-    Where nothing but the reported instants depends on its steps, and stability does not hold them, the run goes on from there.
-    """
-    watched, before = stepper.program.limits or stepper.choice or stepper.leaving is not None, stepper.result.work
-    work = None if before is None else before.copy()
-    solver = explicit_scout(stepper, stretch, x) if watched else _reporting(stepper, stretch, x, EXPLICIT)
+    """Up to so many explicit steps, of which nothing is kept: evaluations, whether stability holds the steps, whether the end came first."""
+    solver = explicit_scout(stepper, stretch, x)
     answer = solver.advance(most)
-    if watched or answer == STIFF:
-        stepper.result.work = work
-    else:
-        stepper.begun = solver
     return solver.evaluations, answer == STIFF, answer == FINISHED
 
 
@@ -76,9 +52,18 @@ def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
 
 def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> Any:
     """As `run` from where it begins to step, by `compiled/advance.py`. `size` of all steps, if the method wants that."""
-    begun, stepper.begun = stepper.begun, None
-    solver = _reporting(stepper, stretch, x, method, size) if begun is None else begun
+    solver = _solver(stepper, stretch, x, method)
+    solver.fixed_size = size if size < np.inf else None
     first = stepper.position
+    solver.report(stepper.instants, first, stepper.result.states)
+    if stepper.choice is not None:
+        solver.choose(stepper.choice)
+    if stepper.powers is not None:
+        if stepper.result.work is None:
+            stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
+        solver.measure(stepper.result.work, stepper.traffic)
+    solver.begin()
+
     leaving = stepper.leaving
 
     def look() -> list[int]:

@@ -100,7 +100,7 @@ def _spectrum(stepper: Stepper, stretch: Segment, x: Any) -> Any:
 
 
 def _tried(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
-    """Some explicit steps, of which nothing is kept but what they say of the model; or all, if the run can go on from there."""
+    """Some explicit steps, of which nothing is kept but what they say of the model."""
     try:
         if compiled:
             from .machine import explicit_trial
@@ -115,9 +115,8 @@ def _tried(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
             evaluations, stiff, finished = solver.evaluations, solver.is_stiff, solver.finished
     except StepFailed:
         return RADAU
+    stepper.count(evaluations)
     method = RADAU if stiff and not finished else EXPLICIT
-    if method == RADAU:  # else the run takes the same steps, and counts them
-        stepper.count(evaluations)
     if not finished:
         stepper.result.settled = method
     return method
