@@ -24,7 +24,7 @@ from bondgraph.simulation.steps.compiled import run as compiled
 from bondgraph.simulation.steps.compiled.advance import advance, begin
 from bondgraph.simulation.steps.compiled.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.steps.compiled.stepper import Stepper
-from bondgraph.simulation.stretch import integrate
+from bondgraph.simulation.steps.radau import Radau
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 
@@ -90,19 +90,19 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
 def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ends of steps and error estimates, one by one."""
     seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
-    original, reference = compiled.CompiledRadau.advance, integrate.Radau.step
+    original, reference = compiled.CompiledRadau.advance, Radau.step
 
     def one(solver: compiled.CompiledRadau, most: int) -> int:
         answer = original(solver, 1)
         seen["native"].append((solver.last_step[1], np.array(solver.error)))
         return answer
 
-    def step(solver: integrate.Radau) -> None:
+    def step(solver: Radau) -> None:
         reference(solver)
         seen["numpy"].append((solver.last_step[1], np.array(solver.error)))
 
     monkeypatch.setattr(compiled.CompiledRadau, "advance", one)
-    monkeypatch.setattr(integrate.Radau, "step", step)
+    monkeypatch.setattr(Radau, "step", step)
     both(MODELS / "manipulator.bg", rtol=rtol, solver="radau")
     assert len(seen["native"]) == len(seen["numpy"]) > 30
     for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):

@@ -63,7 +63,7 @@ def test_few_steps_tell_nothing() -> None:
 def test_at_the_limit_of_steps_the_error_names_the_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "MOST_COMPILED", 500)
     monkeypatch.setattr(stuck, "MOST_STEPS", 500)
-    monkeypatch.setattr("bondgraph.simulation.stretch.integrate.MOST_STEPS", 500)
+    monkeypatch.setattr("bondgraph.simulation.stretch.one_by_one.MOST_STEPS", 500)
     with pytest.raises(RunFailed, match=r"Hz, whose energy is mostly in .*`(bell|clamp)`") as failed:
         bondgraph.load(RINGING.format(start="1 mm")).simulate(to=50, points=11, solver="radau")
     told = re.search(r"at ([\d.]+) Hz", str(failed.value))

@@ -18,7 +18,7 @@ from .settle import Settled, second, settled
 from .split import Flow, Split, one
 
 if TYPE_CHECKING:
-    from ..stretch.integrate import Solver, Stepper
+    from ..stretch.stepper import Solver, Stepper
 
 SEEN = 1.0  # of the tolerance: a ringing above that shortens steps
 LEFT, LEFT_LATER = (

@@ -15,7 +15,7 @@ import numpy as np
 from ..loops.loops import Eliminated
 
 if TYPE_CHECKING:
-    from ..stretch.integrate import Stepper
+    from ..stretch.stepper import Stepper
 
 LARGEST = 200  # states up to which all eigenvectors are computed
 TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length

@@ -12,7 +12,7 @@ from ...door import Program
 from ...errors import RunFailed, StepsCollapsed
 from ..closed.constraints import Constraints
 from ..segments import Segment, mode_after, with_time_of
-from ..stretch.integrate import Stepper
+from ..stretch.stepper import Stepper
 from ..trajectory import Tolerances, Trajectory
 from ..watch.choice import Choice, Handover
 from ..watch.validity import Watch

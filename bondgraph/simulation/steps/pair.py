@@ -320,8 +320,9 @@ SHORTEST, LONGEST, SAFETY = 1 / 3, 6.0, 0.9  # of the next step, in parts of the
 # A step times the rate of the fastest mode: the method is stable up to some 6 wherever modes do not grow. Accuracy alone allows 1.7 at a tolerance
 # of 1e-3 and 0.7 at 1e-6 where the mode moves. If accuracy would allow longer steps so often, without so many others between, stability holds them.
 STABLE, OFTEN, SELDOM = 5.2, 15, 6
-# Of a step, from its start: a bend that is nearer has just been left; and how often a step is made to end at a bend before its error alone counts.
-NEAREST, MOST_BENDS = 1e-4, 8
+# Of a step, from its start: a bend that is nearer has just been left (a first slope from before a bend errs by as much as the share of the step, which no
+# estimate sees); how often a step is made to end at a bend before its error alone counts; and by one over how much the step after it grows at most.
+NEAREST, MOST_BENDS, REGAINED = 1e-8, 8, 1e-4
 LOOK_AGAIN = 20  # steps after which the fastest mode is looked for again
 ITERATIONS = 8  # of the search; twice as many count nothing in the first one
 # Where a step looks at what time alone moves: at stages, and between these, where the polynomial through the former must fit.

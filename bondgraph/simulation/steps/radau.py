@@ -56,7 +56,7 @@ STIFF = 300.0  # times its own size a state would change in a step, if the other
 SURE = 0.3  # of the tolerance: polynomials within a step that differ by less are both right
 NEAR = 1e-4  # of a step: so far apart two of their values tell a slope
 SLOW = 0.1  # contraction beyond which Newton's method takes a Jacobian anew there
-BACK_ITERATIONS = 8  # of Newton's method there
+BACK_ITERATIONS, BACK_PATIENT = 8, 1  # of Newton's method there; in a row that are slow with a new Jacobian
 LEFT = 1e-3  # of a tolerance, which it may leave
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 # A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
@@ -153,6 +153,7 @@ class Radau:
         self._current = False  # whether the Jacobian is that of this state
         self._side: Any = None  # of the bends on which it was taken
         self._real: Factorised | None = None
+        self.factors: Factorised | None = None  # of the last step, the real ones
         self._complex: Factorised | None = None
         self._stages: Any = None  # of the last step, relative to its start
         self._factorised_size = 0.0
@@ -365,7 +366,7 @@ class Radau:
             self.evaluations["factorisation"] += 2
             self._factorised_size = size
             try:
-                self._real = self.problem.shifted(MU_REAL / size, self._jacobian)
+                self._real = self.factors = self.problem.shifted(MU_REAL / size, self._jacobian)
                 self._complex = self.problem.shifted(MU_COMPLEX / size, self._jacobian)
             except (ValueError, RuntimeError, np.linalg.LinAlgError):
                 self._real = None
@@ -387,7 +388,7 @@ class Radau:
             change[0] = self._real.solve(TI_REAL @ f - m_real * w[0])
             both = self._complex.solve(TI_COMPLEX @ f - m_complex * (w[1] + 1j * w[2]))
             change[1], change[2] = both.real, both.imag
-            share = np.abs(change / scale)
+            share = np.abs(change) * (1 / scale)
             norm = _norm(share)
             if not np.isfinite(norm):
                 return None
@@ -490,7 +491,7 @@ def _hermite(ends: list[_End], times: Any) -> Any:
     coefficients = [column[0]]
     for order in range(1, len(nodes)):
         gaps = nodes[order:] - nodes[:-order]
-        steep = [known[i].slope if gap == 0 else (column[i + 1] - column[i]) / gap for i, gap in enumerate(gaps)]
+        steep = [known[i].slope if gap == 0 else (column[i + 1] - column[i]) * (1 / gap) for i, gap in enumerate(gaps)]
         column = np.stack(steep)
         coefficients.append(column[0])
     value = np.tile(coefficients[-1], (len(times), 1))

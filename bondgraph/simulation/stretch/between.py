@@ -7,15 +7,28 @@ the rates at an instant, less the slope of the polynomial, tell how far off it i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..steps.factorise import is_large
-from ..steps.radau import BACK_ITERATIONS, LEFT, MU_REAL, NEAR, SLOW, STIFF, SURE, Radau, interpolated
+from ..steps.radau import (
+    BACK_ITERATIONS,
+    BACK_PATIENT,
+    LEFT,
+    MU_REAL,
+    NEAR,
+    SLOW,
+    STIFF,
+    SURE,
+    Factorised,
+    Radau,
+    interpolated,
+)
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 
 def stiff_states(stepper: Stepper, entries: Any, size: float) -> Any:
@@ -58,26 +71,43 @@ def unsure_at(radau: Radau, times: Any, stiff: Any) -> Any:
 
 
 def _brought_back(radau: Radau, time: float, state: Any, slope: Any, stiff: Any, size: float) -> Any | None:
-    """The state with what is stiff where its equations want it; None if Newton's method does not find that."""
+    """The state with what is stiff where its equations want it; None if Newton does not find that with the factors of the step, or its own."""
     problem, count = radau.problem, radau.evaluations
-    scale, new, before = problem.absolute + problem.relative * np.abs(state), np.array(state), np.inf
     slope = np.where(problem.differential, slope, 0.0)
-    matrix: Any = None
-    for _ in range(BACK_ITERATIONS):
+
+    def renewed(at: Any) -> Any:
+        count["jacobian"] += 1
+        count["factorisation"] += 1
+        return problem.shifted(MU_REAL / size, problem.jacobian(time, at))
+
+    def missed(at: Any) -> Any:
         count["derivative"] += 1
-        try:
-            if matrix is None:
-                count["jacobian"] += 1
-                count["factorisation"] += 1
-                matrix = problem.shifted(MU_REAL / size, problem.jacobian(time, new))
-            change = matrix.solve(problem.function(time, new) - slope)
-        except (ValueError, RuntimeError, np.linalg.LinAlgError):
-            return None
-        change = np.where(stiff | ~problem.differential, change, 0.0)
+        return problem.function(time, at) - slope
+
+    wanted = stiff | ~problem.differential
+    scale = problem.absolute + problem.relative * np.abs(state)
+    try:
+        found = _found(missed, state, wanted, scale, radau.factors, None)
+        return found if found is not None else _found(missed, state, wanted, scale, None, renewed)
+    except (ValueError, RuntimeError, np.linalg.LinAlgError):
+        return None
+
+
+def _found(
+    missed: Callable[[Any], Any], state: Any, wanted: Any, scale: Any, matrix: Factorised | None, renewed: Callable[[Any], Factorised] | None
+) -> Any | None:  # fmt: skip
+    """Newton's method from a state, with a matrix or with one that is made anew where it slows down; None if it does not get there."""
+    new, before, slow = state, np.inf, 0
+    for _ in range(BACK_ITERATIONS):
+        if matrix is None:
+            assert renewed is not None
+            matrix = renewed(new)
+        change = np.where(wanted, matrix.solve(missed(new)), 0.0)
         norm = float((np.abs(change) / scale).max())
-        if not np.isfinite(norm) or norm > 2 * before:
+        slow = slow + 1 if norm > SLOW * before else 0
+        if not np.isfinite(norm) or norm > 2 * before or slow > (BACK_PATIENT if renewed else 0):
             return None
-        matrix = None if norm > SLOW * before else matrix
+        matrix = None if slow else matrix
         new, before = new + change, norm
         if norm < LEFT:
             return new

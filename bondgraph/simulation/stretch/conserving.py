@@ -10,11 +10,12 @@ from ...errors import NotLossless, RunFailed, UsageError
 from ..segments import Segment
 from ..steps.radau import StepFailed
 from ..trajectory import Tolerances
+from .reference import interpreted
 
 if TYPE_CHECKING:
     from ..steps.compiled.interpreted import Interpreted
     from ..steps.compiled.run import CompiledRadau
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 SCOUT = 1000  # steps of an adaptive method that look ahead
 FIRST = 3  # of them, which begin small
@@ -51,7 +52,7 @@ def _looked_ahead(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) ->
 
             solver: Interpreted | CompiledRadau = explicit_scout(stepper, stretch, x)
         else:
-            solver = stepper.interpreted(stretch, x)
+            solver = interpreted(stepper, stretch, x)
         while len(times) <= SCOUT and not solver.finished:
             solver.step()
             times.append(float(solver.time))

@@ -12,7 +12,7 @@ from ..watch.stuck import not_finite
 from .quadrature import GAUSS, KRONROD, PLACES, too_coarse
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # shares of the way to it
 LOOKED_AT = 4097  # places of a stretch at which one looks for what has no value

@@ -14,9 +14,10 @@ from ..steps.compiled.run import CompiledRadau, obstacle, steps
 from ..steps.methods import AUTOMATIC, EXPLICIT, RADAU
 from ..steps.radau import StepFailed
 from ..watch.stuck import MOST_COMPILED
+from .poses import beyond, chosen_anew
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 
 def obstacle_of(program: Program) -> str | None:
@@ -134,13 +135,13 @@ def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segmen
     watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
     watcher.check_redundant(solver.time, state, stretch.mode)
     wish = solver.size
-    if stepper.chosen_anew(solver.time, state, stretch.mode, wish):
+    if chosen_anew(stepper, solver.time, state, stretch.mode, wish):
         return
     crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, stepper.tolerances.relative)
     if crossed is None:
         solver.note_tried(watcher.tried)
         return
     stepper.position, stepper.traffic = solver.position, solver.traffic
-    after = stepper.beyond(crossed, state, stretch)
+    after = beyond(stepper, crossed, state, stretch)
     solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
     stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)

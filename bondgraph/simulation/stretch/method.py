@@ -15,9 +15,10 @@ from ...errors import UsageError
 from ..segments import Segment
 from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
 from ..steps.radau import StepFailed
+from .reference import interpreted
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 EASY = 300.0  # turns of the fastest mode in a stretch, in radians: so few that an explicit method needs no more than some fifty steps for them
 STIFF = 3000.0  # such turns of a mode that dies out: it has done so long before the end
@@ -107,7 +108,7 @@ def _tried(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
 
             evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)
         else:
-            solver = stepper.interpreted(stretch, x)
+            solver = interpreted(stepper, stretch, x)
             for _ in range(TRIAL):
                 solver.step()
                 if solver.finished or solver.is_stiff:

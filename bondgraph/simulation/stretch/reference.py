@@ -1,4 +1,4 @@
-"""Radau as Python for a stretch: what it asks of a program, over states that are divided by their magnitudes."""
+"""Methods as Python for a stretch: what they ask of a program, over states that are divided by their magnitudes."""
 
 from __future__ import annotations
 
@@ -8,10 +8,22 @@ import numpy as np
 
 from ..loops.loops import Eliminated
 from ..segments import Segment, follower
+from ..steps.methods import EXPLICIT
 from ..steps.radau import Problem, Radau
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from ..steps.compiled.interpreted import Interpreted
+    from .stepper import Stepper
+
+
+def interpreted(
+    stepper: Stepper, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf
+) -> Interpreted:
+    """A method that is written as machine code alone, as Python, from the start of a stretch; `size` of all steps, if it wants that."""
+    from ..steps.compiled.interpreted import Interpreted
+
+    fixed = (stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch)
+    return Interpreted(*fixed, x, stepper.longest, method, size, stepper.whole)
 
 
 def reference(
@@ -26,11 +38,11 @@ def reference(
     differential = np.arange(len(x)) < count
     rows, columns = program.pattern
     unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
-    ratio = magnitude[columns] / unit[rows]
+    ratio, per_unit = magnitude[columns] / unit[rows], 1 / unit
     eliminated = Eliminated(program)
 
     def derivative(time: float, scaled: Any) -> Any:
-        return eliminated.rates(time, scaled * magnitude, *fixed) / unit
+        return eliminated.rates(time, scaled * magnitude, *fixed) * per_unit
 
     def jacobian(time: float, scaled: Any) -> Any:
         return eliminated.entries(time, scaled * magnitude, *fixed) * ratio

@@ -10,7 +10,7 @@ import numpy as np
 from ..segments import Segment
 
 if TYPE_CHECKING:
-    from .integrate import Stepper
+    from .stepper import Stepper
 
 
 def without_states(stepper: Stepper, stretch: Segment, x: Any) -> Any:

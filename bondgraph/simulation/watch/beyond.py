@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..stretch.integrate import Solver, Stepper
+    from ..stretch.stepper import Solver, Stepper
 
 BEYOND = 1e4  # times what the look ahead saw
 

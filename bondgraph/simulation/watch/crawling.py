@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..stretch.integrate import Solver, Stepper
+    from ..stretch.stepper import Solver, Stepper
 
 LARGEST = 200  # states up to which modes are computed
 MANY = 20_000  # steps of a stretch, from which on a run says what holds them

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..steps.compiled.interpreted import Interpreted
     from ..steps.compiled.run import CompiledRadau
     from ..steps.radau import Radau
-    from ..stretch.integrate import Solver, Stepper
+    from ..stretch.stepper import Solver, Stepper
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
 HUGE = 1e280  # near the largest number there is

@@ -1,4 +1,4 @@
-"""Stepping in the subset of Python that becomes machine code: the loop over steps of `integrate.py`, with the same decisions, around a step of
+"""Stepping in the subset of Python that becomes machine code: the loop over steps of `one_by_one.py`, with the same decisions, around a step of
 one method or another.
 
 For Radau the reference is `radau.py`, in which the method is explained and whose names stand here; a test holds both to the same steps. The other

@@ -1,54 +1,62 @@
-"""Where a law bends within a step: see `radau.Radau._bend`."""
+"""Where a law bends within a step that is tried: see `radau.Radau._bend`. Bends are looked at at a few places of it, which its method chooses."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .. import radau
+from .shares import tried_at
 from .stepper import Stepper
 
-C, P = tuple(radau.C.tolist()), tuple(radau.P.ravel().tolist())
+if TYPE_CHECKING:
+    from ....door import Floats, Numbers
+
+PLACES = (0.0, *radau.C.tolist())
 NEAREST, ON_IT, CLOSE, ROUNDS = radau.NEAREST, radau.ON_IT, radau.CLOSE, radau.ROUNDS
 
 
 def first_bend(s: Stepper, size: float) -> float:
-    """The share of a step at which a law bends first, along the collocation polynomial; 1 if none does."""
-    m = s.bend_count
+    """The share of a step of Radau at which a law bends first, along the collocation polynomial; 1 if none does."""
     for k in range(4):
         for i in range(s.n):
-            s.si[i] = s.state[i] * s.magnitude[i]
+            s.rest[i] = s.state[i]
             if k > 0:
-                s.si[i] = (s.state[i] + s.z[(k - 1) * s.n + i]) * s.magnitude[i]
-        s.bends(s.time + place(k) * size, s.si, s.inputs, s.constants, s.mode, s.bend_seen[k * m :])
+                s.rest[i] = s.state[i] + s.z[(k - 1) * s.n + i]
+        bends_of(s, s.time + PLACES[k] * size, s.rest, s.bend_seen[k * s.bend_count :])
+    return first_between(s, size, PLACES, 4, NEAREST, ON_IT)
+
+
+def first_between(s: Stepper, size: float, places: Numbers, count: int, nearest: float, on_it: float) -> float:
+    """The share of a step at which a law bends first, from all bends at `count` places of it (in `bend_seen`); 1 if none does.
+
+    What lies nearer to its start than a share of it does not count, nor where it starts if a bend is so small a share of its largest value there.
+    """
+    m = s.bend_count
     first = 1.0
     for j in range(m):
         largest = 0.0
-        for k in range(4):
+        for k in range(count):
             largest = max(largest, abs(s.bend_seen[k * m + j]))
-        if abs(s.bend_seen[j]) <= ON_IT * largest:
+        if abs(s.bend_seen[j]) <= on_it * largest:
             s.bend_seen[j] = 0.0
-    for k in range(3):
+    for k in range(count - 1):
         for j in range(m):
-            if s.bend_seen[k * m + j] * s.bend_seen[(k + 1) * m + j] < 0.0 and place(k) < first:
-                found = false_position(s, size, k, j)
-                if found > NEAREST:
+            if s.bend_seen[k * m + j] * s.bend_seen[(k + 1) * m + j] < 0.0 and places[k] < first:
+                found = false_position(s, size, j, places[k], places[k + 1], k, count)
+                if found > nearest:
                     first = min(first, found)
     return first if first < 1.0 - CLOSE else 1.0
 
 
-def place(k: int) -> float:
-    """The k-th place at which a step is looked at, as a share of it."""
-    return 0.0 if k == 0 else C[k - 1]
-
-
-def false_position(s: Stepper, size: float, k: int, j: int) -> float:
-    """Nearly a zero of a bend between two places of unlike signs."""
+def false_position(s: Stepper, size: float, j: int, a: float, b: float, k: int, count: int) -> float:
+    """Nearly a zero of a bend between the places a and b, the k-th and the next, at which its signs differ."""
     m = s.bend_count
-    a = place(k)
-    b = place(k + 1)
     at_a = s.bend_seen[k * m + j]
     at_b = s.bend_seen[(k + 1) * m + j]
     for _ in range(ROUNDS):
         new = b - at_b * (b - a) / (at_b - at_a)
-        value = bend_at(s, size, new, j)
+        bends_at(s, size, new, s.bend_seen[count * m :])
+        value = s.bend_seen[count * m + j]
         if value * at_b < 0.0:
             a = b
             at_a = at_b
@@ -61,17 +69,17 @@ def false_position(s: Stepper, size: float, k: int, j: int) -> float:
     return b
 
 
-def bend_at(s: Stepper, size: float, at: float, j: int) -> float:
-    """One bend at a share of the step, along the collocation polynomial."""
-    n = s.n
-    m = s.bend_count
-    a = at * P[0] + at * at * P[1] + at * at * at * P[2]
-    b = at * P[3] + at * at * P[4] + at * at * at * P[5]
-    c = at * P[6] + at * at * P[7] + at * at * at * P[8]
-    for i in range(n):
-        s.si[i] = (s.state[i] + (a * s.z[i] + b * s.z[n + i] + c * s.z[2 * n + i])) * s.magnitude[i]
-    s.bends(s.time + at * size, s.si, s.inputs, s.constants, s.mode, s.bend_seen[4 * m :])
-    return s.bend_seen[4 * m + j]
+def bends_at(s: Stepper, size: float, at: float, out: Floats) -> None:
+    """All bends at a share of the step."""
+    tried_at(s, at, s.rest)
+    bends_of(s, s.time + at * size, s.rest, out)
+
+
+def bends_of(s: Stepper, time: float, scaled: Floats, out: Floats) -> None:
+    """All bends at a scaled state."""
+    for i in range(s.n):
+        s.si[i] = scaled[i] * s.magnitude[i]
+    s.bends(time, s.si, s.inputs, s.constants, s.mode, out)
 
 
 def after_bend(s: Stepper, size: float) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .. import radau
 from ..methods import RADAU
-from .factors import back, eliminate
+from .factors import Factors, back, eliminate
 from .polynomials import collocation, quintic
 from .step import rates
 from .stepper import Stepper
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ....door import Floats
 
 STIFF, SURE, NEAR, SLOW = radau.STIFF, radau.SURE, radau.NEAR, radau.SLOW
-ITERATIONS, LEFT = radau.BACK_ITERATIONS, radau.LEFT
+ITERATIONS, LEFT, PATIENT = radau.BACK_ITERATIONS, radau.LEFT, radau.BACK_PATIENT
 MU_REAL = float(radau.MU_REAL)
 
 
@@ -40,57 +40,67 @@ def is_unsure(s: Stepper, time: float) -> bool:
     if s.ends < 3:
         return True
     collocation(s, time, s.si)
+    quintic(s, time, s.w)
     for i in range(s.differential):
         limit = SURE * (s.absolute[i] + s.relative * abs(s.end_state[2 * s.n + i]))
-        if s.steepness[i] > STIFF and abs(quintic(s, time, i) - s.si[i]) > limit:
+        if s.steepness[i] > STIFF and abs(s.w[i] - s.si[i]) > limit:
             return True
     return False
 
 
 def bring_back(s: Stepper, time: float, out: Floats) -> None:
-    """What is stiff in a state in SI to where its equations want it, if Newton's method finds that."""
-    n = s.n
+    """What is stiff in a state in SI to where its equations want it, if Newton's method finds that: with the factors of the step, else with its own."""
     size = s.time - s.end_time[s.ends - 2]
     slopes(s, time, size)
+    for i in range(s.n):
+        s.scale[i] = s.absolute[i] + s.relative * abs(out[i] / s.magnitude[i])
+    if not brings_back(s, s.real, 0, time, size, out):
+        brings_back(s, s.inner, 1, time, size, out)
+
+
+def brings_back(s: Stepper, factors: Factors, own: int, time: float, size: float, out: Floats) -> bool:
+    """Whether Newton's method finds it with these factors; its own are made anew where it slows down."""
+    n = s.n
     before = 1e300
-    stale = True
+    slow = 0  # iterations in a row
     for i in range(n):
         s.w[i] = out[i] / s.magnitude[i]
-        s.scale[i] = s.absolute[i] + s.relative * abs(s.w[i])
     for _ in range(ITERATIONS):
-        if stale and not renewed(s, time, size):
-            return
-        correction(s, time)
+        if (before == 1e300 or slow > 0) and own != 0 and not renewed(s, time, size):
+            return False
+        correction(s, factors, time)
         norm = 0.0
         for i in range(n):
             if i < s.differential and s.steepness[i] <= STIFF:
                 s.change[i] = 0.0
             share = abs(s.change[i]) / s.scale[i]
             norm = share if not share <= norm else norm
-        if not isfinite(norm) or norm > 2.0 * before:
-            return
-        stale = norm > SLOW * before
+        slow = slow + 1 if norm > SLOW * before else 0
+        if not isfinite(norm) or norm > 2.0 * before or slow > own * PATIENT:
+            return False
         before = norm
         for i in range(n):
             s.w[i] += s.change[i]
         if norm < LEFT:
             for i in range(n):
                 out[i] = s.w[i] * s.magnitude[i]
-            return
+            return True
+    return False
 
 
 def slopes(s: Stepper, time: float, size: float) -> None:
     """The slope of the polynomial, from two values: into `rest`."""
     n = s.n
-    collocation(s, time + NEAR * size, s.f)
-    collocation(s, time - NEAR * size, s.f[n:])
+    late = s.f
+    early = s.f[n:]
+    if s.ends == 3:
+        quintic(s, time + NEAR * size, late)
+        quintic(s, time - NEAR * size, early)
+    else:
+        collocation(s, time + NEAR * size, late)
+        collocation(s, time - NEAR * size, early)
     for i in range(n):
-        late = s.f[i]
-        early = s.f[n + i]
-        if s.ends == 3:
-            late = quintic(s, time + NEAR * size, i)
-            early = quintic(s, time - NEAR * size, i)
-        s.rest[i] = (late - early) / (2.0 * NEAR * size) if i < s.differential else 0.0
+        s.rest[i] = (late[i] - early[i]) / (2.0 * NEAR * size) if i < s.differential else 0.0
 
 
 def renewed(s: Stepper, time: float, size: float) -> bool:
@@ -111,9 +121,9 @@ def renewed(s: Stepper, time: float, size: float) -> bool:
     return eliminate(s.inner)
 
 
-def correction(s: Stepper, time: float) -> None:
+def correction(s: Stepper, factors: Factors, time: float) -> None:
     """One change of Newton's method from the state in `w`: into `change`."""
     rates(s, time, s.w, s.change)
     for i in range(s.n):
         s.change[i] -= s.rest[i]
-    back(s.inner, s.change)
+    back(factors, s.change)

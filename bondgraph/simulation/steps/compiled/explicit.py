@@ -23,7 +23,7 @@ C, STARTS, FROM, A, E5, E3 = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5, pa
 STAGES = pair.STAGES
 SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = pair.SEEN, pair.UNSEEN, pair.LOOKS, pair.BETWEEN, pair.THROUGH
 CAREFUL = pair.CAREFUL
-NEAREST, MOST_BENDS = pair.NEAREST, pair.MOST_BENDS
+MOST_BENDS, REGAINED = pair.MOST_BENDS, pair.REGAINED
 SHORTEST, LONGEST, SAFETY = pair.SHORTEST, pair.LONGEST, pair.SAFETY
 STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = pair.STABLE, pair.SELDOM, pair.LOOK_AGAIN, pair.ITERATIONS
 
@@ -56,7 +56,7 @@ def explicit_step(s: Stepper) -> int:
         combine(s, STAGES, size, s.new)
         norm = norm_of_pair(s, size)
         if s.bend_count > 0 and bent < MOST_BENDS and isfinite(norm):
-            share = first_bend_of_pair(s, size)
+            share = first_bend_of_pair(s, size, least)
             if share < 1.0:
                 bent += 1
                 size *= share
@@ -71,7 +71,7 @@ def explicit_step(s: Stepper) -> int:
     put_explicit_end(s, end, size)
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
     if bent > 0:
-        s.size = max(s.size, size / max(share, NEAREST))
+        s.size = max(s.size, size / max(share, REGAINED))
     if s.size * s.fastest > STABLE:
         s.held_by_stability += 1
         s.free_steps = 0

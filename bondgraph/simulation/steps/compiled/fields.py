@@ -60,7 +60,7 @@ def given_at(
     known = signals_on(program, inputs, constants, stretch, length)
     earliest, latest = inside(stretch)
     return {
-        "inputs": inputs, "constants": constants, "mode": stretch.mode, "rows": rows, "columns": columns, "magnitude": magnitude, "unit": unit,
+        "inputs": inputs, "constants": constants, "mode": stretch.mode, "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
         "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
@@ -93,7 +93,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if method == ENERGY else order), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
-        "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "new": room(n), "error": room(n), "rest": room(n),
+        "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n), "rest": room(n),
         "norms": room(STUBBORN), "sizes": room(STUBBORN),
         "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
         "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),

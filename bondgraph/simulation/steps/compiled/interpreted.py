@@ -1,6 +1,6 @@
-"""The source of the compiled steps as Python, in the place of the loop over steps in `integrate.py`: where there is no machine code, and for events.
+"""The source of the compiled steps as Python, in the place of the loop over steps in `one_by_one.py`: where there is no machine code, and for events.
 
-Only what a step does by itself happens here; limits, events, work and samples are the affair of `integrate.py`.
+Only what a step does by itself happens here; limits, events, work and samples are the affair of `one_by_one.py`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "po
 
 
 class Interpreted:
-    """Steps of the explicit pair, or of the method that keeps the energy, over one stretch; answers what `integrate` asks of `radau.Radau`."""
+    """Steps of the explicit pair, or of the method that keeps the energy, over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,

@@ -16,15 +16,18 @@ if TYPE_CHECKING:
 P = tuple(radau.P.ravel().tolist())
 
 
-def quintic(s: Stepper, time: float, i: int) -> float:
-    """One state by the polynomial through the last ends."""
+def quintic(s: Stepper, time: float, out: Floats) -> None:
+    """The polynomial through the last ends, scaled states."""
     if s.node_count == 0:
         interpolate(s)
-    m = s.node_count
-    value = s.coefficients[(m - 1) * s.n + i]
-    for k in range(m - 2, -1, -1):
-        value = value * (time - s.nodes[k]) + s.coefficients[k * s.n + i]
-    return value
+    n = s.n
+    top = s.node_count - 1
+    for i in range(n):
+        out[i] = s.coefficients[top * n + i]
+    for k in range(top - 1, -1, -1):
+        past = time - s.nodes[k]
+        for i in range(n):
+            out[i] = out[i] * past + s.coefficients[k * n + i]
 
 
 def collocation(s: Stepper, time: float, out: Floats) -> None:
@@ -61,10 +64,11 @@ def interpolate(s: Stepper) -> None:
     for order in range(1, m):
         for j in range(m - 1, order - 1, -1):
             gap = s.nodes[j] - s.nodes[j - order]
-            for i in range(n):
-                if gap == 0.0:
+            if gap == 0.0:
+                for i in range(n):
                     s.coefficients[j * n + i] = s.end_slope[(j + shift) // 2 * n + i]
-                else:
-                    rise = s.coefficients[j * n + i] - s.coefficients[(j - 1) * n + i]
-                    s.coefficients[j * n + i] = rise / gap
+                continue
+            by = 1.0 / gap
+            for i in range(n):
+                s.coefficients[j * n + i] = (s.coefficients[j * n + i] - s.coefficients[(j - 1) * n + i]) * by
     s.node_count = m

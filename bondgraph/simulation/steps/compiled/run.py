@@ -1,4 +1,4 @@
-"""Runs `advance.advance` as machine code, in the place of the loop over steps in `integrate.py`.
+"""Runs `advance.advance` as machine code, in the place of the loop over steps in `one_by_one.py`.
 
 What a step looks at besides (limits, other choices of states, work) happens in there too; the code comes back where Python must decide, and every
 some tens of milliseconds, so that a run can be interrupted.
@@ -99,7 +99,7 @@ class Ordered:
 
 
 class CompiledRadau:
-    """Steps over one stretch; answers what `integrate` asks of `radau.Radau`."""
+    """Steps over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ... import segments
 from .. import radau
-from .bending import after_bend, first_bend
+from .bending import after_bend, bends_of, first_bend
 from .dense import factorise, solve_complex, solve_real
 from .holding import hold, put_multipliers
 from .sparse import ANEW, SINGULAR
@@ -46,7 +46,7 @@ def step(s: Stepper) -> int:
     if s.known == 0:
         renew(s)
     for i in range(n):
-        s.scale[i] = s.absolute[i] + abs(s.state[i]) * s.relative
+        s.per_tolerance[i] = 1.0 / (s.absolute[i] + abs(s.state[i]) * s.relative)
     while True:
         if size < least and s.time + size < s.stop:
             return reason
@@ -93,8 +93,7 @@ def look_at_side(s: Stepper, ahead: float) -> None:
     """After a step: see `radau.Radau._look_at_side`."""
     for i in range(s.n):
         s.rest[i] = s.state[i] + ahead * s.rate[i]
-        s.si[i] = s.rest[i] * s.magnitude[i]
-    s.bends(s.time + ahead, s.si, s.inputs, s.constants, s.mode, s.bend_seen)
+    bends_of(s, s.time + ahead, s.rest, s.bend_seen)
     for j in range(s.bend_count):
         if sign(s.bend_seen[j]) != s.bend_side[j]:
             renew_at(s, s.time + ahead, s.rest)
@@ -184,11 +183,11 @@ def rates(s: Stepper, time: float, y: Floats, out: Floats) -> None:
     if s.closed.multipliers > 0:
         s.closed.solved(time, s.si, s.inputs, s.constants, s.mode, s.closed.solution)
         for i in range(s.n):
-            out[i] = s.closed.solution[i] / s.unit[i]
+            out[i] = s.closed.solution[i] * s.per_unit[i]
     else:
         s.derivative(time, s.si, s.inputs, s.constants, s.mode, out)
         for i in range(s.n):
-            out[i] = out[i] / s.unit[i]
+            out[i] *= s.per_unit[i]
     s.derivatives += 1
 
 
@@ -199,12 +198,12 @@ def renew(s: Stepper) -> None:
 
 def renew_at(s: Stepper, time: float, y: Floats) -> None:
     """The Jacobian at a state, and on which side of all bends that is."""
-    for i in range(s.n):
-        s.si[i] = y[i] * s.magnitude[i]
     if s.bend_count > 0:
-        s.bends(time, s.si, s.inputs, s.constants, s.mode, s.bend_side)
+        bends_of(s, time, y, s.bend_side)
         for j in range(s.bend_count):
             s.bend_side[j] = sign(s.bend_side[j])
+    for i in range(s.n):
+        s.si[i] = y[i] * s.magnitude[i]
     if s.closed.multipliers > 0:
         put_multipliers(s.closed, time, s.si)
     s.entries(time, s.si, s.inputs, s.constants, s.mode, s.jacobian)
@@ -300,42 +299,12 @@ def newton(s: Stepper, size: float) -> int:
     for i in range(3):
         for k in range(n):
             s.w[i * n + k] = TI[3 * i] * s.z[k] + TI[3 * i + 1] * s.z[n + k] + TI[3 * i + 2] * s.z[2 * n + k]
-    real = MU_REAL / size
-    re = MU_RE / size
-    im = MU_IM / size
     last = 0.0
     s.contraction = 0.0
     for iteration in range(NEWTON_ITERATIONS):
-        for i in range(3):
-            for k in range(n):
-                s.rest[k] = s.state[k] + s.z[i * n + k]
-            rates(s, s.time + size * C[i], s.rest, s.f[i * n :])
-        for i in range(3 * n):
-            if not isfinite(s.f[i]):
-                return 0
-        for i in range(3):
-            for k in range(n):
-                s.change[i * n + k] = TI[3 * i] * s.f[k] + TI[3 * i + 1] * s.f[n + k] + TI[3 * i + 2] * s.f[2 * n + k]
-        for k in range(s.differential):
-            a = s.w[n + k]
-            b = s.w[2 * n + k]
-            s.change[k] -= real * s.w[k]
-            s.change[n + k] -= re * a - im * b
-            s.change[2 * n + k] -= re * b + im * a
-        solve_real(s, s.change)
-        solve_complex(s, s.change[n:], s.change[2 * n :])
-        norm = 0.0
-        creeping = 0.0
-        for i in range(3):
-            for k in range(n):
-                part = abs(s.change[i * n + k] / s.scale[k])
-                norm += part * part
-                before = s.last_change[i * n + k]
-                rate = min(part / before, SLOWEST) if before > 0.0 else 0.0
-                if rate > CREEPING:
-                    creeping = max(creeping, part * rate / (1.0 - rate))
-                s.last_change[i * n + k] = part
-        norm = sqrt(norm) / sqrt(3.0 * float(n))
+        if not correct(s, size):
+            return 0
+        norm = sqrt(squares(s)) / sqrt(3.0 * float(n))
         if not isfinite(norm):
             return 0
         if last > 0.0:
@@ -353,10 +322,68 @@ def newton(s: Stepper, size: float) -> int:
         first = s.last_size == 0.0 and iteration + 1 < NEWTON_ITERATIONS
         asked = s.first_newton_tolerance if first else s.newton_tolerance
         left = s.contraction / (1.0 - s.contraction) * norm
-        if norm == 0.0 or (last > 0.0 and left < asked and creeping < s.creeping_tolerance):
+        if norm == 0.0 or (last > 0.0 and left < asked and most_left(s) < s.creeping_tolerance):
             return iteration + 1
         last = norm
+        for i in range(3 * n):
+            s.last_change[i] = s.change[i]
     return 0
+
+
+def correct(s: Stepper, size: float) -> bool:
+    """One iteration: into `change`; false where a rate is no number."""
+    n = s.n
+    for i in range(3):
+        for k in range(n):
+            s.rest[k] = s.state[k] + s.z[i * n + k]
+        rates(s, s.time + size * C[i], s.rest, s.f[i * n :])
+    for i in range(3 * n):
+        if not isfinite(s.f[i]):
+            return False
+    for i in range(3):
+        for k in range(n):
+            s.change[i * n + k] = TI[3 * i] * s.f[k] + TI[3 * i + 1] * s.f[n + k] + TI[3 * i + 2] * s.f[2 * n + k]
+    real = MU_REAL / size
+    re = MU_RE / size
+    im = MU_IM / size
+    for k in range(s.differential):
+        a = s.w[n + k]
+        b = s.w[2 * n + k]
+        s.change[k] -= real * s.w[k]
+        s.change[n + k] -= re * a - im * b
+        s.change[2 * n + k] -= re * b + im * a
+    solve_real(s, s.change)
+    solve_complex(s, s.change[n:], s.change[2 * n :])
+    return True
+
+
+def squares(s: Stepper) -> float:
+    """The sum of the squares of the changes in units of the tolerance."""
+    n = s.n
+    one = 0.0
+    two = 0.0
+    three = 0.0
+    for k in range(n):
+        a = s.change[k] * s.per_tolerance[k]
+        b = s.change[n + k] * s.per_tolerance[k]
+        c = s.change[2 * n + k] * s.per_tolerance[k]
+        one += a * a
+        two += b * b
+        three += c * c
+    return one + two + three
+
+
+def most_left(s: Stepper) -> float:
+    """See `radau._left`."""
+    most = 0.0
+    for i in range(3):
+        for k in range(s.n):
+            now = abs(s.change[i * s.n + k])
+            before = abs(s.last_change[i * s.n + k])
+            if now > CREEPING * before and before > 0.0:
+                rate = min(now / before, SLOWEST)
+                most = max(most, now * s.per_tolerance[k] * rate / (1.0 - rate))
+    return most
 
 
 def estimate(s: Stepper, size: float, rejected: bool) -> float:

@@ -39,7 +39,7 @@ class Stepper(Record):
     rows: Ints  # entry_count
     columns: Ints  # entry_count
     magnitude: Floats  # n
-    unit: Floats  # n: of the rates
+    per_unit: Floats  # n: one over the units of the rates
     ratio: Floats  # entry_count
     # tolerances
     relative: float
@@ -120,8 +120,9 @@ class Stepper(Record):
     w: Floats  # 3 n
     f: Floats  # 3 n
     change: Floats  # 3 n
-    last_change: Floats  # 3 n: its size in the last iteration, in units of the tolerance
+    last_change: Floats  # 3 n: that of the last iteration
     scale: Floats  # n
+    per_tolerance: Floats  # n: one over the tolerances of a step
     new: Floats  # n
     error: Floats  # n: of the last step, in units of its tolerance
     rest: Floats  # n

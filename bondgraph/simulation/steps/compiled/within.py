@@ -71,11 +71,11 @@ def state_at(s: Stepper, time: float, out: Floats) -> None:
     else:
         collocation(s, time, out)
     if s.ends == 3 and s.method == RADAU:
+        quintic(s, time, s.w)
         for i in range(n):
-            value = quintic(s, time, i)
             limit = 10.0 * (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))
-            if abs(value - out[i]) <= limit and isfinite(limit):
-                out[i] = value
+            if abs(s.w[i] - out[i]) <= limit and isfinite(limit):
+                out[i] = s.w[i]
     for i in range(n):
         out[i] *= s.magnitude[i]
     if s.closed.gaps > 0:

@@ -1,0 +1,186 @@
+"""A stretch stepped through in Python: after each step, all that looks at it does so. The reference of `machine.py`, and the way of what that cannot do."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Union
+
+import numpy as np
+
+from ...errors import StepsCollapsed
+from ..closed.singular import NEAR
+from ..segments import Segment
+from ..steps.methods import AUTOMATIC, RADAU
+from ..steps.radau import Radau, StepFailed
+from ..watch.stuck import MOST_STEPS
+from .between import settled
+from .poses import beyond, chosen_anew
+from .reference import interpreted, reference
+
+if TYPE_CHECKING:
+    from ..steps.compiled.interpreted import Interpreted
+    from .stepper import Stepper
+
+InPython = Union["Radau", "Interpreted"]
+
+
+def one_by_one(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> Any:
+    """As `Stepper.run` from where it begins to step. `size` of all steps, if the method wants that; `target`: what the result calls this way."""
+    return OneByOne(stepper, stretch, x, method, size, target).to_end()
+
+
+class OneByOne:
+    """Steps over one stretch, the last of which is looked at."""
+
+    def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> None:
+        self.stepper, self.stretch, self.target = stepper, stretch, target
+        self.steps = 0
+        self.solver: InPython
+        if method == RADAU:
+            self.solver = reference(stepper, stretch, stretch.start, x)
+        else:
+            self.solver = interpreted(stepper, stretch, x, method, size)
+        self.magnitude = stepper.tolerances.magnitude
+        self.peak = np.maximum(np.abs(x) / self.magnitude, 1.0)
+        if stepper.constraints:
+            stepper.singular.begin(stretch.start, x, stretch.mode)
+
+    def to_end(self) -> Any:
+        """The state at the end of the stretch, or where something cuts it."""
+        stepper = self.stepper
+        try:
+            while not self.solver.finished and self.step():
+                self.steps += 1
+                self._pass_step()
+                if stepper.flip is not None or self._is_cut():
+                    break
+                stepper.keep(self.solver.time, self.state, self.stretch.mode, self.stretch.start)
+        finally:
+            stepper.result.steps += self.steps
+            stepper.count(self.solver.evaluations)
+        stepper.tell_crawling(self.solver, self.steps, self.stretch.mode)
+        if stepper.flip is not None:
+            return stepper.flip.state
+        return stepper.loops.solve(self.solver.time, self.state, self.stretch.mode)
+
+    @property
+    def state(self) -> Any:
+        """Where the last step ended, in SI."""
+        return self.solver.state * self.magnitude
+
+    def step(self) -> bool:
+        """One accepted step; false where none leads on, but an event just ahead does."""
+        stepper = self.stepper
+        try:
+            self.solver.step()
+        except StepFailed as failed:
+            told = stepper.failed(self.solver, failed.what, self.stretch.mode)
+            if isinstance(told, StepsCollapsed) and stepper.flips_just_ahead(told, self.stretch):
+                return False
+            raise told from None
+        stepper.steps += 1
+        if self.steps >= MOST_STEPS or stepper.steps > stepper.most_steps:
+            raise stepper.failed(self.solver, "steps", self.stretch.mode)
+        return True
+
+    # ------------------------------------------------------------ what looks at a step
+    def _pass_step(self) -> None:
+        """All that looks at an accepted step: events, reports, limits, work, delays."""
+        stepper, solver = self.stepper, self.solver
+        before = stepper.position
+        self._follow()
+        self._sample()
+        stepper.look(solver, self.stretch, stepper.instants[before : stepper.position])
+        start, stop = solver.last_step
+        stop = stop if stepper.flip is None else stepper.flip.time
+        if stepper.powers is not None:
+            stepper.add_work(start, stop, self._along, self.stretch)
+        if stepper.history is not None:
+            stepper.history.keep(start, stop, partial(self._dense, self.stretch), stepper.inputs, self.stretch.mode)
+        stepper.grow(self.state if stepper.flip is None else stepper.flip.state)
+
+    def _follow(self) -> None:
+        """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
+        start, stop = self.solver.last_step
+        parts = self.solver.parts
+        edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
+        for a, b in pairwise(edges):
+            self.stretch = self.stepper.follow(a, b, self.stretch, partial(self._dense, self.stretch))
+            if self.stepper.flip is not None:
+                break
+
+    def _sample(self) -> None:
+        """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
+        stepper, solver = self.stepper, self.solver
+        first = last = stepper.position
+        end = self.stretch.stop if stepper.flip is None else stepper.flip.time
+        while last < len(stepper.instants) and stepper.instants[last] <= solver.time and stepper.instants[last] < end:
+            last += 1
+        if last > first:
+            times = stepper.instants[first:last]
+            scaled = settled(stepper, solver, times) if isinstance(solver, Radau) else solver.sample(times)
+            stepper.result.states[first:last] = stepper.held_all(times, scaled * self.magnitude, self.stretch.mode)
+            stepper.position = last
+
+    def _dense(self, stretch: Segment, times: Any, exactly: bool = True) -> Any:
+        """States and unknowns within the last step, the latter solved for if they are wanted exactly; shape (times, n)."""
+        states = self.solver.sample(times) * self.magnitude
+        return self.stepper.held_all(times, states, stretch.mode) if exactly or self.stepper.constraints else states
+
+    def _along(self, times: Any) -> Any:
+        """States within the last step, as the collocation polynomial has them."""
+        return self.solver.collocation(times) * self.magnitude
+
+    # ------------------------------------------------------------ what a step makes of the next
+    def _is_cut(self) -> bool:
+        """Whether the stretch ends after this step: for another stretch, another leg, or a signal that will jump. Else the next one is prepared."""
+        stepper, solver, stretch = self.stepper, self.solver, self.stretch
+        if stepper.history is not None and stepper.history.next_cut(solver.time, stretch.stop) < stretch.stop:
+            stepper.reached = solver.time  # a signal will jump that did not when this stretch began
+            return True
+        absolute = self._hold_to_peak()
+        if stepper.choice is not None and not solver.finished:
+            stepper.result.handover = stepper.choice.look(solver.time, self.state, stretch.mode)
+            if stepper.result.handover is not None:
+                return True
+        if not isinstance(solver, Radau):
+            if stepper.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
+                stepper.result.settled = RADAU
+                stepper.name(RADAU, self.target)
+                stepper.count(solver.evaluations)
+                self.solver = reference(stepper, stretch, solver.time, self.state, absolute=absolute)
+        elif stepper.constraints and not solver.finished:
+            self._past_singular_pose(solver)
+            if stepper.result.handover is not None:
+                return True
+        if stepper.leaving is not None and stepper.leaving.cuts(stepper, self.solver, self.steps, stretch):
+            stepper.reached = self.solver.time
+            return True
+        return False
+
+    def _hold_to_peak(self) -> Any:
+        """A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance."""
+        tolerances = self.stepper.tolerances
+        self.peak = np.maximum(self.peak, np.abs(self.solver.state))
+        absolute = tolerances.scaled * np.where(tolerances.held, 1.0, self.peak)
+        self.solver.hold_to(absolute)
+        return absolute
+
+    def _past_singular_pose(self, solver: Radau) -> None:
+        """Go on with a new solver beyond a singular pose that is near; steps beside one are short."""
+        stepper, mode, state = self.stepper, self.stretch.mode, self.state
+        watcher = stepper.singular
+        watcher.look(solver.time, state, mode)
+        solver.problem.longest = min(stepper.longest, watcher.longest)
+        if chosen_anew(stepper, solver.time, state, mode, solver.wish):
+            return
+        crossed = watcher.crossing(
+            solver.time, state, mode, solver.wish, self.stretch.stop, stepper.tolerances.relative
+        )
+        if crossed is None:
+            return
+        after = beyond(stepper, crossed, state, self.stretch)
+        stepper.count(solver.evaluations)
+        watcher.begin(end := crossed.start + crossed.size, after, mode)
+        self.solver = reference(stepper, self.stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))

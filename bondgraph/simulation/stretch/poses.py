@@ -1,0 +1,45 @@
+"""What a run keeps and does where it comes near a singular pose, whatever makes the steps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..segments import Segment
+from ..watch.choice import Handover
+
+if TYPE_CHECKING:
+    from ..closed.crossing import Crossed
+    from .stepper import Stepper
+
+
+def chosen_anew(stepper: Stepper, time: float, state: Any, mode: Any, step: float) -> bool:
+    """Whether to stop here, as other constraints should take part from now on: the next leg chooses them."""
+    if stepper.choice is None or not stepper.singular.other_rows(time, state, mode, step):
+        return False
+    stepper.result.handover = Handover(time, *stepper.choice.stored(time, state, mode))
+    return True
+
+
+def beyond(stepper: Stepper, crossed: Crossed, state: Any, stretch: Segment) -> Any:
+    """The state after a crossing; what the run keeps of it is kept. `state`: before."""
+    magnitude, count = stepper.tolerances.magnitude, stepper.constraints.count
+
+    def sample(times: Any) -> Any:
+        states = crossed.at(times) * magnitude[:count]
+        unknowns = np.broadcast_to(state[count:], (len(states), len(state) - count))
+        return np.concatenate([states, unknowns], axis=1)
+
+    end = crossed.start + crossed.size
+    last, instants = stepper.position, stepper.instants
+    while last < len(instants) and instants[last] <= end and instants[last] < stretch.stop:
+        last += 1
+    times = instants[stepper.position : last]
+    if len(times):
+        stepper.result.states[stepper.position : last] = stepper.held_all(times, sample(times), stretch.mode)
+        stepper.position = last
+    stepper.watch_limits(crossed.start, end, times, sample, stretch)
+    if stepper.powers is not None:
+        stepper.add_work(crossed.start, end, sample, stretch)
+    return stepper.held(end, sample(np.array([end]))[0], stretch.mode)
