@@ -126,8 +126,8 @@ def follower(
     known = signals_on(program, inputs, constants, stretch, whole)
     first, last = inside(stretch)
     allowed = coarse * known.allowed
-    if not len(allowed):
-        return lambda start, stop: True
+    if not len(allowed) or (known.steady and coarse > 1.0):
+        return always
 
     def follows(start: float, stop: float) -> bool:
         times = np.minimum(np.maximum(start + (stop - start) * LOOKS, first), last)
@@ -141,6 +141,11 @@ def follower(
         return not (np.abs(((a * shares + b) * shares + c) * shares + d - known.values[passed]) > allowed).any()
 
     return follows
+
+
+def always(start: float, stop: float) -> bool:
+    """What a step sees of what does not move."""
+    return True
 
 
 def inside(stretch: Segment) -> tuple[float, float]:
@@ -245,11 +250,13 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
             signs = np.sign(values[:, column])
             for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):
                 mode = _mode(program, constants, times[i])
+                ends = [float(t) for t in times[i : i + 2]]
+                known = dict(zip(ends, values[i : i + 2, column].tolist(), strict=True)) if not mode.size else {}
 
-                def g(t: float, column: int = column, mode: Any = mode) -> float:
-                    return float(program.crossings(t, constants, mode)[column])
+                def g(t: float, column: int = column, mode: Any = mode, known: dict[float, float] = known) -> float:
+                    return known[t] if t in known else float(program.crossings(t, constants, mode)[column])
 
-                if g(times[i]) * g(times[i + 1]) < 0:
-                    found.append(crossing(g, times[i], times[i + 1], 4e-16 * max(abs(b), 1e-300)))
+                if g(ends[0]) * g(ends[1]) < 0:
+                    found.append(crossing(g, ends[0], ends[1], 4e-16 * max(abs(b), 1e-300)))
             found += [times[i] for i in np.flatnonzero(signs[1:-1] == 0) + 1 if signs[i - 1] * signs[i + 1] < 0]
     return found

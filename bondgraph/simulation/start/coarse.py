@@ -13,7 +13,7 @@ from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
-from ..segments import Segment, follower
+from ..segments import Segment, always, follower
 from ..steps.factorise import Shifted, is_large, once, sparse
 from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion
@@ -160,21 +160,21 @@ class CoarseRun:
         if jacobian is None or reach is None:
             return None
         slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
-        away = reach.rest(jacobian, slope if basis is None else basis.T @ slope)
+        away = reach.rest(slope if basis is None else basis.T @ slope)
         found = along(reach, basis, len(self.state))
-        if basis is None and self._stiffens(first, reach.fastest, found(self.state)):
+        if basis is None and self._stiffens(first, reach):
             return None
         if away is not None:
             whole = away if basis is None else np.concatenate([basis @ away, np.zeros(len(self.state) - count)])
             self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
         return found
 
-    def _stiffens(self, first: Segment, rate: float, far: Any) -> bool:
+    def _stiffens(self, first: Segment, reach: FreeMotion) -> bool:
         """Whether all moves so much faster where a free linear motion would lead that it never gets there, as a reaction whose product decays by its square."""
-        there = np.stack([self.state + far, self.state - far])
+        far = reach(self.state)
+        there = np.array([self.state + far, self.state - far])
         found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
-        found = found[np.isfinite(found).all(axis=(1, 2))]
-        return bool(rate > 0 and np.abs(np.linalg.eigvals(found)).max(initial=0.0) > STIFFER * rate)
+        return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
 
     def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
         """The loop over steps in machine code, where they are projected on nothing."""
@@ -222,7 +222,7 @@ class CoarseRun:
     def _follows(self, stretch: Segment, stretches: int, whole: float) -> Callable[[float, float], bool]:
         """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
         if not 1 < stretches <= STEPS:
-            return lambda start, stop: True
+            return always
         return follower(self.program, self.inputs, self.constants, stretch, whole, coarse=COARSE)
 
     def _on_constraints(self, first: Segment, basis: Any) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 LARGEST = 200  # states up to which the modes are computed
+WELL_TOLD = 1e6  # condition of their shapes up to which they are told apart
 
 
 def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
@@ -35,17 +36,26 @@ class FreeMotion:
     inverse: Any
     scale: Any
     fastest: float  # of its rates, 1/s
+    matrix: Any  # in units of the scale
 
     def __call__(self, x: Any) -> Any:
         return self.amplitudes @ np.abs(self.inverse @ (x / self.scale)) * self.scale
 
-    def rest(self, jacobian: Any, rates: Any) -> Any | None:
+    def rest(self, rates: Any) -> Any | None:
         """How far away, by the Jacobian, lies what has no rates; None where nothing holds it."""
         try:
-            away = -np.linalg.solve(jacobian * self.scale / self.scale[:, None], rates / self.scale) * self.scale
+            away = -np.linalg.solve(self.matrix, rates / self.scale) * self.scale
         except np.linalg.LinAlgError:
             return None
         return away if np.isfinite(away).all() else None
+
+    def is_slower_than(self, rate: float, jacobians: Any) -> bool:
+        """Whether all modes of other Jacobians, shape (…, n, n), are; those with numbers that are not finite count for nothing."""
+        finite = jacobians[np.isfinite(jacobians).all(axis=(-2, -1))]
+        sums = np.abs(finite * self.scale / self.scale[:, None]).sum(axis=-1)
+        if sums.max(initial=0.0) <= rate:  # a bound
+            return True
+        return bool(np.abs(np.linalg.eigvals(finite)).max(initial=0.0) <= rate)
 
 
 def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], Any]:
@@ -69,6 +79,7 @@ def free_motion(jacobian: Any, compiled: bool) -> FreeMotion | None:
         inverse = np.linalg.inv(shapes)
     except np.linalg.LinAlgError:
         return None
-    if np.linalg.cond(shapes) > 1e6:
+    bound = np.vdot(shapes, shapes).real * np.vdot(inverse, inverse).real
+    if not bound <= WELL_TOLD**2 and not np.linalg.cond(shapes) <= WELL_TOLD:
         return None
-    return FreeMotion(np.abs(shapes), inverse, scale, float(np.abs(rates).max()))
+    return FreeMotion(np.abs(shapes), inverse, scale, float(np.abs(rates).max()), balanced)
