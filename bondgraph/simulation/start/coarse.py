@@ -25,6 +25,7 @@ STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
 COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
 EXPLODED = 1e3  # times as large within the second half of the way
+GROWN, SAME = 1.5, 1.2  # times as large within a step, and what counts as no larger
 CAREFUL = 300  # of these: up to then a step must not overshoot what grows
 AGAIN, NOTES = (
     1.25,
@@ -243,15 +244,14 @@ class CoarseRun:
         found = self._step(self.state, time + size, size, mode)
         if found is None or not careful:
             return found
-        beyond = np.maximum(
-            1.5 * np.abs(self.state), self.largest
-        )  # what stays within what was there before does no harm
+        # What stays within what was there before does no harm.
+        beyond = np.maximum(GROWN * np.abs(self.state), SAME * self.largest)
         grows = self.differential & (np.abs(found) > beyond) & (self.state != 0)
         if not grows.any():
             return found
         middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
         end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
-        return None if end is None or (np.abs(found) > 1.2 * np.abs(end))[grows].all() else found
+        return None if end is None or (np.abs(found) > SAME * np.abs(end))[grows].all() else found
 
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """The state at the end of a step; None if it is not found."""

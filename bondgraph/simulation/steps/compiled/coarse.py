@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
 AGAIN, NOTES = look.AGAIN, look.NOTES
+GROWN, SAME = look.GROWN, look.SAME
 
 
 class Coarse(Record):
@@ -127,14 +128,14 @@ def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
     if done != FINE:
         return done
     for i in range(c.n):
-        if has_grown(c, e, i) and not abs(c.found[i]) > 1.2 * abs(e.x[i]):
+        if has_grown(c, e, i) and not abs(c.found[i]) > SAME * abs(e.x[i]):
             return FINE
     return SINGULAR
 
 
 def has_grown(c: Coarse, e: Euler, i: int) -> bool:
-    """Whether a state is much larger after a step, and larger than ever before: what stays within that does no harm."""
-    return abs(c.found[i]) > max(1.5 * abs(c.state[i]), e.largest[i]) and c.state[i] != 0.0
+    """Whether a state is much larger after a step, and by so much larger than ever before: what stays within that does no harm."""
+    return abs(c.found[i]) > max(GROWN * abs(c.state[i]), SAME * e.largest[i]) and c.state[i] != 0.0
 
 
 def single_step(e: Euler, time: float, size: float) -> int:
