@@ -28,8 +28,9 @@ from .euler import euler
 from .fields import given_at, room_of
 from .forms import Laid, form_of
 from .holding import hold_all, least_all, rates_all
-from .ordering import ordered
-from .sparse import Pattern
+from .light import DIAGONAL
+from .ordering import on_diagonal, ordered, room_in
+from .sparse import FINE, Pattern, real_factors
 from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
@@ -60,7 +61,7 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all, balance])
+        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all, balance, real_factors])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
@@ -83,12 +84,13 @@ class Ordered:
             nothing: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields if name != "small"}
             return nothing | {"n": n, "ready": 0, "tolerant": 0} | {name: np.zeros(n) for name in room}
 
-        self.values = Laid(form_of(Pattern, program, "", values), {"small": small})
+        self._form, self._kept = form_of(Pattern, program, "", values), program.kept
+        self.values = Laid(self._form, {"small": small})
         self.record = self.values.record
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
-        found = ordered(*self.pattern, shift, entries)
+        found = self._on_diagonal(shift, entries) or ordered(*self.pattern, shift, entries)
         if found is None:
             return False
         self.values.put(found)
@@ -96,6 +98,20 @@ class Ordered:
             self.values[name][:] = 0.0
         self.record.ready = 1
         return True
+
+    def _on_diagonal(self, shift: float, entries: Any) -> dict[str, Any] | None:
+        """The order that depends on the program alone, if its pivots are not small; else None."""
+        key = "order", len(entries), self.pattern[-1]
+        if key not in self._kept:
+            self._kept[key] = on_diagonal(*self.pattern)
+        known = self._kept[key]
+        if known is None:
+            return None
+        found: dict[str, Any] = known | room_in(known)
+        trial = Laid(self._form, {"small": DIAGONAL})
+        trial.put(found | {"ready": 1, "n": self.pattern[-1]})
+        factorise = called("real_factors", WHOLE, POINTER, ctypes.c_double, POINTER)
+        return found if factorise(trial.address, shift, np.ascontiguousarray(entries).ctypes.data) == FINE else None
 
 
 class CompiledRadau:
