@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
+
+from .nouns import dataclass
 
 SCHEMA = "bondgraph-certificate/1"
 LISTED = 12  # names on one line of text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
 from .memory import uncollected
+from .nouns import dataclass
 from .reduction import (
     Certificate,
     StateSpace,
@@ -162,6 +163,11 @@ class Compilation:
         refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
         return reduce_equations(less, self.everything, span)
 
+    def look_at_laws(self) -> None:
+        """Raise what would go wrong where laws become a program; neither the slopes of one by another nor products that are shared can."""
+        with self._instances():
+            lower(self.state_space, whole=False)
+
     @cached_property
     def _as_written(self) -> Lowered:
         space = self.state_space
@@ -294,7 +300,7 @@ def _examine(
             compilation.__dict__["_built"] = parts.built
         try:
             if not compilation.is_part:
-                _ = compilation.lowered
+                compilation.look_at_laws()
                 certificate = compilation.certificate
         except CompilationFailed as failed:
             found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]

@@ -6,8 +6,10 @@ import errno
 import re
 import stat
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
+
+from .nouns import dataclass
 
 MAXIMUM_BYTES = 32_000_000  # of one file, before it is read
 _COMMENT = re.compile(r"#[^\n]*")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import door
 from .analysed import Analysed
-from .compiled import LIBRARY, Parameter
+from .compiled import LIBRARY, Parameter, names_of
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Model(Shown, Analysed):
     def run(
         self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None, target: str | None = None, executor: Any = None, solver: str | None = None,
+        outputs: Sequence[str] | None = None, target: str | None = None, executor: Any = None, solver: str | None = None,
         sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
         """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
@@ -69,13 +69,13 @@ class Model(Shown, Analysed):
         """
         from ..studies.experiment import Options, run
 
-        options = Options(to, points, rtol, atol, energy, target, solver, bandwidth, outputs)
+        options = Options(to, points, rtol, atol, energy, target, solver, bandwidth, names_of(outputs))
         return run(self, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
-        points: int | None = None, rtol: float | None = None, outputs: tuple[str, ...] | None = None, executor: Any = None,
+        points: int | None = None, rtol: float | None = None, outputs: Sequence[str] | None = None, executor: Any = None,
         solver: str | None = None, sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
         """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
@@ -85,13 +85,13 @@ class Model(Shown, Analysed):
         from ..studies.sweep import sweep
 
         steps = (of,) if isinstance(of, str) else tuple(of)
-        options = Options(to, points, rtol, outputs=outputs, solver=solver, bandwidth=bandwidth)
+        options = Options(to, points, rtol, outputs=names_of(outputs), solver=solver, bandwidth=bandwidth)
         return sweep(self, values, steps, together, experiment, settings or {}, options, _sharing(sharing, executor))
 
     def montecarlo(
         self, vary: Mapping[str, str | Distribution], of: str | tuple[str, ...] = "modes", samples: int = 1000,
         correlations: Mapping[tuple[str, str], float] | None = None, seed: int = 0, indices: int | None = None,
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None,
         to: str | float | None = None, rtol: float | None = None, sharing: Sharing | None = None,
     ) -> MonteCarlo:  # fmt: skip
         """What tolerances do: `of` equilibrium (outputs at rest), modes (frequencies) or simulate (outputs at the end) at `samples`
@@ -109,7 +109,9 @@ class Model(Shown, Analysed):
         chance = Chance(vary, correlations or {}, samples, seed, indices)
         steps = (of,) if isinstance(of, str) else tuple(of)
         wanted = Wanted(to, 2 if "simulate" in steps else None, rtol)
-        return montecarlo(self, chance, steps, experiment, settings or {}, outputs, wanted, sharing or Sharing())
+        return montecarlo(
+            self, chance, steps, experiment, settings or {}, names_of(outputs), wanted, sharing or Sharing()
+        )
 
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | Sought], experiment: str | None = None,
@@ -134,7 +136,7 @@ class Model(Shown, Analysed):
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None, target: str | None = None, start: Result | str | Path | None = None, solver: str | None = None,
+        outputs: Sequence[str] | None = None, target: str | None = None, start: Result | str | Path | None = None, solver: str | None = None,
         bandwidth: str | float | None = None,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
@@ -153,12 +155,12 @@ class Model(Shown, Analysed):
 
         before = read_result(start) if isinstance(start, str | Path) else start
         wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
-        return simulate(self, experiment, settings or {}, outputs, wanted, before)
+        return simulate(self, experiment, settings or {}, names_of(outputs), wanted, before)
 
     def simulate_many(
         self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
-        outputs: tuple[str, ...] | None = None, target: str | None = None, solver: str | None = None,
+        outputs: Sequence[str] | None = None, target: str | None = None, solver: str | None = None,
         workers: int | None = None, executor: Any = None, progress: Callable[[int, int], None] | None = None,
         journal: Journal | None = None, bandwidth: str | float | None = None,
     ) -> Ensemble:  # fmt: skip
@@ -175,7 +177,7 @@ class Model(Shown, Analysed):
 
         wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
         sharing = Sharing(workers, executor, progress, journal)
-        return simulate_many(self, experiment, settings, outputs, wanted, sharing)
+        return simulate_many(self, experiment, settings, names_of(outputs), wanted, sharing)
 
 
 def _sharing(sharing: Sharing | None, executor: Any) -> Sharing:

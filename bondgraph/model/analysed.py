@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
-from .compiled import Compiled
+from .compiled import Compiled, names_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,7 +61,7 @@ class Analysed(Compiled):
 
     def equilibrium(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
-        outputs: tuple[str, ...] | None = None, time: float | None = None,
+        outputs: Sequence[str] | None = None, time: float | None = None,
     ) -> Equilibrium:  # fmt: skip
         """The state of rest that is reached from the start, inputs held as they are at `time` (s; None: where the experiment begins).
 
@@ -70,10 +70,10 @@ class Analysed(Compiled):
         from ..analysis.equilibrium import equilibrium
         from ..analysis.operating_point import Asked
 
-        return equilibrium(self.operating_point(Asked(experiment, settings, outputs, time=time)))
+        return equilibrium(self.operating_point(Asked(experiment, settings, names_of(outputs), time=time)))
 
     def linearize(
-        self, inputs: tuple[str, ...] | None = None, outputs: tuple[str, ...] | None = None,
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Linearization:  # fmt: skip
@@ -83,7 +83,7 @@ class Analysed(Compiled):
         from ..analysis.operating_point import Asked
 
         by = self.inputs if inputs is None else tuple(inputs)
-        return linearization(self.operating_point(Asked(experiment, settings, outputs, by, state, time)))
+        return linearization(self.operating_point(Asked(experiment, settings, names_of(outputs), by, state, time)))
 
     def modes(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -96,8 +96,8 @@ class Analysed(Compiled):
         return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
 
     def sensitivity(
-        self, parameters: tuple[str, ...] | str | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None,
+        self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
+        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None,
         time: float | None = None,
     ) -> Sensitivity:  # fmt: skip
         """Derivatives of outputs at rest and of frequencies and damping by parameters or inputs (None: all parameters that follow
@@ -105,13 +105,13 @@ class Analysed(Compiled):
         from ..analysis.operating_point import Asked
         from ..analysis.sensitivity import independent, sensitivity
 
-        by, fixed = independent(self._whole, _names(parameters), experiment, settings or {})
-        point = self.operating_point(Asked(experiment, fixed, outputs, by, time=time))
+        by, fixed = independent(self._whole, names_of(parameters), experiment, settings or {})
+        point = self.operating_point(Asked(experiment, fixed, names_of(outputs), by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
     def sensitivity_of_response(
-        self, parameters: tuple[str, ...] | str | None = None, inputs: tuple[str, ...] | str | None = None,
-        outputs: tuple[str, ...] | str | None = None, low: float | None = None, high: float | None = None, points: int = 400,
+        self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None, low: float | None = None, high: float | None = None, points: int = 400,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, time: float | None = None,
     ) -> ResponseSensitivity:  # fmt: skip
         """Derivatives of the frequency response at rest by parameters (None: all that follow from no others), exact, from `low` to `high` in Hz.
@@ -119,13 +119,13 @@ class Analysed(Compiled):
         from ..analysis.linear_sensitivity import response_sensitivity
 
         point, given, by = self._moved_linear(
-            _names(parameters), _names(inputs), _names(outputs), experiment, settings, time
+            names_of(parameters), names_of(inputs), names_of(outputs), experiment, settings, time
         )
         return response_sensitivity(point, given, by, low, high, points)
 
     def sensitivity_of_linearization(
-        self, parameters: tuple[str, ...] | str | None = None, inputs: tuple[str, ...] | str | None = None,
-        outputs: tuple[str, ...] | str | None = None, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         time: float | None = None,
     ) -> Sensitivity:  # fmt: skip
         """Derivatives of the entries of A, B, C and D at rest, named `A[row, column]`, by parameters (None: all that follow from no others),
@@ -133,7 +133,7 @@ class Analysed(Compiled):
         from ..analysis.linear_sensitivity import linear_sensitivity
 
         point, given, by = self._moved_linear(
-            _names(parameters), _names(inputs), _names(outputs), experiment, settings, time
+            names_of(parameters), names_of(inputs), names_of(outputs), experiment, settings, time
         )
         return linear_sensitivity(point, given, by)
 
@@ -151,20 +151,20 @@ class Analysed(Compiled):
         return self.operating_point(Asked(experiment, fixed, outputs, both, time=time)), given, by
 
     def sensitivity_of_run(
-        self, parameters: tuple[str, ...] | str | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
-        to: str | float | None = None, points: int = 101, outputs: tuple[str, ...] | None = None, rtol: float = 1e-8,
+        self, parameters: Sequence[str] | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
+        to: str | float | None = None, points: int = 101, outputs: Sequence[str] | None = None, rtol: float = 1e-8,
     ) -> RunSensitivity:  # fmt: skip
         """Derivatives of a run's outputs at all instants by parameters or inputs, integrated beside the states (no differences). Steps whose
         instants move with a parameter count. Raises as `simulate`, and `UsageError` for events and delays."""
         from ..analysis.run_sensitivity import run_sensitivity
 
         return run_sensitivity(
-            self._whole, _names(parameters), experiment, settings or {}, outputs, None, to, points, rtol
+            self._whole, names_of(parameters), experiment, settings or {}, names_of(outputs), None, to, points, rtol
         )
 
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, outputs: tuple[str, ...] | None = None, branches: bool = False,
+        settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None, branches: bool = False,
     ) -> Branch:  # fmt: skip
         """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
         or has `most` points; `points` is the range over the first step. `branches`: those that cross it too. Raises as `operating_point`."""
@@ -176,7 +176,7 @@ class Analysed(Compiled):
         _, fixed = independent(self._whole, (parameter,), experiment, settings or {})
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
-        asked = Asked(experiment, {**fixed, parameter: first}, outputs, (parameter,))
+        asked = Asked(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 
     @overload
@@ -226,14 +226,14 @@ class Analysed(Compiled):
         return invert_file(self._whole, file, inputs, experiment, dict(settings or {}), along, sharing)
 
     def response(
-        self, inputs: tuple[str, ...] | str | None = None, outputs: tuple[str, ...] | str | None = None,
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Response:  # fmt: skip
         """The frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes)."""
         from ..analysis.response import response
 
-        linear = self.linearize(_names(inputs), _names(outputs), experiment, settings, state, time)
+        linear = self.linearize(names_of(inputs), names_of(outputs), experiment, settings, state, time)
         return response(linear, low, high, points)
 
     def excite(
@@ -245,8 +245,3 @@ class Analysed(Compiled):
         from ..analysis.excitation import excite
 
         return excite(self._whole, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
-
-
-def _names(names: tuple[str, ...] | str | None) -> tuple[str, ...] | None:
-    """One name, or several."""
-    return (names,) if isinstance(names, str) else names

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -135,11 +135,11 @@ class Compiled:
         experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None,
         free: tuple[str, ...] = (),
-        outputs: tuple[str, ...] | None = None,
+        outputs: Sequence[str] | None = None,
     ) -> Scene:
         """What a run asks: an experiment ("" the first, None none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
-        return door.Scene(self.model, experiment, overrides, frozenset(free), outputs)
+        return door.Scene(self.model, experiment, overrides, frozenset(free), names_of(outputs))
 
     @property
     def _whole(self) -> Model:
@@ -160,3 +160,8 @@ def _override(name: str, value: str | float) -> Override:
         return door.Override(name.replace(" ", ""), door.parse_expression(source), door.Span(source, 0, len(value)))
     source = door.Source(f"setting of {name}", repr(value))
     return door.Override(name.replace(" ", ""), float(value), door.Span(source, 0, len(source.text)))
+
+
+def names_of(names: Sequence[str] | None) -> tuple[str, ...] | None:
+    """One name, or several."""
+    return (names,) if isinstance(names, str) else None if names is None else tuple(names)

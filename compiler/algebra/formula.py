@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+from ..nouns import dataclass
 from .expression import Expression, Symbol, substitute, symbols
 
 

@@ -10,11 +10,11 @@ nowhere shows only later, in rings; then the choices are made anew, each asked o
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ..errors import CompilationFailed
 from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode, Port
 from ..multibody.tree import drivable
+from ..nouns import dataclass
 from .conflict import bond_to_itself, conflict_of, no_strokes
 from .errors import StrokeConflict
 from .laws import has_start, is_linear, wants_effort, written_effort, written_stored

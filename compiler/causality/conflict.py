@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from ..graph.network import Element, Junction, Kind
+from ..nouns import dataclass
 from ..source import Span
 from .errors import StrokeConflict
 from .strokes import Because, Contradiction, Stroke, Strokes

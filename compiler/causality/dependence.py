@@ -7,9 +7,9 @@ other variable or a storage that is in derivative form instead.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from ..graph.network import STORAGES, Element, End, Junction, Kind
+from ..nouns import dataclass
 from .assign import CausalGraph
 from .strokes import DEMANDS, Because
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ..errors import Diagnostic
+from ..nouns import dataclass
 from ..source import Span
 
 

@@ -7,10 +7,10 @@ one side and the flow on the other, a gyrator the same on both sides.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import Enum
 
 from ..graph.network import BondGraph, Element, End, Junction, Kind
+from ..nouns import dataclass
 
 TAIL, HEAD = 0, 1
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from ..algebra.expression import MINUS_ONE, Apply, Expression
 from ..algebra.systems import shape_of
+from ..nouns import dataclass
 from ..source import Span
 from .dependence import INPUT, MODE, STATE, TIME
 from .lower import Lowered

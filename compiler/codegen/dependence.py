@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..algebra.expression import Apply, Expression, Number, Symbol
+from ..algebra.expression import Apply, Expression, Symbol
 from .limits import Leaf
 
 PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (
@@ -24,48 +24,47 @@ def dependences_of(roots: Iterable[Expression], symbols: dict[Expression, int]) 
     """Of all nodes behind the roots, by identity. `symbols`: what is known of these."""
     found: dict[int, int] = {}
     for root in roots:
-        stack = [root]
+        stack: list[Expression | None] = [root]
         while stack:
-            node = stack[-1]
-            if id(node) in found:
-                stack.pop()
-            elif not isinstance(node, Apply):
-                found[id(node)] = dependence_of(node, symbols)
-                stack.pop()
-            else:
-                missing = [o for o in node.operands if id(o) not in found]
-                if missing:
-                    stack += missing
-                    continue
+            node = stack.pop()
+            if node is None:  # what stands below it has its operands before it
+                node = stack.pop()
+                assert type(node) is Apply
                 bits = 0
                 for operand in node.operands:
                     bits |= found[id(operand)]
                 found[id(node)] = bits
-                stack.pop()
+            elif id(node) not in found:
+                if type(node) is Apply:
+                    stack += (node, None)
+                    stack += node.operands
+                else:
+                    found[id(node)] = dependence_of(node, symbols)
     return found
 
 
 def dependence_of(x: Expression, known: dict[Expression, int]) -> int:
-    stack = [x]
+    """Of one node; `known` is what is known already, and grows."""
+    found = known.get(x)
+    if found is not None:
+        return found
+    stack: list[Expression | None] = [x]
     while stack:
-        node = stack[-1]
-        if node in known:
-            stack.pop()
-            continue
-        if isinstance(node, Symbol):
-            assert isinstance(node.key, Leaf)
-            known[node] = BITS[node.key.role]
-        elif isinstance(node, Number):
-            known[node] = 0
-        else:
-            assert isinstance(node, Apply)
-            missing = [o for o in node.operands if o not in known]
-            if missing:
-                stack += missing
-                continue
+        node = stack.pop()
+        if node is None:
+            node = stack.pop()
+            assert type(node) is Apply
             bits = 0
             for operand in node.operands:
                 bits |= known[operand]
             known[node] = bits
-        stack.pop()
+        elif node not in known:
+            if type(node) is Apply:
+                stack += (node, None)
+                stack += node.operands
+            elif type(node) is Symbol:
+                assert isinstance(node.key, Leaf)
+                known[node] = BITS[node.key.role]
+            else:
+                known[node] = 0
     return known[x]

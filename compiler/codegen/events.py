@@ -8,10 +8,11 @@ right side, changes sign.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..algebra.expression import Expression, Symbol
 from ..equations.system import EventRow
+from ..nouns import dataclass
 from ..reduction import LinearLoop, StateSpace
 from ..reduction.order import needed
 from ..source import Span

@@ -6,7 +6,6 @@ Only points that the run accepts count. A solver also tries points beyond, where
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from ..algebra.interpolate import MARGIN, one_way
 from ..algebra.table import domain, is_table
 from ..equations.system import Argument, Assignment, Validity, Variable
 from ..errors import CompilationFailed
+from ..nouns import dataclass
 from .errors import EvenPower, TableTurnsBack
 from .program import LimitNote
 

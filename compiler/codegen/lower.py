@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 
 from ..algebra.derivative import derivative
@@ -31,6 +31,7 @@ from ..algebra.formula import Formula
 from ..algebra.systems import Layout, band_of, solutions
 from ..equations.system import Assignment
 from ..errors import ValuesNeeded
+from ..nouns import dataclass
 from ..reduction import LinearLoop, StateSpace
 from ..reduction.state_space import Step
 from ..source import Span
@@ -90,6 +91,7 @@ class Lowered:
     solved: Solved | None = None  # with the multipliers of closing joints solved for
     energy: tuple[Expression, ...] = ()  # all that is stored, then its slopes by the states, if they are asked for
     differentiated: int = 0  # formulas whose partial derivatives were formed
+    whole: bool = True  # with the slopes
     by: tuple[int, ...] = ()  # variables by which all is differentiated beside states and unknowns
     slopes: dict[int, dict[int, Expression]] = field(
         default_factory=dict
@@ -127,13 +129,15 @@ class Lowered:
     _bits: dict[Expression, int] = field(default_factory=dict)
 
 
-def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = (), conserving: bool = False) -> Lowered:
+def lower(
+    space: StateSpace, located: bool = True, by: tuple[int, ...] = (), conserving: bool = False, whole: bool = True
+) -> Lowered:
     """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian.
 
     `by`: more variables to differentiate by; of one that is computed, by what is added to it. `conserving`: form the stored
-    energy and its slopes too.
+    energy and its slopes too. Not `whole`: what can go wrong is looked for, but no slopes are multiplied with each other.
     """
-    result = Lowered(space, by=by)
+    result = Lowered(space, by=by, whole=whole)
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
     used = _used(space)
     for number, variable in enumerate(space.variables):
@@ -168,6 +172,8 @@ def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = (), con
                 result.values[step.target] = closed(result.values[step.target])
         for target in (seeds.keys() & targets(step)) if seeds else ():
             slopes.setdefault(target, {})[seeds[target]] = ONE
+    if not whole:
+        slopes = {}
     result.slopes = slopes
     result.differentiated = len(formulas)
     rates = [*(s.rate for s in space.states), *(u.residual for u in space.unknowns)]
@@ -189,7 +195,7 @@ def lower(space: StateSpace, located: bool = True, by: tuple[int, ...] = (), con
     nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]
     result.nominals = tuple(None if n is None else _entry(result, n) for n in nominals)
     result.outputs = {name: result.values[v] for name, v in space.outputs.items()}
-    result.solved = solve_multipliers(result)
+    result.solved = solve_multipliers(result) if whole else None
     if conserving:
         result.energy = stored_energy(result, slopes)
     result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
@@ -353,6 +359,9 @@ def _lower_assignment(
             continue
         if not quiet:
             slope = switching.replaced(slope)
+        if not result.whole:
+            terms[0] = [ONE]
+            continue
         for column, inner in slopes[argument].items():
             terms.setdefault(column, []).append(multiply(slope, inner))
     found = {column: add(*parts) for column, parts in terms.items()}
@@ -370,6 +379,9 @@ def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, E
             result.labels.setdefault(
                 value, Label(result.space.variables[variable].name, loop.span, ", ".join(loop.members))
             )
+    if not result.whole:
+        slopes |= {v: {0: ONE} for v in loop.targets if any(slopes.get(e) for e in loop.read)}
+        return
     # A t = r, so A dt = dr - dA t: the same matrix for every column of the Jacobian.
     columns = {c for e in loop.read for c in slopes.get(e, {})}
     moving = [

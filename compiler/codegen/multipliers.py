@@ -12,7 +12,6 @@ multipliers, which is as sparse as the mechanism, and whoever needs it eliminate
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..algebra.expression import (
@@ -30,6 +29,7 @@ from ..algebra.expression import (
     select,
 )
 from ..algebra.systems import SYSTEMS
+from ..nouns import dataclass
 from .limits import Leaf
 
 if TYPE_CHECKING:

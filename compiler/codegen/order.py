@@ -26,9 +26,10 @@ def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, 
             if id(node) in met:
                 continue
             met.add(id(node))
-            if node in done or node in known:
-                continue
+            before = len(done)
             done.add(node)
+            if len(done) == before or (known and node in known):
+                continue
             stack += (node, None)
             for operand in node.operands[::-1]:
                 if type(operand) is Apply and id(operand) not in met:

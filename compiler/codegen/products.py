@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from heapq import heapify, heappop, heappush
 from itertools import combinations, count
+from operator import is_
 from typing import Any
 
 from ..algebra.expression import MINUS_ONE, Apply, Expression, Number
@@ -162,7 +163,8 @@ class _Products:
         numbers = self.made_of.get(node)
         if numbers is None:
             operands = tuple([new.get(o, o) if type(o) is Apply else o for o in node.operands])
-            return node if operands == node.operands else Apply(node.operator, operands, node.closed)
+            same = all(map(is_, operands, node.operands))  # not equality, which goes as deep as they do
+            return node if same else Apply(node.operator, operands, node.closed)
         parts = tuple([self._written(self.factors[i], new) for i in numbers])
         value = parts[0] if len(parts) == 1 else Apply("multiply", parts, True)
         return Apply("multiply", (MINUS_ONE, value), node.closed) if node in self.negative else value
@@ -176,6 +178,8 @@ class _Products:
 
 
 def _pairs(numbers: Sequence[int]) -> list[Pair]:
+    if len(numbers) < 3:
+        return [(min(numbers), max(numbers))] if len(numbers) == 2 else []
     return list(dict.fromkeys(combinations(sorted(numbers), 2)))
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from ..nouns import dataclass
 from ..source import Span
 
 Array = Any  # a numpy array; this module loads no numpy

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from ..algebra.derivative import partial
 from ..algebra.expression import CONDITIONS, ONE, Apply, Expression, Number, Symbol, symbols, value_of
 from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
+from ..nouns import dataclass
 from .limits import Leaf
 from .tape import _order
 

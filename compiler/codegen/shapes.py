@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 from ..algebra.expression import CURVES, MINUS_ONE, SLOPES, Apply, Expression, Number, Symbol
 from ..algebra.systems import LEADING, SYSTEMS, size_of
+from ..nouns import dataclass
 
 Place = tuple[str, int]  # an array and an index in it
 LONGEST_TREE, LONG_TREE = 40, 12  # operations in a tree; and in one that ends with the value of a law

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Formula
 from ..errors import Diagnostic
+from ..nouns import dataclass
 from ..source import Span
 
 Argument = int | float  # a variable by number, or a number

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from ..algebra.expression import Expression, Number, Symbol, evaluate, substitut
 from ..errors import ValuesNeeded
 from ..graph.later import behind
 from ..graph.network import BondGraph, Element, Law, Named, Own, Quantity, Reference
+from ..nouns import dataclass
 from .laws import solved
 
 DECADES = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 10.0, 1e3)

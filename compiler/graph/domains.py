@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from ..nouns import dataclass
 from .units import AMPERE, KELVIN, METRE, MOLE, NEWTON, ONE, PASCAL, SECOND, VOLT, WATT, Dimension
 
 EFFORT, FLOW, DISPLACEMENT, MOMENTUM = "e", "f", "q", "p"

@@ -6,10 +6,11 @@ Vectors have three components (m, in world axes); those of a planar mechanism ha
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..algebra.expression import ONE, ZERO
 from ..algebra.formula import Bound, Formula
+from ..nouns import dataclass
 from ..source import Span
 from .domains import COMPONENT_DOMAINS
 

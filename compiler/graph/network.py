@@ -7,13 +7,14 @@ knows the definition it came from, its instance path and its line.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..algebra.expression import Expression
 from ..algebra.formula import Bound
+from ..nouns import dataclass
 from ..source import Span
 from .mechanism import Mechanism
 

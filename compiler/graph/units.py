@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import lru_cache
+
+from ..nouns import dataclass
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 
@@ -107,9 +109,12 @@ class Scale:
         return Scale(self.dimension**power, self.number**power.numerator, self.pi_power * power.numerator)
 
     def to_si(self, value: Fraction) -> float:
-        """The value in SI, rounded once."""
+        """The value in SI, rounded once; infinite where no double can hold it."""
         exact = value * self.number + self.offset if self.offset else value * self.number
-        return float(exact) * math.pi**self.pi_power if self.pi_power else float(exact)
+        try:
+            return float(exact) * math.pi**self.pi_power if self.pi_power else float(exact)
+        except OverflowError:
+            return math.inf if exact > 0 else -math.inf
 
     def from_si(self, value: float) -> float:
         """A value in SI expressed in this unit."""

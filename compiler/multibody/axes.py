@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ..algebra.expression import ZERO, Expression, Number, add, multiply
+from ..nouns import dataclass
 from .tree import Link
 from .turns import AxialTurn
 from .vectors import Vector, dot

@@ -9,10 +9,10 @@ F on the second and -F on the first body, and a moment gap x F, which the axes l
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, multiply
 from ..graph.mechanism import PLANAR_POSE, POSE, Joint
+from ..nouns import dataclass
 from .kinematics import Kinematics
 from .motion import Motion
 from .placed import Placed

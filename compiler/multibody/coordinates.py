@@ -7,10 +7,10 @@ hold for a quaternion of any length; its length is an invariant of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, multiply
 from ..graph.mechanism import Body, Joint
+from ..nouns import dataclass
 from .rotation_vectors import turned_by_rates
 from .script import Script
 from .tree import Link

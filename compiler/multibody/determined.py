@@ -11,9 +11,9 @@ is lent an inertia, and an unknown effort takes it back (`massless.py`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from ..algebra.expression import Expression
+from ..nouns import dataclass
 from .kinematics import Kinematics
 from .massless import Lent
 from .moving import Moving

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
 from ..graph.mechanism import Body
+from ..nouns import dataclass
 from .axes import to_own
 from .kinematics import Kinematics
 from .moving import Moving

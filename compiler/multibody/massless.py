@@ -20,10 +20,10 @@ none for chains that branch.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import frexp
+from math import frexp, inf
 
 from ..graph.mechanism import COUPLINGS, GROUND, Joint
+from ..nouns import dataclass
 from .kinematics import Kinematics
 from .recursion import Recursion
 from .tree import Tree
@@ -100,8 +100,8 @@ def _measured(kinematics: Kinematics, recursion: Recursion, values: Values, link
         mass += values.of(inertia.mass)
         turning += sum(values.of(inertia.tensor[i][i]) for i in range(3)) / 2
         points += [[values.of(x) for x in point] for point in (moving.origin, kinematics.pin(moving.link))]
-    size = max((sum((a - b) ** 2 for a, b in zip(p, points[0], strict=True)) for p in points), default=0.0)
+    size = max((sum((a - b) * (a - b) for a, b in zip(p, points[0], strict=True)) for p in points), default=0.0)
     turning += mass * size
     if not mass:
         mass = turning / size if size else 0.0
-    return Lent(mass, turning) if mass > 0 and turning > 0 else None
+    return Lent(mass, turning) if 0 < mass < inf and 0 < turning < inf else None

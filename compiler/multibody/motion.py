@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..algebra.expression import Expression
 from ..errors import Diagnostic
+from ..nouns import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..algebra.expression import ZERO, Expression
+from ..nouns import dataclass
 from .axes import Basis, Branch
 from .coordinates import Attitude, Coordinate
 from .script import Script

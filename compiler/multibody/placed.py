@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from ..nouns import dataclass
 from .turns import Turn
 from .vectors import Vector
 

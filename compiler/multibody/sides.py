@@ -8,11 +8,11 @@ in a ratio; a turn and a way in a ratio.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate, select
 from ..graph.mechanism import Joint
+from ..nouns import dataclass
 from .axes import snapped
 from .errors import RodWithoutLength
 from .placed import Placed

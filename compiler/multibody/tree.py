@@ -9,9 +9,9 @@ over closes loops.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
 
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
+from ..nouns import dataclass
 
 CHORDS = frozenset({"free", "distance"})
 CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow

@@ -8,10 +8,10 @@ A rotation of a symmetric or any 2 x 2 block needs four products, with those of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Protocol
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate
+from ..nouns import dataclass
 from .script import Script
 from .vectors import UNIT, Matrix, Vector, applied, product, scaled, summed, transposed
 

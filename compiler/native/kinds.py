@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple, get_args
 
+from ..nouns import dataclass
 from .arrays import Record
 
 FLOAT, INT, BOOL, FLOATS, INTS, NOTHING = "double", "i64", "i1", "floats", "ints", "void"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ..errors import Diagnostic
+from ..nouns import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..equations.system import (
     Assignment,
@@ -20,6 +20,7 @@ from ..equations.system import (
     Validity,
     Variable,
 )
+from ..nouns import dataclass
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..graph.network import BondGraph
+from ..nouns import dataclass
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, tree

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 from ..errors import CompilationFailed
 from ..graph.units import ONE, Dimension, Scale
+from ..nouns import dataclass
 from ..source import Source, Span
 from ..syntax import parse_expression, tree
 from .errors import WrongColumn

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..graph.domains import Domain
@@ -49,9 +50,13 @@ class Place(NamedTuple):
     terminals: dict[str, Terminal]
     multi: bool
     kind: str
-    span: Span
-    words: str
-    ports: tuple[str, ...] = ()  # all ports of an element
+    written: tree.Path | tree.Nest
+    ports: tuple[str, ...] = ()  # all ports of what it is on
+
+    @property
+    def words(self) -> str:
+        """What the author wrote."""
+        return self.written.words if isinstance(self.written, tree.Path) else f"{self.written.kind}(…)"
 
 
 class Connector:
@@ -249,7 +254,6 @@ class Connector:
     def _finish(
         self, entry: Entry, component: str | None, place: tree.Path, is_head: bool, own_wall: bool, scope: Scope
     ) -> Place:
-        words = place.words
         match entry:
             case ElementEntry(kind=("TF" | "GY" | "MTF" | "MGY")) if "1" in entry.ports:
                 side = "1" if is_head else "2"
@@ -262,23 +266,19 @@ class Connector:
                             "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2.",
                         )
                     )
-                return Place(
-                    {"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place.span, words
-                )
+                return Place({"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place)
             case ElementEntry():
                 side = "" if entry.kind != "splitter" else ("single" if component is not None else "many")
-                found = self._ports(entry.name, entry.ports, component, side, entry.kind, place)
-                return found._replace(ports=tuple(entry.ports))
+                return self._ports(entry.name, entry.ports, component, side, entry.kind, place)
             case WallEntry():
-                return self._ports(
-                    entry.name, entry.ports, component, "inside" if own_wall else "outside", "wall", place
-                )
+                side = "inside" if own_wall else "outside"
+                return self._ports(entry.name, entry.ports, component, side, "wall", place)
             case PartEntry():
                 if entry.kind == "weld" or not entry.ports:
                     raise Wrong(
                         WrongConnection(
                             place.span,
-                            f"`{words}` has no freedom, so no bond can reach it",
+                            f"`{place.words}` has no freedom, so no bond can reach it",
                             "A bond moves a joint with a freedom, or a body.",
                         )
                     )
@@ -286,21 +286,23 @@ class Connector:
                 terminals = {c: t._replace(port=f"{entry.name}.{t.port}") for c, t in prefixed.terminals.items()}
                 if len(entry.ports) == 1:
                     (terminal,) = terminals.values()
-                    return Place({"": terminal}, False, "part", place.span, words)
+                    return Place({"": terminal}, False, "part", place)
                 return prefixed._replace(terminals=terminals)
             case InstanceEntry():
                 walls = _walls(entry)
                 raise Wrong(
                     WrongConnection(
                         place.span,
-                        f"`{words}` is an instance of `{entry.scope.definition.name}`",
-                        f"Name its port: {', '.join(f'`{words}.{w}`' for w in walls) or 'it has none'}.",
+                        f"`{place.words}` is an instance of `{entry.scope.definition.name}`",
+                        f"Name its port: {', '.join(f'`{place.words}.{w}`' for w in walls) or 'it has none'}.",
                     )
                 )
             case Array():
                 raise Wrong(
                     WrongConnection(
-                        place.span, f"`{words}` is an array", f"Say which: `{words}[…]` with {_some(entry)}."
+                        place.span,
+                        f"`{place.words}` is an array",
+                        f"Say which: `{place.words}[…]` with {_some(entry)}.",
                     )
                 )
         if getattr(entry, "state", "") == "broken":
@@ -308,18 +310,18 @@ class Connector:
         raise Wrong(
             WrongConnection(
                 place.span,
-                f"`{words}` is no place for a bond",
+                f"`{place.words}` is no place for a bond",
                 "Bonds join elements, junctions, ports and the parts of mechanisms.",
             )
         )
 
-    def _ports(self, node: str, ports: object, component: str | None, side: str, kind: str, place: tree.Path) -> Place:
-        assert isinstance(ports, dict) or hasattr(ports, "items")
-        known: dict[str, Domain] = dict(ports.items())
-        words = place.words
+    def _ports(
+        self, node: str, ports: Mapping[str, Domain], component: str | None, side: str, kind: str, place: tree.Path
+    ) -> Place:
+        every = tuple(ports)
         if component is not None:
-            if component not in known or component == "":
-                names = [n for n in known if n]
+            if component not in ports or component == "":
+                names = [n for n in every if n]
                 raise Wrong(
                     UnknownName(
                         place.span,
@@ -328,10 +330,9 @@ class Connector:
                         suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}."),
                     )
                 )
-            return Place({"": Terminal(node, component, side, known[component])}, False, kind, place.span, words)
-        if list(known) == [""]:
-            return Place({"": Terminal(node, "", side, known[""])}, False, kind, place.span, words)
-        return Place({c: Terminal(node, c, side, d) for c, d in known.items()}, True, kind, place.span, words)
+            return Place({"": Terminal(node, component, side, ports[component])}, False, kind, place, every)
+        terminals = {name: Terminal(node, name, side, domain) for name, domain in ports.items()}
+        return Place(terminals, every != ("",), kind, place, every)
 
     def _nest_place(self, scope: Scope, nest: tree.Nest) -> Place:
         key = (nest.span.start, scope.path, scope.suffix)
@@ -347,7 +348,7 @@ class Connector:
                 name += f"#{self.names[name]}"
             self.nests[key] = name
             self.anonymous.append((name, nest.kind, domain.name, scope, nest.span))
-        return Place({"": Terminal(self.nests[key], "", "", domain)}, False, nest.kind, nest.span, f"{nest.kind}(…)")
+        return Place({"": Terminal(self.nests[key], "", "", domain)}, False, nest.kind, nest)
 
     # ------------------------------------------------------------ walls
     def bonds(self, numbers: dict[tuple[str, str], End]) -> list[Bond]:

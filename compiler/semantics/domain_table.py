@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..errors import Diagnostic
 from ..graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC, Domain
 from ..graph.mechanism import domain_of, freedoms_of
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .errors import DomainConflict, UnknownName

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from ..algebra.expression import call
 from ..algebra.formula import bind
 from ..graph.mechanism import COUPLINGS, GROUND, NOTHING, ORIGIN, SPANS, UPRIGHT, Body, Frame, Joint, Vector
 from ..graph.units import METRE, ONE
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .bodies import part_named

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..graph.network import Law
 from ..graph.units import Scale
+from ..nouns import dataclass
 from ..syntax import tree
 from .domain_table import DomainTable
 from .laws import CompiledLaw

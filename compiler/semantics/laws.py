@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, symbols
 from ..graph.domains import Domain
 from ..graph.network import Kind, Law, Own
 from ..graph.units import JOULE
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..algebra.formula import Bound
 from ..graph.domains import Domain
 from ..graph.network import Bond, Element, End, Junction, Kind, Law, MechanismNode, Node, Port, Switch
+from ..nouns import dataclass
 from ..syntax import tree
 from .connect import Connector
 from .elaborate import Elaborator

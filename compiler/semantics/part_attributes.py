@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..algebra.formula import Bound
 from ..graph.mechanism import ATTITUDE, NOTHING, ORIGIN, Vector
 from ..graph.units import METRE, ONE, Dimension
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .conditions import known_or_later, not_zero

@@ -197,7 +197,7 @@ class QuantityResolver(Resolver):
             truth = select(bound.formula.expression, Number(1.0), ZERO)
             bound = Bound(Formula(bound.formula.arity, truth), bound.arguments)
         entered = self._enter_quantity(pending, "", bound, dimension, value.span)
-        return replace(entered, truth=template.value.truth)
+        return replace(entered, truth=True) if template.value.truth else entered
 
     def _without_value(self, pending: Pending, declared: Dimension | None) -> Scalar:
         """A quantity that nothing gives a value: only a part may have one."""

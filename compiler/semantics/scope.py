@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
@@ -13,6 +13,7 @@ from ..errors import Diagnostic
 from ..graph.domains import Domain
 from ..graph.network import Reference
 from ..graph.units import ONE, Dimension
+from ..nouns import dataclass
 from ..source import Source, Span
 from ..syntax import tree
 

@@ -7,7 +7,7 @@ a coordinate or its rate in a mechanism, an integral by its name.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TypeVar
 
 from ..algebra.formula import Bound
@@ -15,6 +15,7 @@ from ..graph.domains import DOMAINS
 from ..graph.mechanism import Body, Frame, Joint
 from ..graph.network import Element, Integral, MechanismNode, Named, Node, Quantity, Reading
 from ..graph.units import ONE
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
+from ..nouns import dataclass
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DuplicateName, UnknownAttribute, WrongExperiment

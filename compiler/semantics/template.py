@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
 from ..algebra.formula import Bound, Formula
 from ..graph.network import Own, Reference
 from ..graph.units import ONE, Dimension
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .scope import Scope

@@ -25,6 +25,7 @@ from ..algebra.formula import Formula
 from ..graph.units import ONE, UNITS, Dimension, Scale
 from ..source import Span
 from ..syntax import tree
+from ..syntax.errors import NumberTooLarge
 from . import tables
 from .errors import (
     Cycle,
@@ -46,6 +47,7 @@ from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value,
 MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)"}  # signals with memory
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
+MOST_DECIBELS = 6000  # a ratio of 1e300
 
 
 class ExpressionCompiler:
@@ -168,12 +170,18 @@ class ExpressionCompiler:
                 hint = "A `plain model` has no units; drop the word `plain` to use them."
                 raise Wrong(WrongType(node.unit.span, "A bare number", "a unit", hint))
             if [symbol for symbol, _, _ in node.unit.factors] == ["dB"]:
-                return Typed(Number(10.0 ** float(value / 20)), ONE)
+                return Typed(self._finite(10.0 ** float(value / 20) if value < MOST_DECIBELS else math.inf, node), ONE)
             scale = scale_of(node.unit)
-            return Typed(Number(scale.to_si(value)), scale.dimension)
+            return Typed(self._finite(scale.to_si(value), node), scale.dimension)
         if self.unit is not None:
-            return Typed(Number(self.unit.to_si(value)), self.unit.dimension)
+            return Typed(self._finite(self.unit.to_si(value), node), self.unit.dimension)
         return Typed(Number(float(value)), None if value == 0 else ONE)
+
+    @staticmethod
+    def _finite(value: float, node: tree.Literal) -> Number:
+        if not math.isfinite(value):
+            raise Wrong(NumberTooLarge(node.span, node.span.text[:40]))
+        return Number(value)
 
     def _path(self, node: tree.Path) -> Value:
         if not node.steps:

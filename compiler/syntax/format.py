@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from itertools import pairwise
 
 from ..errors import CompilationFailed, InternalError
 from ..memory import uncollected
+from ..nouns import dataclass
 from ..source import Source, Span
 from .parse import MAXIMUM_SIZE, parse, read_words
 from .refused import Refused, Unreadable

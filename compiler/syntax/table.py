@@ -6,9 +6,10 @@ for a grammar. Reading texts by it needs no lark.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from sys import intern
 from typing import Any
+
+from ..nouns import dataclass
 
 STARTS = ("start", "alone", "alone_law")
 END = "$END"  # stands where the text ends

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..graph.domains import DOMAINS
 from ..graph.mechanism import Mechanism
 from ..graph.network import Bond, BondGraph, Element, End, Kind, MechanismNode, Quantity, Reading
+from ..nouns import dataclass
 from ..semantics.laws import LAW_VARIABLES
 from ..semantics.scope import RESERVED
 from .literals import word_of

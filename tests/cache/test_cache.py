@@ -185,7 +185,7 @@ def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
     }
     stages = {".".join(m.split(".")[:2]) for m in loaded if m.startswith("compiler.")}
     assert stages <= {
-        f"compiler.{m}" for m in ("certificate", "codegen", "errors", "kept", "native", "scene", "source")
+        f"compiler.{m}" for m in ("certificate", "codegen", "errors", "kept", "native", "nouns", "scene", "source")
     }
 
 

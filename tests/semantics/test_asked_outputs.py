@@ -31,3 +31,10 @@ def test_readings_of_elements_and_junctions() -> None:
 def test_what_is_no_reading_is_refused(name: str) -> None:
     with pytest.raises(CompilationFailed, match="in the outputs"):
         bondgraph.load(TEXT).simulate("go", outputs=(name,))
+
+
+@pytest.mark.parametrize("names", [("y",), ["y"], "y"])
+def test_names_come_as_a_tuple_a_list_or_one_text(names: tuple[str, ...] | list[str] | str) -> None:
+    model = bondgraph.load("model A { input u = 1; output y = 2*u, z = u }")
+    assert model.simulate(outputs=names, points=2, to=1).names == ("y",)
+    assert model.linearize(outputs=names).outputs == ("y",)

@@ -13,12 +13,22 @@ BETWEEN = (
     "what is stiff is brought to its place between the ends of steps where polynomials are not sure of it; what is only ten times as fast as a step lies on a polynomial "
     "whose error no step is held to: the state of a resistance of 1e-3, where the stiff method was asked for by name, errs by 13 tolerances"
 )
+SNAP = (
+    "the fingers snap together after 1.25 ms, within microseconds; one of the 41 instants lies in that, where runs at 1e-6 … 1e-8 come later by 2e-11 s each, "
+    "2e-8 of the time; all other instants are right to a tolerance"
+)
+GAIN = (
+    "torques are what 2000 N m/rad and 400 N m s make of differences of angles and speeds: those are right to a tolerance of what they would be if the arm swung "
+    "back freely, and how much of it is left differs from one instant to the next"
+)
 SLOPE = (
     "friction falls within 1e-8 of the speed, which is 1e-2 of the tolerance of the speed: off by 10.5 tolerances; the explicit pair, asked for by name, is told that the block "
     "breaks away and sticks again and again in no time"
 )
 STANDING: dict[str, str] = {
     r"^(inverse_kinematics|slider_crank|van_der_pol): scatter": PHASE,
+    r"^side_instability: (slope|scatter)": SNAP,
+    r"^robot_arm: scatter": GAIN,
     r"^resistances that nearly cancel, what is left 0.001 \(radau": BETWEEN,
     r"^stick and slip, friction falls within 1e-09 m/s, cycles 5 \(": SLOPE,
 }

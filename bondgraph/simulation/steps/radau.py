@@ -17,6 +17,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from .ends import End, hermite
+
 _S6 = 6**0.5
 C = np.array([(4 - _S6) / 10, (4 + _S6) / 10, 1.0])
 E = np.array([-13 - 7 * _S6, -13 + 7 * _S6, -1]) / 3  # of the error estimate
@@ -125,15 +127,6 @@ class Problem:
     bends: Callable[[float, Any], Any] | None = None  # time, state -> zero where a law bends
 
 
-@dataclass(slots=True)
-class _End:
-    """What is known at the end of a step."""
-
-    time: float
-    state: Any
-    slope: Any
-
-
 class Radau:
     """Steps from `time` to `stop`; after each `step()` the last one can be sampled."""
 
@@ -157,7 +150,7 @@ class Radau:
         self._complex: Factorised | None = None
         self._stages: Any = None  # of the last step, relative to its start
         self._factorised_size = 0.0
-        self._ends = [_End(time, state, None)]
+        self._ends = [End(time, state, None)]
         self._last_size, self._last_error = 0.0, 0.0
 
     # ------------------------------------------------------------ what a run asks
@@ -284,17 +277,21 @@ class Radau:
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n).
 
-        The quintic, unless it differs from the collocation polynomial (order 3) by more than that can err: then something
+        The quintic through the last ends, unless it differs from the collocation polynomial (order 3) by more than that can err: then something
         bent within the steps that it spans.
         """
         times = np.asarray(times)
         after, cubic = self._ends[-1], self.collocation(times)
         if not self.has_quintic:
             return cubic
-        quintic = _hermite(self._ends, times)
+        quintic = hermite(self._ends, times)
         problem = self.problem
         limit = 10 * (problem.absolute + problem.relative * np.abs(after.state))
         return np.where((np.abs(quintic - cubic) <= limit) & np.isfinite(limit), quintic, cubic)
+
+    def interpolated(self, times: Any) -> Any:
+        """The polynomial through the last ends, or the collocation polynomial where these are too few; shape (times, n)."""
+        return hermite(self._ends, times) if self.has_quintic else self.collocation(times)
 
     @property
     def jacobian(self) -> Any:
@@ -432,7 +429,7 @@ class Radau:
     ) -> None:  # fmt: skip
         if self.problem.hold is not None:
             new = self.problem.hold(end, new)
-        self._ends = [*self._ends[-2:], _End(end, new, D @ stages / size)]
+        self._ends = [*self._ends[-2:], End(end, new, D @ stages / size)]
         factor = min(LARGEST, safety * self._factor(size, norm))
         self._last_size, self._last_error = size, max(norm, 1e-2)
         self.time, self.state, self._stages = end, new, stages
@@ -475,26 +472,3 @@ def _false_position(function: Callable[[float], Any], item: Any, a: float, b: fl
         if value == 0 or abs(b - a) < CLOSE:
             break
     return b
-
-
-def interpolated(radau: Radau, times: Any) -> Any:
-    """The polynomial through the last ends of steps, or the collocation polynomial where these are too few; shape (times, n)."""
-    return _hermite(radau._ends, times) if radau.has_quintic else radau.collocation(times)
-
-
-def _hermite(ends: list[_End], times: Any) -> Any:
-    """The polynomial through values and slopes at three instants (the first of a run has none), by divided differences
-    (Stoer and Bulirsch, Introduction to Numerical Analysis, section 2.1.5)."""
-    known = [e for e in ends for _ in range(1 if e.slope is None else 2)]
-    nodes = np.array([e.time for e in known])
-    column = np.stack([e.state for e in known])
-    coefficients = [column[0]]
-    for order in range(1, len(nodes)):
-        gaps = nodes[order:] - nodes[:-order]
-        steep = [known[i].slope if gap == 0 else (column[i + 1] - column[i]) * (1 / gap) for i, gap in enumerate(gaps)]
-        column = np.stack(steep)
-        coefficients.append(column[0])
-    value = np.tile(coefficients[-1], (len(times), 1))
-    for node, coefficient in zip(nodes[-2::-1], coefficients[-2::-1], strict=True):
-        value = value * (times - node)[:, None] + coefficient
-    return value

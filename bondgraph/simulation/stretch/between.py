@@ -24,7 +24,6 @@ from ..steps.radau import (
     SURE,
     Factorised,
     Radau,
-    interpolated,
 )
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ def settled(stepper: Stepper, radau: Radau, times: Any) -> Any:
     unsure = unsure_at(radau, times, stiff)
     if not unsure.any():
         return states
-    slope = interpolated(radau, times + NEAR * size) - interpolated(radau, times - NEAR * size)
+    slope = radau.interpolated(times + NEAR * size) - radau.interpolated(times - NEAR * size)
     for k in np.flatnonzero(unsure):
         found = _brought_back(radau, times[k], states[k], slope[k] / (2 * NEAR * size), stiff, size)
         if found is not None:
@@ -66,7 +65,7 @@ def unsure_at(radau: Radau, times: Any, stiff: Any) -> Any:
         return inner
     after = radau.state_at_end
     limit = SURE * (radau.problem.absolute + radau.problem.relative * np.abs(after))
-    apart = np.abs(interpolated(radau, times) - radau.collocation(times))
+    apart = np.abs(radau.interpolated(times) - radau.collocation(times))
     return inner & (apart > limit)[:, stiff].any(axis=1)
 
 

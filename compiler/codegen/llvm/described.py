@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ...native.machine import MachineCode
+from ...nouns import dataclass
 from ..program import LimitNote, Names, Native, Program
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...algebra.expression import Apply, Expression, Symbol
 from ...native.values import float_text
+from ...nouns import dataclass
 from ..limits import Leaf
 from ..shapes import ARRAYS, Kernel, Place, Plan, Shapes, read
 from .described import Rows

@@ -106,15 +106,15 @@ class Writer:
                 found[node] = None
         while stack:
             node = stack.pop()
-            if id(node) in seen or isinstance(node, Number):
+            if id(node) in seen or type(node) is Number:
                 continue
             seen.add(id(node))
-            vector = isinstance(node, Apply) and node.operator in SYSTEMS  # only its items are numbers
-            if not vector and not bits[id(node)] & changing:
+            if type(node) is Apply and (
+                bits[id(node)] & changing or node.operator in SYSTEMS
+            ):  # of a system only items are numbers
+                stack += node.operands[::-1]
+            elif not bits[id(node)] & changing:
                 found[node] = None
-                continue
-            if isinstance(node, Apply):
-                stack.extend(reversed(node.operands))
         return list(found)
 
     # ------------------------------------------------------------ the module

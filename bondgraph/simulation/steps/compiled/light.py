@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-ENTRIES = 5  # in a row, on the average: a tree has 3, its diagonal counted twice 4
+ENTRIES = 4.5  # in a row, on the average: a tree has 3, its diagonal counted twice 4; beyond, eliminating only finds out that it fills
 MOST = 6  # neighbours of a node when its turn comes; beyond that a library is quicker
 DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
 

@@ -49,24 +49,21 @@ def collocation(s: Stepper, time: float, out: Floats) -> None:
 
 
 def interpolate(s: Stepper) -> None:
-    """The polynomial through values and slopes of the last three ends, by divided differences, in Newton's form."""
+    """The polynomial through values and slopes of the last three ends, from the last one back, by divided differences, in Newton's form."""
     n = s.n
-    m = 0
-    for k in range(3):
-        for twice in range(2):
-            if k == 0 and twice == 1 and s.first_sloped == 0:
-                continue
-            s.nodes[m] = s.end_time[k]
-            for i in range(n):
-                s.coefficients[m * n + i] = s.end_state[k * n + i]
-            m += 1
-    shift = 6 - m  # a first end without slope is one node
+    m = 6 if s.first_sloped != 0 else 5
+    for j in range(m):
+        end = 2 - j // 2
+        s.nodes[j] = s.end_time[end]
+        for i in range(n):
+            s.coefficients[j * n + i] = s.end_state[end * n + i]
     for order in range(1, m):
         for j in range(m - 1, order - 1, -1):
             gap = s.nodes[j] - s.nodes[j - order]
             if gap == 0.0:
+                end = 2 - j // 2
                 for i in range(n):
-                    s.coefficients[j * n + i] = s.end_slope[(j + shift) // 2 * n + i]
+                    s.coefficients[j * n + i] = s.end_slope[end * n + i]
                 continue
             by = 1.0 / gap
             for i in range(n):

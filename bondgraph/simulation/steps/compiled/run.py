@@ -258,14 +258,15 @@ class CompiledRadau:
 
     def _reference(self) -> Radau:
         """The last step, told to the reference: it has the ends, the stages and the tolerances."""
-        from ..radau import Problem, _End
+        from ..ends import End
+        from ..radau import Problem
 
         n, count = self.n, self.ends
         known = [count < 3 or bool(self.first_sloped) or k > 0 for k in range(count)]
         known[0] = known[0] and count == 3
         states, slopes = self.end_state.reshape(3, n), self.end_slope.reshape(3, n)
         radau = object.__new__(Radau)
-        radau._ends = [_End(float(self.end_time[k]), states[k], slopes[k] if known[k] else None) for k in range(count)]
+        radau._ends = [End(float(self.end_time[k]), states[k], slopes[k] if known[k] else None) for k in range(count)]
         radau._stages = self.stages.reshape(3, n)
         nothing: Any = None
         radau.problem = Problem(nothing, nothing, nothing, nothing, self.relative, self.absolute, nothing)

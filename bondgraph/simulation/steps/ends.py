@@ -1,0 +1,35 @@
+"""The polynomial through the last ends of steps, which is better between them than that of any one step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(slots=True)
+class End:
+    """What is known at the end of a step."""
+
+    time: float
+    state: Any
+    slope: Any
+
+
+def hermite(ends: list[End], times: Any) -> Any:
+    """The polynomial through values and slopes at three instants (the first of a run has none), by divided differences from the last one back
+    (Stoer and Bulirsch, Introduction to Numerical Analysis, section 2.1.5); shape (times, n)."""
+    known = [e for e in reversed(ends) for _ in range(1 if e.slope is None else 2)]
+    nodes = np.array([e.time for e in known])
+    column = np.stack([e.state for e in known])
+    coefficients = [column[0]]
+    for order in range(1, len(nodes)):
+        gaps = nodes[order:] - nodes[:-order]
+        steep = [known[i].slope if gap == 0 else (column[i + 1] - column[i]) * (1 / gap) for i, gap in enumerate(gaps)]
+        column = np.stack(steep)
+        coefficients.append(column[0])
+    value = np.tile(coefficients[-1], (len(times), 1))
+    for node, coefficient in zip(nodes[-2::-1], coefficients[-2::-1], strict=True):
+        value = value * (times - node)[:, None] + coefficient
+    return value
