@@ -257,7 +257,7 @@ class Run:
         evaluations: Counter[str] = Counter()
         for leg in legs:
             evaluations.update(leg.trajectory.evaluations)
-        values = np.concatenate([leg.values for leg in legs])
+        values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where something has no value
             end = legs[-1].end(self.stop)
         balance = _balance(legs) if self.energy else None
