@@ -117,13 +117,14 @@ def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, wh
 
 
 def follower(
-    program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0, coarse: float = 1.0
+    program: Program, inputs: Any, constants: Any, stretch: Segment, known: Signals | None = None, coarse: float = 1.0
 ) -> Callable[[float, float], bool]:
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
     the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
     is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
-    that is short beside a step would not be seen at all. `coarse`: times as much may be missed, for a first look."""
-    known = signals_on(program, inputs, constants, stretch, whole)
+    that is short beside a step would not be seen at all. `known`: the signals there, if they have been asked for; `coarse`: times as much may be missed, for a
+    first look."""
+    known = known or signals_on(program, inputs, constants, stretch)
     first, last = inside(stretch)
     allowed = coarse * known.allowed
     if not len(allowed) or (known.steady and coarse > 1.0):
@@ -152,6 +153,11 @@ def inside(stretch: Segment) -> tuple[float, float]:
     """The first and last instant at which a signal is asked: where a stretch begins and ends is itself rounded."""
     margin = ROUNDING * float(np.spacing(max(abs(stretch.start), abs(stretch.stop))))
     return stretch.start + margin, stretch.stop - margin
+
+
+def mode_size(program: Program, constants: Any) -> int:
+    """How many items the mode of a program has."""
+    return len(program.switches(0.0, constants)) if program.hybrid is None else program.hybrid.size
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 
-from ..algebra.expression import Apply, Expression, Number, Symbol
+from ..algebra.expression import Expression, Number, Symbol
 from .limits import Leaf
 from .lower import Lowered
+from .order import operations_in_order
 
 COMMUTES = frozenset({"add", "multiply", "min", "max", "and", "or", "equal"})
 
@@ -22,36 +23,32 @@ def identity(lowered: Lowered) -> str:
     rows += [(f"active {name}", x) for (name, _), x in zip(events.junctions, events.actives, strict=True)]
     rows += [(f"every {i}", x) for i, x in enumerate(events.periods)]
     rows += [(f"delay {i}", x) for i, x in enumerate((*lowered.delayed, *lowered.lags))]
-    known: dict[Expression, bytes] = {}
     leaves = {
         "parameter": [space.variables[v].name for v in lowered.parameters],
         "input": [space.variables[v].name for v in lowered.inputs],
         "state": names,
     }
-    told = sorted(name.encode("utf-8", "surrogatepass") + b"\0" + _digest(x, known, leaves) for name, x in rows)
+    digests = _digests([x for _, x in rows], leaves)
+    told = sorted(name.encode("utf-8", "surrogatepass") + b"\0" + d for (name, _), d in zip(rows, digests, strict=True))
     return hashlib.sha256(b"\n".join(told)).hexdigest()
 
 
-def _digest(x: Expression, known: dict[Expression, bytes], leaves: Mapping[str, Sequence[str]]) -> bytes:
-    stack = [x]
-    while stack:
-        node = stack[-1]
-        if node in known:
-            stack.pop()
-            continue
-        if isinstance(node, Apply):
-            missing = [o for o in node.operands if o not in known]
-            if missing:
-                stack += missing
-                continue
-            parts = [known[o] for o in node.operands]
-            if node.operator in COMMUTES:
-                parts.sort()
-            known[node] = hashlib.sha256(b"\0".join([node.operator.encode(), *parts])).digest()
-        else:
-            known[node] = hashlib.sha256(_leaf(node, leaves).encode("utf-8", "surrogatepass")).digest()
-        stack.pop()
-    return known[x]
+def _digests(roots: Sequence[Expression], leaves: Mapping[str, Sequence[str]]) -> list[bytes]:
+    known: dict[Expression, bytes] = {}
+
+    def of(node: Expression) -> bytes:
+        found = known.get(node)
+        if found is None:  # no operation: those have their operands before them
+            found = hashlib.sha256(_leaf(node, leaves).encode("utf-8", "surrogatepass")).digest()
+            known[node] = found
+        return found
+
+    for node in operations_in_order(roots, {}):
+        parts = [of(operand) for operand in node.operands]
+        if node.operator in COMMUTES:
+            parts.sort()
+        known[node] = hashlib.sha256(b"\0".join([node.operator.encode(), *parts])).digest()
+    return [of(root) for root in roots]
 
 
 def _leaf(node: Expression, leaves: Mapping[str, Sequence[str]]) -> str:

@@ -39,6 +39,7 @@ from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME, dependence_o
 from .events import LoweredEvents, behind_the_run, event_notes, event_variables
 from .limits import Leaf, Limit, ranges, requirement
 from .multipliers import Solved, solve_multipliers
+from .order import operations_in_order
 from .stored_energy import stored_energy
 from .switching import Switching
 
@@ -413,13 +414,5 @@ def _solution(
 
 def count_operations(roots: Iterable[Expression], free: Mapping[Expression, object] | None = None) -> int:
     """The number of distinct operations behind some expressions."""
-    seen: set[Expression] = set(free or ())
-    stack = list(roots)
-    count = 0
-    while stack:
-        node = stack.pop()
-        if isinstance(node, Apply) and node not in seen:
-            seen.add(node)
-            count += max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1
-            stack.extend(node.operands)
-    return count
+    order = operations_in_order(tuple(roots), free or {})
+    return sum(max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1 for node in order)

@@ -168,7 +168,10 @@ class _Planner:
         size = [0] * len(self.order)
         grown = False
         for number, node in enumerate(self.order):
-            own = 1 + sum(size[o] for o in self.operands[number] if o >= 0 and owner[o] != o)
+            own = 1
+            for operand in self.operands[number]:
+                if operand >= 0 and owner[operand] != operand:
+                    own += size[operand]
             if own > LONG_TREE and owner[number] != number and (own > LONGEST_TREE or node in self.shapes.labelled):
                 ends.add(number)
                 own, grown = 0, True

@@ -15,6 +15,8 @@ LIBRARY = (
     "sincos", "memset", "memcpy", "memmove", "malloc", "free",
 )  # fmt: skip
 
+AS_WRITTEN = -1  # a level: what the text says with the best instructions, but without passes over it
+
 
 @lru_cache
 def available() -> bool:
@@ -47,14 +49,14 @@ class MachineCode:
 
 
 def object_code(text: str, level: int) -> bytes:
-    """The object code of a module. `level`: how much is made of it, 0 to 3."""
+    """The object code of a module. `level`: how much is made of it, 0 to 3, or `AS_WRITTEN`."""
     from llvmlite import binding
 
-    machine = _machine(level)
+    machine = _machine(2 if level == AS_WRITTEN else level)
     module = binding.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     module.verify()
-    if level:
+    if level > 0:
         options = binding.create_pipeline_tuning_options(speed_level=level)
         options.slp_vectorization = True  # rounds as before, and takes an eighth off a Jacobian
         builder = binding.create_pass_builder(machine, options)

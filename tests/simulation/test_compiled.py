@@ -30,16 +30,18 @@ from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
-# Conditions on states are located by the reference stepper.
-EVENTS = {"quarter_car.bg", "crank_linkage.bg", "end_stops.bg", "side_instability.bg"}
+LONG = {"side_instability.bg"}  # as `end_stops.bg`
 RUNNING = [
-    (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
+    (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in LONG
 ]
 # Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
 # What moves has no mass, or nothing is done to it: its work is the error of a quadrature, or of rounding.
 RESTING = {"inverse_kinematics.bg", "gyroscope.bg"}
-# The look ahead at a mechanism with a redundant constraint is another with other multipliers, and so are its magnitudes and tolerances.
-PARTING = {"duffing.bg": 0.05, "rectifier.bg": 0.05, "spatial_slider_crank.bg": 0.25, "inverse_kinematics.bg": 0.05}
+# So they do where thousands of steps follow what rings in a stop that is met at some instant, and where a look ahead finds multipliers less closely
+# (other ones where a constraint is redundant): then its magnitudes are others, and tolerances.
+PARTING = {
+    "duffing.bg": 0.05, "rectifier.bg": 0.05, "spatial_slider_crank.bg": 0.25, "inverse_kinematics.bg": 0.05, "end_stops.bg": 0.05, "crank_linkage.bg": 0.05,
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -53,20 +55,10 @@ def both(path: Path, name: str | None = None, **settings: Any) -> tuple[Result, 
     return tuple(model.simulate(target=target, **settings) for target in ("native", "numpy"))  # type: ignore[return-value]
 
 
-def test_events_are_the_affair_of_the_reference() -> None:
-    native, numpy = both(MODELS / "quarter_car.bg")
-    assert native.solver == numpy.solver == "Dormand-Prince 8, numpy (events)"
-    assert (native.values == numpy.values).all()
-
-
 @pytest.mark.parametrize("solver", ["radau", "automatic"])
 @pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
     native, numpy = both(path, name, energy=True, solver=solver)
-    program = bondgraph.load(path, name).compilation(bondgraph.load(path, name).scene()).program
-    if program.hybrid is not None:
-        assert "numpy" in native.solver
-        pytest.skip("steps of the reference")
     assert native.solver.replace("native", "numpy") == numpy.solver
     if solver == "radau":
         assert native.solver in ("Radau IIA 5, native", "Newton", "none")

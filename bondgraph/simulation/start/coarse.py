@@ -13,7 +13,7 @@ from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
-from ..segments import Segment, always, follower
+from ..segments import Segment, always, follower, signals_on
 from ..steps.factorise import Shifted, is_large, once, sparse
 from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion
@@ -224,7 +224,8 @@ class CoarseRun:
         """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
         if not 1 < stretches <= STEPS:
             return always
-        return follower(self.program, self.inputs, self.constants, stretch, whole, coarse=COARSE)
+        known = signals_on(self.program, self.inputs, self.constants, stretch, whole)
+        return follower(self.program, self.inputs, self.constants, stretch, known, COARSE)
 
     def _on_constraints(self, first: Segment, basis: Any) -> Any:
         """The Jacobian of the motions that closing joints leave, with their multipliers eliminated; None where those are not determined."""

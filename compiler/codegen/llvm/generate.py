@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ...native.machine import object_code
+from ...native.machine import AS_WRITTEN, object_code
 from ..lower import Lowered, count_operations
-from ..numpy.generate import name_tables, of_invariants
+from ..numpy.generate import hybrid_note, name_tables, of_invariants
 from ..numpy.write import Writer
 from ..program import Names, Program
 from .described import Described, Rows, bind
@@ -29,11 +29,16 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[De
     writer = Writer(lowered)
     modules = Module(writer, True), Module(writer, False)
     texts = [module.text() for module in modules]
-    level = next((level for most, level in LEVELS if modules[0].operations <= most), 0)
-    codes = compile_(texts[0], level), compile_(texts[1], 0)
+    codes = compile_(texts[0], _level(modules[0])), compile_(texts[1], 0)
     functions = tuple(function for module in modules for function in module.functions)
     rows = tuple(module.rows for module in modules if module.rows is not None)
     return _described(lowered, texts[0], functions, rows), codes
+
+
+def _level(module: Module) -> int:
+    """How much is made of a module. Loops over kernels wait for memory: of these LLVM's passes make nothing but longer code."""
+    level = next((level for most, level in LEVELS if module.operations <= most), 0)
+    return AS_WRITTEN if level and module.rows is not None and not module.called else level
 
 
 def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[Rows, ...]) -> Described:  # fmt: skip
@@ -47,7 +52,7 @@ def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[st
         space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
         _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), of_invariants(lowered),
         tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),
-        lowered.differentiated, functions, rows,
+        lowered.differentiated, functions, rows, hybrid_note(lowered),
     )  # fmt: skip
 
 

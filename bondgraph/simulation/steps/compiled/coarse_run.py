@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...segments import mode_size
 from ...start.coarse import smallest_angles
 from ...start.kept import keeps_factors
 from .coarse import Coarse
@@ -36,7 +37,7 @@ def _room(program: Program, constants: Any) -> dict[str, Any]:
     arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}
     arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
     return numbers | arrays | {
-        "mode": np.zeros(len(program.switches(0.0, constants))), "smallest": smallest_angles(program),
+        "mode": np.zeros(mode_size(program, constants)), "smallest": smallest_angles(program),
         "real": room_for(Factors, 0 if is_sparse(program) else n),
     }  # fmt: skip
 

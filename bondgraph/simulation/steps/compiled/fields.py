@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from ...segments import LOOKS, Segment, inside, signals_on
+from ...events.locate import PLACES
+from ...segments import LOOKS, Segment, Signals, inside
 from ...watch.choice import WORST
 from .. import pair
 from ..factorise import is_large
@@ -37,17 +38,17 @@ def fields_at(
     stretch: Segment,
     state: Any,
     longest: float,
+    signals: Signals,
     method: int = RADAU,
-    length: float = 0.0,
 ) -> dict[str, Any]:
-    """All fields of a `Stepper` where the stretch begins. `length`: of the whole run."""
-    given = given_at(program, inputs, constants, tolerances, stretch, state, longest, length)
+    """All fields of a `Stepper` where the stretch begins."""
+    given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
     bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
-    return room_of(program, method, len(given["allowed"]), bends) | given
+    return room_of(program, method, len(signals.allowed), bends) | given
 
 
 def given_at(
-    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float, length: float = 0.0
+    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float, signals: Signals
 ) -> dict[str, Any]:  # fmt: skip
     """Those that depend on the run, and on where it is."""
     rows, columns = program.pattern
@@ -57,16 +58,16 @@ def given_at(
     unit[differential:] = 1.0  # residuals are scaled by the factorisation
     scaled, resting = state / magnitude, tolerances.scaled
     relative = tolerances.relative
-    known = signals_on(program, inputs, constants, stretch, length)
     earliest, latest = inside(stretch)
     return {
-        "inputs": inputs, "constants": constants, "mode": stretch.mode, "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
+        "inputs": inputs, "constants": constants, "mode": np.array(stretch.mode, dtype=float),
+        "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
         "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
-        "node_time": known.times, "node_value": known.values.ravel(), "signal_nodes": len(known.times), "steady": int(known.steady), "allowed": known.allowed,
-        "earliest": earliest, "latest": latest, "longest": longest, "usual": longest, "time": stretch.start, "stop": stretch.stop,
+        **signal_fields(signals, stretch.start),
+        "earliest": earliest, "latest": latest, "longest": longest, "usual": longest, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
         "state": np.array(scaled, dtype=float), "tolerance": relative,
     }  # fmt: skip
 
@@ -78,14 +79,18 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
     large = is_sparse(program)
     order = 3 * n if method == ENERGY else 0 if large else n  # of the linear systems
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    conditions = () if program.hybrid is None else program.hybrid.conditions
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
     return {
         "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
+        "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
+        "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
+        "root_seen": room(PLACES * len(conditions)), "greatest": room(n),
         "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
-        "n": n, "differential": differential, "method": method, "entry_count": entries, "node_next": 0,
-        "signal_count": signals, "seen": room(max(len(LOOKS), len(pair.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
+        "n": n, "differential": differential, "method": method, "entry_count": entries,
+        "seen": room(max(len(LOOKS), len(pair.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
         "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
@@ -102,6 +107,15 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "power": room(0), "partial": room(0), "traffic": 0.0, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
         "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
-        "slope": room(pair.ALL_STAGES * n if method != RADAU else 0), "dense": room(7 * n if method != RADAU else 0), "dense_known": 0,
+        "slope": room(pair.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
         "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": pair.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
+    }  # fmt: skip
+
+
+def signal_fields(signals: Signals, start: float) -> dict[str, Any]:
+    """The fields of a `Stepper` that say what time alone moves, from a start on."""
+    return {
+        "node_time": signals.times, "node_value": signals.values.ravel(), "signal_nodes": len(signals.times),
+        "node_next": int(np.searchsorted(signals.times, start)), "steady": int(signals.steady), "signal_count": len(signals.allowed),
+        "allowed": signals.allowed,
     }  # fmt: skip

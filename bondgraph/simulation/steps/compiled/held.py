@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
+from ...segments import mode_size
 from .forms import Laid, form_of
 from .holding import Held
 from .run import called
@@ -34,7 +35,7 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
     }
     squares["positions"]["vector"] = squares["positions"]["fresh"].copy()
     return {
-        "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "active": int(gaps > 0), "n": full,
+        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(gaps > 0), "n": full,
         "count": count, "gaps": gaps, "magnitude": np.array(magnitude, dtype=float), "values": np.zeros(len(program.invariants.names)),
         "slopes": np.zeros(len(rows)), "multipliers": len(bound), "place": bound, "solution": np.zeros(full + len(bound)),
         "full": np.zeros(full),

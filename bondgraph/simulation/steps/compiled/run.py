@@ -16,7 +16,7 @@ import numpy as np
 
 from ....door import MachineCode, Program, record_of
 from ....native import kernel
-from ...segments import Segment
+from ...segments import Segment, Signals, inside
 from ...watch.choice import Choice
 from .. import pair, radau
 from ..methods import ENERGY, EXPLICIT, RADAU
@@ -25,7 +25,8 @@ from .advance import LOOK, MORE, advance, begin
 from .balancing import balance
 from .coarse import coarse
 from .euler import euler
-from .fields import given_at, room_of
+from .fields import given_at, room_of, signal_fields
+from .flipping import roots_along, states_along
 from .forms import Laid, form_of
 from .holding import hold_all, least_all, rates_all
 from .light import DIAGONAL
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .held import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
+OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
 WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
@@ -61,7 +63,8 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all, balance, real_factors])
+        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
+        return translate([*of_steps, hold_all, least_all, rates_all, balance, real_factors])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
@@ -119,24 +122,24 @@ class CompiledRadau:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints, method: int = RADAU, whole: float = 0.0,
+        constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
-        self.program = program
+        self.program, self.constraints = program, constraints
         self.order = Ordered(program, SMALL)
-        given = given_at(program, inputs, constants, tolerances, stretch, state, longest, whole)
+        given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
         given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
 
         def room() -> dict[str, Any]:
             at = stretch.start, state, inputs, constants, stretch.mode
-            return room_of(
-                program, method, len(given["allowed"]), 0 if program.bends is None else len(program.bends(*at))
-            )
+            bends = 0 if program.bends is None else len(program.bends(*at))
+            return room_of(program, method, len(signals.allowed), bends)
 
         self.values = Laid(form_of(Stepper, program, method, room), given)
-        constraints.values["mode"][:] = stretch.mode
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
+        self._mode: Any = None  # that was put last
+        self._begun = False
         self._record, self._here = self.values.record, self.values.address
-        self._advance = called("advance", ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
+        self._advance = called("advance", WHOLE, POINTER, WHOLE)
 
     def report(self, instants: Any, position: int, states: Any) -> None:
         """Where states at instants go, from the number `position` on."""
@@ -146,6 +149,9 @@ class CompiledRadau:
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should go on."""
+        if self._begun:
+            self.values["stored_peak"] = choice.peak
+            return
         count = len(choice.rows)
         rows, columns = self.program.sensitivity_pattern
         self.values.put({
@@ -160,9 +166,47 @@ class CompiledRadau:
 
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
-        called("begin", None, ctypes.c_void_p)(self._here)
+        self.put_mode(self.values["mode"])
+        self._begun = True
+        self.__dict__ |= {name: self.values[name] for name in OFTEN}
+        called("begin", None, POINTER)(self._here)
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
+
+    def begin_at(self, stretch: Segment, state: Any, signals: Signals, method: int, automatic: int) -> None:
+        """Go on with another stretch, or behind an event, as one that is made anew would."""
+        record, values = self._record, self.values
+        scaled = state / values["magnitude"]
+        values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
+        values["peak"][:] = np.maximum(np.abs(scaled), 1.0)
+        self.put_mode(stretch.mode)
+        values.put(signal_fields(signals, stretch.start))
+        record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
+        record.earliest, record.latest = inside(stretch)
+        record.method, record.automatic = method, automatic
+        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, pair.LOOK_AGAIN, 0, 0
+        for name in ("steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"):
+            setattr(record, name, 0)
+        values["error"][:] = 0.0
+        self._forget()
+
+    def doubt(self, floor: Any) -> None:
+        """Roots of conditions that are nearer to zero than this are rounding."""
+        if floor is not None:
+            self.values["root_floor"][:] = floor
+
+    def end_at(self, time: float) -> None:
+        """An event ends the last step: what is still to be done with it goes as far as that."""
+        self._record.until = time
+
+    def put_mode(self, mode: Any) -> None:
+        """Conditions and what only events change are like this from now on."""
+        self._mode = mode
+        self.values["mode"][:] = mode
+        self.constraints.values["mode"][:] = mode
+        hybrid = self.program.hybrid
+        if hybrid is not None:
+            self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
 
     def begin_again(self, time: float, state: Any, size: float) -> None:
         """Go on from elsewhere, with a first step that is not longer than this."""
@@ -183,7 +227,7 @@ class CompiledRadau:
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
         record.last_size = record.last_error = record.contraction = 0.0
-        called("begin", None, ctypes.c_void_p)(self._here)
+        called("begin", None, POINTER)(self._here)
 
     def went_on(self, position: int, work: Any, traffic: float) -> Any:
         """What was reported and added up meanwhile; the array in which work goes on to be added up."""
@@ -212,6 +256,11 @@ class CompiledRadau:
             raise StepFailed(FAILURES[answer])
         return answer
 
+    @property
+    def record(self) -> Any:
+        """What machine code works on: single numbers are there."""
+        return self._record
+
     def step(self) -> None:
         """One step. Raises `StepFailed`."""
         self.advance(1)
@@ -229,12 +278,14 @@ class CompiledRadau:
     @property
     def last_step(self) -> tuple[float, float]:
         """Its start and its end."""
-        return float(self.end_time[self.ends - 2]), float(self.end_time[self.ends - 1])
+        count = self._record.ends
+        return float(self.end_time[count - 2]), float(self.end_time[count - 1])
 
     @property
     def evaluations(self) -> dict[str, int]:
         """How often what was evaluated."""
-        return {"derivative": self.derivatives, "jacobian": self.jacobians, "factorisation": self.factorisations}
+        record = self._record
+        return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     @property
     def inner(self) -> tuple[float, ...]:
@@ -249,6 +300,23 @@ class CompiledRadau:
             before = self.end_state.reshape(3, self.n)[self.ends - 2]
             return pair.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
         return self._reference().sample(times)
+
+    def roots(self, times: Any, mode: Any) -> Any:
+        """The roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
+        return self._all("roots_along", times, mode, self._record.root_count)
+
+    def states(self, times: Any, mode: Any) -> Any:
+        """The states in SI there, with the multipliers that belong to them; shape (times, n)."""
+        return self._all("states_along", times, mode, self._record.n)
+
+    def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
+        if mode is not self._mode:
+            self.put_mode(mode)
+        times = np.ascontiguousarray(times, dtype=float)
+        out = np.empty((len(times), width))
+        there, here = (a.__array_interface__["data"][0] for a in (times, out))
+        called(name, None, POINTER, WHOLE, POINTER, POINTER)(self._here, len(times), there, here)
+        return out
 
     def _interpreted(self, times: Any) -> Any:
         """The last step, told to the source as Python."""
@@ -279,12 +347,12 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause
 
     `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
     """
-    several, answer = 64, MORE
-    while answer == LOOK or (answer == MORE and solver.steps < pause):
-        if solver.steps >= most:
+    several, answer, record = 64, MORE, solver.record
+    while answer == LOOK or (answer == MORE and record.steps < pause):
+        if record.steps >= most:
             raise StepFailed("steps")
         began = clock.perf_counter()
-        answer = solver.advance(max(1, int(min(several, most - solver.steps, pause - solver.steps))))
+        answer = solver.advance(max(1, int(min(several, most - record.steps, pause - record.steps))))
         if answer == LOOK:
             solver.left[look()] = 1
         elif clock.perf_counter() - began < AT_ONCE:
