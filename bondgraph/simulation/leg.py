@@ -96,6 +96,8 @@ class Leg:
 
     def _given(self, program: Program) -> Any:
         """The parameters of this run, shape (P,)."""
+        if not self.set:
+            return np.array(program.defaults, dtype=float)
         return np.array([self.set.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)])
 
     def _constraints(self, program: Program) -> Constraints:
@@ -173,8 +175,10 @@ class Leg:
 
     def _told_tolerances(self) -> dict[int, float]:
         """The absolute tolerances that the experiment gives, by state or unknown. Raises `UsageError`."""
-        variables = {n: i for i, n in enumerate((*self.program.states.names, *self.program.unknowns.names))}
         result: dict[int, float] = {}
+        if not self.plan.tolerances:
+            return result
+        variables = {n: i for i, n in enumerate((*self.program.states.names, *self.program.unknowns.names))}
         for name, value in self.plan.tolerances.items():
             index = variables.get(name, self.compilation.facts.shown.get(name))
             if index is None:
@@ -205,7 +209,9 @@ class Leg:
 
     def _peaks(self, names: Sequence[str]) -> Any:
         """The largest that states have been before this leg."""
-        return np.array([0.0 if self.begin is None else self.begin.peaks.get(n, 0.0) for n in names])
+        if self.begin is None:
+            return np.zeros(len(names))
+        return np.array([self.begin.peaks.get(n, 0.0) for n in names])
 
     def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
         """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
@@ -346,9 +352,9 @@ class Leg:
         hybrid = program.hybrid
         modes = {} if hybrid is None else dict(zip(hybrid.modes.names, map(float, kept.mode), strict=False))
         return End(
-            self.compilation.facts.identity, dict(zip(program.parameters.names, map(float, self.parameters), strict=True)),
-            kept.time, until, stored, peaks, dict(zip(program.unknowns.names, map(float, kept.state[count:]), strict=True)),
-            dict(self.known) if self.used is None else dict(zip(names, map(float, self.used), strict=True)), modes,
+            self.compilation.facts.identity, dict(zip(program.parameters.names, self.parameters.tolist(), strict=True)),
+            kept.time, until, stored, peaks, dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)),
+            dict(self.known) if self.used is None else dict(zip(names, self.used.tolist(), strict=True)), modes,
             tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off if hybrid is not None else (), self.scene.preferences,
             None if self.history is None else self.history.past(kept.remembered),
         )  # fmt: skip
@@ -385,9 +391,9 @@ class Leg:
         values = np.empty((len(self.instants), len(self.program.outputs.names)))
         pieces = self.trajectory.pieces or self.stretches
         for stretch in pieces:
-            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
-            if chosen.any():
-                values[chosen] = self._output(self.instants[chosen], self.trajectory.states[chosen], stretch.mode)
+            part = self._within(stretch)
+            if part.start < part.stop:
+                values[part] = self._output(self.instants[part], self.trajectory.states[part], stretch.mode)
         if self.trajectory.handover is not None or not len(self.instants):
             return values
         last = pieces[-1]
@@ -401,6 +407,10 @@ class Leg:
         self.watch.look(self.instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
         values[-1] = self._output(self.instants[-1], self.trajectory.states[-1], mode)
         return values
+
+    def _within(self, stretch: Segment) -> slice:
+        """Which of the instants lie in a stretch."""
+        return slice(*np.searchsorted(self.instants, (stretch.start, stretch.stop)).tolist())
 
     def _output(self, times: Any, states: Any, mode: Any) -> Any:
         return self.program.output(times, states, self.inputs, self.constants, mode)
@@ -439,9 +449,9 @@ class Leg:
         turnover = within + sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
         powers = []
         for stretch in self.trajectory.pieces or self.stretches:
-            chosen = (self.instants >= stretch.start) & (self.instants < stretch.stop)
-            if chosen.any():
-                powers.append(self._powers(self.instants[chosen], self.trajectory.states[chosen], stretch.mode))
+            part = self._within(stretch)
+            if part.start < part.stop:
+                powers.append(self._powers(self.instants[part], self.trajectory.states[part], stretch.mode))
         if powers:
             watts = np.concatenate(powers)
             self.notes += tuple(givers(space, self.instants[: len(watts)], watts, turnover))

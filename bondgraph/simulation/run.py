@@ -110,14 +110,14 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
     def made(scene: Scene, everything: bool) -> Prepared:
         return model.prepared(scene, everything or scene.conserving, target)
 
-    scene = replace(scene, conserving=wanted.solver == ENERGY_METHOD)
+    scene = _conserving(scene, wanted.solver)
     plan = made(scene, energy).plan
     many = many_runs(plan, scene)
     if many is not None:
         raise ManyRuns(many)
     stop = _stop(plan, to)
     solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
-    scene = replace(scene, conserving=solver == ENERGY_METHOD)
+    scene = _conserving(scene, solver)
     prepared = made(scene, energy)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
@@ -160,6 +160,12 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
     return run.result("")
 
 
+def _conserving(scene: Scene, solver: str | None) -> Scene:
+    """The scene of a run with this solver."""
+    wanted = solver == ENERGY_METHOD
+    return scene if scene.conserving == wanted else replace(scene, conserving=wanted)
+
+
 def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
     """Why a run ends where other junctions go on or off, or other states are chosen, and the model has no equations then."""
     begin = run.begins_now
@@ -195,7 +201,10 @@ class Run:
         begin, left, legs = self.begin, self.instants, self.legs
         while not legs or begin is not None:
             self.leg = None
-            chosen = replace(self.scene, preferences=tuple(sorted(wishes.items())))
+            preferences = tuple(sorted(wishes.items()))
+            chosen = (
+                self.scene if preferences == self.scene.preferences else replace(self.scene, preferences=preferences)
+            )
             leg = Leg(
                 self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
                 self.solver, bandwidth=self.bandwidth,
@@ -248,7 +257,7 @@ class Run:
         evaluations: Counter[str] = Counter()
         for leg in legs:
             evaluations.update(leg.trajectory.evaluations)
-        values = np.concatenate([leg.values for leg in legs])
+        values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where something has no value
             end = legs[-1].end(self.stop)
         balance = _balance(legs) if self.energy else None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -19,6 +19,7 @@ PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
 SPARSE = 16  # places for each change of sign, else more are taken
 GOLDEN = 0.6180339887498949
+BESIDE = (GOLDEN * np.arange(NODES) + 0.5) % 1.0  # how far beyond its equal share each of many places lies
 MOST_SAMPLES = 1_000_000  # of one sampled event
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
 ROUNDING = 16  # units in the last place of a time
@@ -36,6 +37,13 @@ class Segment:
     start: float
     stop: float
     mode: Any
+    seen: dict[float, tuple[Any, ...]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )  # by `signals_on`
+
+    def up_to(self, start: float, stop: float) -> Segment:
+        """A part of it; itself, if that is all of it."""
+        return self if (start, stop) == (self.start, self.stop) else Segment(start, stop, self.mode)
 
 
 def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
@@ -68,23 +76,44 @@ class Signals:
     steady: bool  # whether they are the same at all of them
 
 
+def _irregular(start: float, span: float, count: int) -> Any:
+    """Places that lie irregularly: on a regular grid a fast oscillation would look like a slow one."""
+    numbers = np.arange(count)
+    beside = BESIDE[:count] if count <= NODES else (GOLDEN * numbers + 0.5) % 1.0
+    return start + span * (numbers + beside) / count
+
+
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
     """The signals on a stretch, at places that lie irregularly: the denser, the larger its share of the `whole` run is.
 
-    What turns up at none of these places (shorter than 1/4096 of a run) is not known, and may be stepped over.
+    What turns up at none of these places (shorter than 1/4096 of a run) is not known, and may be stepped over. All that looks at
+    a stretch asks for them: they are found once, unless what is delayed is among them.
     """
+    asked, seen = (program, inputs, constants), stretch.seen.get(whole)
+    if seen is not None and all(a is b for a, b in zip(seen, asked, strict=False)):
+        return cast("Signals", seen[-1])
+    found = _signals(program, inputs, constants, stretch, whole)
+    if program.delays is None:
+        stretch.seen[whole] = (*asked, found)
+    return found
+
+
+def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float) -> Signals:
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
     begin, end = inside(stretch)  # where a narrow pulse may have its crest
-    if not program.signals(begin, inputs, constants, stretch.mode).shape[-1]:
+    first = program.signals(begin, inputs, constants, stretch.mode)
+    if not len(first):
         return Signals(np.zeros(0), np.zeros(0), np.zeros((0, 0)), False)
-    numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))
-    times = stretch.start + span * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / len(numbers)
-    times = np.concatenate([[begin], np.clip(times, begin, end), [end]])
+    count = int(min(NODES, max(GRID, NODES * share)))
+    times = np.empty(count + 2)
+    times[0], times[-1] = begin, end
+    np.clip(_irregular(stretch.start, span, count), begin, end, out=times[1:-1])
     values = program.signals(times, inputs, constants, stretch.mode)
-    allowed = SHARE * np.ptp(values, axis=0) + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
-    steady = len(values) > 0 and not np.ptp(values, axis=0).any()
-    return Signals(allowed, times, values, bool(steady))
+    columns = np.ascontiguousarray(values.T)
+    low, high = columns.min(axis=1), columns.max(axis=1)
+    allowed = SHARE * (high - low) + 1e-9 * np.maximum(high, -low)  # the latter for rounding
+    return Signals(allowed, times, values, not (high - low).any())
 
 
 def follower(
@@ -95,22 +124,29 @@ def follower(
     is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
     that is short beside a step would not be seen at all. `known`: the signals there, if they have been asked for; `coarse`: times as much may be missed, for a
     first look."""
-    known, ends = known or signals_on(program, inputs, constants, stretch), inside(stretch)
+    known = known or signals_on(program, inputs, constants, stretch)
+    first, last = inside(stretch)
     allowed = coarse * known.allowed
-    if not len(allowed):
-        return lambda start, stop: True
+    if not len(allowed) or (known.steady and coarse > 1.0):
+        return always
 
     def follows(start: float, stop: float) -> bool:
-        times = np.clip(start + (stop - start) * LOOKS, *ends)
+        times = np.minimum(np.maximum(start + (stop - start) * LOOKS, first), last)
         values = program.signals(times, inputs, constants, stretch.mode)
         seen = values[: len(SEEN)]
         if (np.abs(BETWEEN @ seen - values[len(SEEN) :]) > allowed).any():
             return False
-        first, last = np.searchsorted(known.times, (start, stop))
-        shares = (known.times[first:last] - start) / (stop - start)
-        return not bool((np.abs(np.vander(shares, 4) @ CUBIC @ seen - known.values[first:last]) > allowed).any())
+        passed = slice(*np.searchsorted(known.times, (start, stop)))
+        shares = ((known.times[passed] - start) / (stop - start))[:, None]
+        a, b, c, d = CUBIC @ seen
+        return not (np.abs(((a * shares + b) * shares + c) * shares + d - known.values[passed]) > allowed).any()
 
     return follows
+
+
+def always(start: float, stop: float) -> bool:
+    """What a step sees of what does not move."""
+    return True
 
 
 def inside(stretch: Segment) -> tuple[float, float]:
@@ -141,7 +177,10 @@ def with_time_of(program: Program, mode: Any, before: Any) -> Any:
 
 def _mode(program: Program, constants: Any, time: Any) -> Any:
     """The conditions on time; with events, what only they change is as at the start. Shape (…, mode)."""
-    switches, hybrid = program.switches(time, constants), program.hybrid
+    hybrid = program.hybrid
+    if hybrid is None and not _count(program, "switches", lambda: program.switches(0.0, constants)):
+        return np.empty((*np.shape(time), 0))
+    switches = program.switches(time, constants)
     if hybrid is None:
         return switches
     start = hybrid.start(constants)
@@ -149,6 +188,14 @@ def _mode(program: Program, constants: Any, time: Any) -> Any:
     mode[..., : len(start)] = start
     mode[..., list(hybrid.timed)] = switches
     return mode
+
+
+def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
+    """How many values a function of a program has, whatever they are."""
+    kept = program.kept
+    if name not in kept:
+        kept[name] = int(np.shape(values())[-1])
+    return cast("int", kept[name])
 
 
 def _distinct(edges: list[float]) -> list[float]:
@@ -175,14 +222,10 @@ def _places(program: Program, constants: Any, length: float) -> int:
 
 
 def _looked_at(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, Any]:
-    """Times and the values there of the functions whose zeros are looked for; more places where signs change often.
-
-    The places lie irregularly: on a regular grid a fast oscillation would look like a slow one.
-    """
+    """Times and the values there of the functions whose zeros are looked for; more places where signs change often."""
     places = _places(program, constants, stop - start)
     while True:
-        numbers = np.arange(places)
-        times = start + (stop - start) * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / places
+        times = _irregular(start, stop - start, places)
         values = program.crossings(times, constants, _mode(program, constants, times))
         signs = np.sign(values)
         changes = int((signs[:-1] * signs[1:] < 0).sum(axis=0).max(initial=0))
@@ -202,7 +245,9 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
     Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed, if others do not lie close.
     """
     middle = 0.5 * (edges[0] + edges[-1])
-    if not np.size(program.crossings(middle, constants, _mode(program, constants, middle))):
+    if not _count(
+        program, "crossings", lambda: program.crossings(middle, constants, _mode(program, constants, middle))
+    ):
         return []
     found: list[float] = []
     for a, b in pairwise(edges):
@@ -211,11 +256,13 @@ def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
             signs = np.sign(values[:, column])
             for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):
                 mode = _mode(program, constants, times[i])
+                ends = [float(t) for t in times[i : i + 2]]
+                known = dict(zip(ends, values[i : i + 2, column].tolist(), strict=True)) if not mode.size else {}
 
-                def g(t: float, column: int = column, mode: Any = mode) -> float:
-                    return float(program.crossings(t, constants, mode)[column])
+                def g(t: float, column: int = column, mode: Any = mode, known: dict[float, float] = known) -> float:
+                    return known[t] if t in known else float(program.crossings(t, constants, mode)[column])
 
-                if g(times[i]) * g(times[i + 1]) < 0:
-                    found.append(crossing(g, times[i], times[i + 1], 4e-16 * max(abs(b), 1e-300)))
+                if g(ends[0]) * g(ends[1]) < 0:
+                    found.append(crossing(g, ends[0], ends[1], 4e-16 * max(abs(b), 1e-300)))
             found += [times[i] for i in np.flatnonzero(signs[1:-1] == 0) + 1 if signs[i - 1] * signs[i + 1] < 0]
     return found

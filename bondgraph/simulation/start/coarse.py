@@ -13,7 +13,7 @@ from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
-from ..segments import Segment, follower
+from ..segments import Segment, always, follower, signals_on
 from ..steps.factorise import Shifted, is_large, once, sparse
 from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion
@@ -25,8 +25,12 @@ STEPS = 60  # of the coarse run
 MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
 COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
 EXPLODED = 1e3  # times as large within the second half of the way
+GROWN, SAME = 1.5, 1.2  # times as large within a step, and what counts as no larger
 CAREFUL = 300  # of these: up to then a step must not overshoot what grows
-AGAIN = 1.25  # times as far as when it was noted last how large all was
+AGAIN, NOTES = (
+    1.25,
+    128,
+)  # times as far as when it was noted last how large all was; so often that it is from the shortest step on
 STIFFER = 1e4  # times as fast as at the start: there a free linear motion does not lead
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
@@ -53,8 +57,11 @@ class Look:
 
 def smallest_angles(program: Program) -> Any:
     """What an angle or its rate is rounding below, for all states and unknowns; 0 for what has a unit."""
-    units = np.array([*program.states.units, *program.unknowns.units])
-    return np.where(np.isin(units, ["1", "1/s"]), SMALLEST_ANGLE, 0.0)
+    kept = program.kept
+    if "angles" not in kept:
+        units = (*program.states.units, *program.unknowns.units)
+        kept["angles"] = np.array([SMALLEST_ANGLE if unit in ("1", "1/s") else 0.0 for unit in units])
+    return kept["angles"]
 
 
 @dataclass(slots=True)
@@ -83,7 +90,11 @@ class CoarseRun:
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
         self.found = self.state  # by the last step, before it is projected
-        self.past: list[tuple[float, Any]] = []  # how far it was, and the magnitudes until then
+        self.noted, self.far, self.until = (
+            0,
+            np.zeros(NOTES),
+            np.zeros((NOTES, len(state))),
+        )  # how far it was, and the magnitudes until then
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
         self.keeping, self.kept = keeps_factors(program), KeptFactors()
@@ -114,12 +125,12 @@ class CoarseRun:
             length = stretch.stop - stretch.start
             usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
             pace = Pace(stretch.start, usual, taken, usual, SMALLEST_STEP * whole, stretch.stop)
-            follows = self._follows(stretch, len(stretches))
+            follows = self._follows(stretch, len(stretches), whole)
             while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
                 pace.size *= 0.25
             while pace.time < stretch.stop and pace.taken < MOST_STEPS:
-                if loop is not None:
-                    self._by_itself(loop, pace, first.start, stretch.mode)
+                if loop is not None:  # all but the last step of a stretch, and one that is not found
+                    loop.go(self, pace, first.start, stretch.mode)
                 if not self._further(pace, follows, stretch.mode):
                     if pace.size < pace.smallest:
                         return self._given_up(first.start, pace.time)
@@ -146,27 +157,25 @@ class CoarseRun:
             jacobian = self._on_constraints(first, basis)
         else:
             return None
-        reach = None if jacobian is None else free_motion(jacobian)
+        reach = None if jacobian is None else free_motion(jacobian, self.compiled is not None)
         if jacobian is None or reach is None:
             return None
         slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
-        away = reach.rest(jacobian, slope if basis is None else basis.T @ slope)
+        away = reach.rest(slope if basis is None else basis.T @ slope)
         found = along(reach, basis, len(self.state))
-        if basis is None and self._stiffens(first, jacobian, found(self.state)):
+        if basis is None and self._stiffens(first, reach):
             return None
         if away is not None:
             whole = away if basis is None else np.concatenate([basis @ away, np.zeros(len(self.state) - count)])
             self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
         return found
 
-    def _stiffens(self, first: Segment, jacobian: Any, far: Any) -> bool:
+    def _stiffens(self, first: Segment, reach: FreeMotion) -> bool:
         """Whether all moves so much faster where a free linear motion would lead that it never gets there, as a reaction whose product decays by its square."""
-        rate = float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
-        for there in (self.state + far, self.state - far):
-            found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
-            if np.isfinite(found).all() and np.abs(np.linalg.eigvals(found)).max(initial=0.0) > STIFFER * rate > 0:
-                return True
-        return False
+        far = reach(self.state)
+        there = np.array([self.state + far, self.state - far])
+        found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
+        return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
 
     def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
         """The loop over steps in machine code, where they are projected on nothing."""
@@ -176,16 +185,6 @@ class CoarseRun:
 
         assert reach is None or isinstance(reach, FreeMotion)
         return CompiledCoarse(self.compiled, reach)
-
-    def _by_itself(self, loop: CompiledCoarse, pace: Pace, start: float, mode: Any) -> None:
-        """As many steps as machine code makes; the last one of a stretch, and one that is not found, are left."""
-        while True:
-            before = pace.time
-            note = start + AGAIN * (self.past[-1][0] if self.past else 0.0)
-            self.state, self.largest = loop.go(pace, note, self.state, self.largest, mode)
-            if pace.time < note or pace.time == before or pace.taken >= MOST_STEPS:
-                return
-            self.past.append((pace.time - start, self.largest))
 
     def _further(self, pace: Pace, follows: Callable[[float, float], bool], mode: Any) -> bool:
         """One step, if it is found; else the next one will be shorter."""
@@ -209,22 +208,24 @@ class CoarseRun:
 
     def _note(self, far: float) -> None:
         """How large all was until here."""
-        if far >= AGAIN * (self.past[-1][0] if self.past else 0.0):
-            self.past.append((far, self.largest))
+        if self.noted < NOTES and (not self.noted or far >= AGAIN * self.far[self.noted - 1]):
+            self.far[self.noted], self.until[self.noted] = far, self.largest
+            self.noted += 1
 
     def _given_up(self, start: float, time: float) -> Any:
         """The magnitudes where this ends before the run does. What has grown without bound on the second half of the way counts as it was
         before: tolerances of what a state becomes when it explodes would be none for all that the run reports until then."""
         self.stopped = time
-        half = [largest for length, largest in self.past if length <= 0.5 * (time - start)]
-        before = half[-1] if half else self.largest
+        half = int((self.far[: self.noted] <= 0.5 * (time - start)).sum())
+        before = self.until[half - 1] if half else self.largest
         return np.where((before > 0) & (self.largest > EXPLODED * before), before, self.largest)
 
-    def _follows(self, stretch: Segment, stretches: int) -> Callable[[float, float], bool]:
+    def _follows(self, stretch: Segment, stretches: int, whole: float) -> Callable[[float, float], bool]:
         """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
         if not 1 < stretches <= STEPS:
-            return lambda start, stop: True
-        return follower(self.program, self.inputs, self.constants, stretch, coarse=COARSE)
+            return always
+        known = signals_on(self.program, self.inputs, self.constants, stretch, whole)
+        return follower(self.program, self.inputs, self.constants, stretch, known, COARSE)
 
     def _on_constraints(self, first: Segment, basis: Any) -> Any:
         """The Jacobian of the motions that closing joints leave, with their multipliers eliminated; None where those are not determined."""
@@ -244,12 +245,14 @@ class CoarseRun:
         found = self._step(self.state, time + size, size, mode)
         if found is None or not careful:
             return found
-        grows = self.differential & (np.abs(found) > 1.5 * np.abs(self.state)) & (self.state != 0)
+        # What stays within what was there before does no harm.
+        beyond = np.maximum(GROWN * np.abs(self.state), SAME * self.largest)
+        grows = self.differential & (np.abs(found) > beyond) & (self.state != 0)
         if not grows.any():
             return found
         middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
         end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
-        return None if end is None or (np.abs(found) > 1.2 * np.abs(end))[grows].all() else found
+        return None if end is None or (np.abs(found) > SAME * np.abs(end))[grows].all() else found
 
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """The state at the end of a step; None if it is not found."""

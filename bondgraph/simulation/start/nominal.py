@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -68,12 +68,8 @@ def nominal_magnitudes(
         )
         peak, stopped = np.maximum(peak, look.largest), look.stopped
     result = np.where(given > 0, given, peak)
-    units = (*program.states.units, *program.unknowns.units)
-    kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
-    for groups, share in ((list(zip(units, kinds, strict=True)), SHARE), (list(units), SLIGHT)):
-        numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
-        members = np.array([numbers[group] for group in groups])
-        most = np.zeros(len(numbers))
+    for (members, count), share in zip(_alike(program, tuple(mechanisms)), (SHARE, SLIGHT), strict=True):
+        most = np.zeros(count)
         np.maximum.at(most, members, result)
         result = np.maximum(result, share * most[members])
     result = np.maximum(result, _smallest(program, constraints, state, stretches[0]))
@@ -83,11 +79,28 @@ def nominal_magnitudes(
     return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
 
 
+def _alike(program: Program, mechanisms: tuple[str, ...]) -> list[tuple[Any, int]]:
+    """The number of the group that each state and unknown belongs to, and how many groups there are: those of one kind and unit, those of one unit."""
+    key = "alike", mechanisms
+    if key not in program.kept:
+        units = (*program.states.units, *program.unknowns.units)
+        kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
+        program.kept[key] = [_numbered(list(zip(units, kinds, strict=True))), _numbered(list(units))]
+    return cast("list[tuple[Any, int]]", program.kept[key])
+
+
+def _numbered(groups: Sequence[object]) -> tuple[Any, int]:
+    """The number of each group, in the order in which they turn up, and how many there are."""
+    numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
+    return np.array([numbers[group] for group in groups], dtype=int), len(numbers)
+
+
 def _smallest(program: Program, constraints: Constraints | None, state: Any, first: Segment) -> Any:
     """Below lies what symmetry leaves of an angle, or of a length of a mechanism with closed loops: rounding."""
-    units = np.array([*program.states.units, *program.unknowns.units])
     result = smallest_angles(program)
     if constraints:
+        units = np.array([*program.states.units, *program.unknowns.units])
+        result = result.copy()
         places = np.concatenate([constraints.positions, constraints.speeds])
         length = constraints.length(first.start, state, first.mode)
         result[places] = np.where(np.isin(units[places], ["m", "m/s"]), SMALLEST_ANGLE * length, result[places])

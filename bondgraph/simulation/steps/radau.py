@@ -50,6 +50,7 @@ P = np.array(
 D = P @ np.array([1.0, 2.0, 3.0])
 INNER = tuple(C[:-1].tolist())  # places of a step where the limits of a model are looked at
 NEWTON_ITERATIONS = 6
+EPSILON = float(np.finfo(float).eps)
 FIRST = 1e-2  # of what other iterations may leave: one that begins without a guess tells too little of how it converges
 SLOWEST = 0.9  # contraction of a single number of the stages by an iteration: what is slower counts as that
 CREEPING = 0.5  # and what is faster needs no look of its own
@@ -81,12 +82,12 @@ def allowed_estimate(relative: float) -> float:
 
 def newton_tolerance(relative: float, share: float = 1.0) -> float:
     """What an iteration may leave, in parts of a tolerance; or a share of that."""
-    return float(max(10 * np.finfo(float).eps / relative, share * min(0.03, relative**0.5)))
+    return float(max(10 * EPSILON / relative, share * min(0.03, relative**0.5)))
 
 
 def creeping_tolerance(relative: float) -> float:
     """The same of a single number of the stages: more, as one alone shows what rounding leaves."""
-    return max(newton_tolerance(relative), float(100 * np.finfo(float).eps / relative))
+    return max(newton_tolerance(relative), float(100 * EPSILON / relative))
 
 
 class Factorised(Protocol):

@@ -153,7 +153,7 @@ class Stepper:
         start = stretch.start
         while True:
             stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
-            x = self.run(Segment(start, stop, stretch.mode), x)
+            x = self.run(stretch.up_to(start, stop), x)
             start = self.reached
             if start >= stretch.stop or self.result.handover is not None:
                 return x
@@ -242,6 +242,8 @@ class Stepper:
         """What is differentiated in time must not jump where conditions on time change. `before`, `after`: modes."""
         if self.mode is not None:
             before, after = self.mode, with_time_of(self.program, after, self.mode)
+        if (before == after).all():
+            return
         fixed = (x, self.inputs, self.constants)
         old, new = (np.asarray(self.program.forced(time, *fixed, mode)) for mode in (before, after))
         bad = np.flatnonzero(np.abs(new - old) > 1e-9 * np.maximum(np.abs(new), np.abs(old)))

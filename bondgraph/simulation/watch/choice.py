@@ -51,11 +51,16 @@ class Choice:
     ) -> None:  # fmt: skip
         self.program, self.fixed = program, (inputs, constants)
         rows, columns = program.sensitivity_pattern
-        self.elements = [n.rpartition(".")[0] for n in program.states.names]
-        self.chosen = np.array([self.elements[c] in storages for c in columns], dtype=bool)
+        self.chosen = np.array([self._element(c) in storages for c in columns], dtype=bool)
         self.rows, self.columns = rows[self.chosen], columns[self.chosen]
         self.names = (*program.states.names, *program.dependents.names)
-        self.peak = np.array([before.peaks.get(n, 0.0) if before is not None else 0.0 for n in self.names])
+        self.peak = np.zeros(len(self.names))
+        if before is not None:
+            self.peak[:] = [before.peaks.get(n, 0.0) for n in self.names]
+
+    def _element(self, state: int) -> str:
+        """The one that a state belongs to."""
+        return self.program.states.names[state].rpartition(".")[0]
 
     def __bool__(self) -> bool:
         """Whether there is anything to look at."""
@@ -74,12 +79,12 @@ class Choice:
         if not gain[worst] > WORST:
             return None
         dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
-        return Handover(time, values, peaks, dependent, self.elements[self.columns[worst]])
+        return Handover(time, values, peaks, dependent, self._element(self.columns[worst]))
 
     def stored(self, time: float, state: Any, mode: Any) -> tuple[dict[str, float], dict[str, float]]:
         """All that is stored, states and dependent storages, and the largest that they have been; by name."""
         count = len(self.program.states.names)
         stored = np.concatenate([state[:count], self.program.dependent(time, state, *self.fixed, mode)])
         self.peak = np.maximum(self.peak, np.abs(stored))
-        values, peaks = (dict(zip(self.names, map(float, x), strict=True)) for x in (stored, self.peak))
+        values, peaks = (dict(zip(self.names, x.tolist(), strict=True)) for x in (stored, self.peak))
         return values, peaks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -74,26 +75,42 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
     """One function; what it does not take is handed a zero."""
     one = _One(address)
     places = [ROLES.index("constants" if a == "parameters" else a) for a in arguments]
+    timed, count = 0 in places, len(places)
+    nothing = _address(_NONE)
 
     def evaluate(*given: Any) -> Any:
+        if len(given) != count:
+            raise TypeError(f"{count} arguments, not {len(given)}")
+        if not timed or isinstance(given[0], float):  # most calls are for one point, and take less time than any care
+            pointers = [nothing] * 5
+            for place, value in zip(places, given):  # noqa: B905  # counted above
+                if place:
+                    if (
+                        type(value) is not np.ndarray
+                        or value.ndim != 1
+                        or value.dtype != _DOUBLE
+                        or not value.flags.c_contiguous
+                    ):
+                        break
+                    pointers[place] = value.__array_interface__["data"][0]
+            else:
+                out = np.empty(size)
+                one(given[0] if timed else 0.0, *pointers[1:], out.__array_interface__["data"][0])
+                return out
+        return _in_general(given)
+
+    def _in_general(given: tuple[Any, ...]) -> Any:
         arrays: list[Any] = [_NONE] * 5
         single = True
         for place, value in zip(places, given, strict=True):
-            if place:
-                array = (
-                    value if type(value) is np.ndarray and value.dtype == _DOUBLE else np.asarray(value, dtype=float)
-                )
-                single = single and array.ndim == 1
-                arrays[place] = array if array.flags.c_contiguous else np.ascontiguousarray(array)
-            else:
-                arrays[0] = value
-                single = single and np.ndim(value) == 0
-        if single:
-            out = np.empty(size)
-            at = 0.0 if arrays[0] is _NONE else float(arrays[0])
-            one(at, *[a.__array_interface__["data"][0] for a in arrays[1:]], out.__array_interface__["data"][0])
-            return out
-        return _batch(address, many, arrays, size)
+            array = np.asarray(value, dtype=float)
+            single = single and array.ndim == (1 if place else 0)
+            arrays[place] = np.ascontiguousarray(array) if place else array
+        if not single:
+            return _batch(address, many, arrays, size)
+        out = np.empty(size)
+        one(float(arrays[0]) if timed else 0.0, *map(_address, arrays[1:]), _address(out))
+        return out
 
     evaluate.code = code  # type: ignore[attr-defined]  # keeps the machine code in memory
     return evaluate
@@ -132,13 +149,17 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
         many(address, count, *map(_address, arrays), _address(out), *strides, size)
         return out
     if arrays[0] is not _NONE:
-        arrays[0] = np.asarray(arrays[0], dtype=float)[..., None]
-    shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
+        arrays[0] = arrays[0][..., None]
+    shapes = {a.shape[:-1] for a in arrays if a.ndim > 1}
+    if len(shapes) == 1:  # nothing to broadcast, and no wait for it
+        (shape,) = shapes
+        flat = [a if a.flags.c_contiguous else np.ascontiguousarray(a) for a in arrays]
+    else:
+        shape = np.broadcast_shapes(*shapes)
+        flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
     strides = [a.shape[-1] if a.ndim > 1 else 0 for a in arrays]
-    flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
     out = np.empty((*shape, size))
-    count = int(np.prod(shape, dtype=int))
-    many(address, count, *(_address(a) for a in flat), _address(out), *strides, size)
+    many(address, prod(shape), *map(_address, flat), _address(out), *strides, size)
     return out
 
 

@@ -1,7 +1,6 @@
 """The loop of the coarse run over steps of `euler.py`, in the subset that becomes machine code: as `start.coarse.CoarseRun.peak`, whose names stand here.
 
-It comes back where Python must look: before the step that ends a stretch, where a step is not found however short, and now and then to
-note how far it was.
+It comes back where Python must look: before the step that ends a stretch, and where a step is not found however short.
 """
 
 from __future__ import annotations
@@ -18,6 +17,8 @@ if TYPE_CHECKING:
     from ....door import Floats
 
 CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
+AGAIN, NOTES = look.AGAIN, look.NOTES
+GROWN, SAME = look.GROWN, look.SAME
 
 
 class Coarse(Record):
@@ -31,7 +32,10 @@ class Coarse(Record):
     usual: float
     smallest: float  # step at which it gives up
     stop: float
-    note: float  # time from which on it comes back
+    begun: float  # where the whole run began
+    noted: int
+    far: Floats  # NOTES: how far it was
+    until: Floats  # NOTES n: the magnitudes until then
     taken: int  # steps that were tried
     reaching: int  # whether what a free motion reaches counts
     amplitudes: Floats  # n n, or none
@@ -61,8 +65,7 @@ def coarse(c: Coarse) -> int:
                 return SINGULAR
             continue
         go_on(c, c.euler)
-        if c.time >= c.note:
-            return FINE
+        note(c, c.euler)
     return FINE
 
 
@@ -75,6 +78,16 @@ def go_on(c: Coarse, e: Euler) -> None:
         e.largest[i] = max(e.largest[i], abs(c.found[i]))
     if c.reaching != 0:
         reached(c, e)
+
+
+def note(c: Coarse, e: Euler) -> None:
+    """How large all was until here, if that was not noted just before."""
+    far = c.time - c.begun
+    if c.noted < NOTES and (c.noted == 0 or far >= AGAIN * c.far[c.noted - 1]):
+        c.far[c.noted] = far
+        for i in range(c.n):
+            c.until[c.noted * c.n + i] = e.largest[i]
+        c.noted += 1
 
 
 def reached(c: Coarse, e: Euler) -> None:
@@ -103,7 +116,7 @@ def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
     grows = 0
     for i in range(c.n):
         c.found[i] = e.x[i]
-        grows += abs(c.found[i]) > 1.5 * abs(c.state[i]) and c.state[i] != 0.0
+        grows += has_grown(c, e, i)
     if grows == 0 or not careful:
         return FINE
     done = single_step(e, c.time + 0.5 * c.size, 0.5 * c.size)
@@ -115,9 +128,14 @@ def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
     if done != FINE:
         return done
     for i in range(c.n):
-        if abs(c.found[i]) > 1.5 * abs(c.state[i]) and c.state[i] != 0.0 and not abs(c.found[i]) > 1.2 * abs(e.x[i]):
+        if has_grown(c, e, i) and not abs(c.found[i]) > SAME * abs(e.x[i]):
             return FINE
     return SINGULAR
+
+
+def has_grown(c: Coarse, e: Euler, i: int) -> bool:
+    """Whether a state is much larger after a step, and by so much larger than ever before: what stays within that does no harm."""
+    return abs(c.found[i]) > max(GROWN * abs(c.state[i]), SAME * e.largest[i]) and c.state[i] != 0.0
 
 
 def single_step(e: Euler, time: float, size: float) -> int:

@@ -14,15 +14,32 @@ from .coarse import Coarse
 from .euler import Euler
 from .factors import Factors, room_for
 from .fields import is_sparse
-from .run import Ordered, addresses_of, machine_code, structure
+from .forms import Laid, form_of
+from .run import Ordered, called
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
     from ....door import Program
-    from ...start.coarse import Pace
+    from ...start.coarse import CoarseRun, Pace
     from ...start.motion import FreeMotion
 
+PACE = "time", "size", "taken", "usual", "smallest", "stop"
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
+
+
+def _room(program: Program, constants: Any) -> dict[str, Any]:
+    """What steps need room for, and what they know of the program."""
+    entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
+    numbers = {
+        "n": n, "differential": len(program.states.names), "entry_count": entries, "time": 0.0, "size": 0.0, "sparse": int(is_sparse(program)),
+        "kept": 0.0, "factorised": 0, "keeping": int(keeps_factors(program)),
+    }  # fmt: skip
+    arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}
+    arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
+    return numbers | arrays | {
+        "mode": np.zeros(mode_size(program, constants)), "smallest": smallest_angles(program),
+        "real": room_for(Factors, 0 if is_sparse(program) else n),
+    }  # fmt: skip
 
 
 class CompiledEuler:
@@ -30,22 +47,17 @@ class CompiledEuler:
 
     def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
         rows, columns = program.pattern
-        n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
-        self.program = program
-        self.values: dict[str, Any] = {
-            "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "n": n,
-            "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
-            "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)), "kept": 0.0, "factorised": 0,
-            "keeping": int(keeps_factors(program)),
-            "real": room_for(Factors, 0 if is_sparse(program) else n),
-        } | {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}  # fmt: skip
-        self.values["smallest"] = smallest_angles(program)
-        self.order = Ordered(program, SMALL)
-        self.values["pattern"] = self.order.record
-        self.record, self._kept = structure(Euler, self.values, addresses_of(program))
-        self._here = ctypes.addressof(self.record)
-        self.code = machine_code()
-        self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
+        self.program, self.order = program, Ordered(program, SMALL)
+        given = {
+            "inputs": inputs,
+            "constants": constants,
+            "rows": rows,
+            "columns": columns,
+            "pattern": self.order.values,
+        }
+        self.values = Laid(form_of(Euler, program, "", lambda: _room(program, constants)), given)
+        self.record = self.values.record
+        self._step = called("euler", ctypes.c_int64, ctypes.c_void_p)
 
     def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
         """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
@@ -54,7 +66,7 @@ class CompiledEuler:
         order.record.tolerant = 0
         while True:
             values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
-            answer = self._step(self._here)
+            answer = self._step(self.values.address)
             if answer != ANEW:
                 return values["x"].copy() if answer == FINE else None
             if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
@@ -66,33 +78,44 @@ class CompiledCoarse:
     """The loop over these steps, for a program whose states are all differential and on no constraints."""
 
     def __init__(self, euler: CompiledEuler, motion: FreeMotion | None) -> None:
-        n = euler.values["n"]
-        self.euler = euler
-        self.values: dict[str, Any] = {
-            "euler": euler.record, "n": n, "time": 0.0, "size": 0.0, "usual": 0.0, "smallest": 0.0, "stop": 0.0, "note": 0.0, "taken": 0,
-            "reaching": int(motion is not None),
-        } | {name: np.zeros(n) for name in ("state", "found", "modes")}  # fmt: skip
+        self.euler, n = euler, euler.record.n
+
+        def room() -> dict[str, Any]:
+            numbers = {
+                "time": 0.0,
+                "size": 0.0,
+                "usual": 0.0,
+                "smallest": 0.0,
+                "stop": 0.0,
+                "begun": 0.0,
+                "noted": 0,
+                "taken": 0,
+            }
+            return numbers | {"n": n} | {name: np.zeros(n) for name in ("found", "modes")}
+
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = (
             (nothing, nothing, ones) if motion is None else (motion.amplitudes, motion.inverse, motion.scale)
         )
-        self.values |= {
-            "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(), "inverse_im": inverse.imag.ravel(), "unit": unit,
+        given = {
+            "euler": euler.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
+            "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        self._record, self._kept = structure(Coarse, self.values, addresses_of(euler.program))
-        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(euler.code.address("coarse"))
+        self.values = Laid(form_of(Coarse, euler.program, "", room), given)
+        self._record = self.values.record
+        self._run = called("coarse", ctypes.c_int64, ctypes.c_void_p)
 
-    def go(self, pace: Pace, note: float, state: Any, largest: Any, mode: Any) -> tuple[Any, Any]:
-        """On until `note`, to where Python should look; `pace` is where it is then. The state there and the largest magnitudes."""
-        record, values, order = self._record, self.values, self.euler.order
-        values["state"][:], self.euler.values["largest"][:], self.euler.values["mode"][:] = state, largest, mode
-        for name in ("time", "size", "taken", "usual", "smallest", "stop"):
+    def go(self, run: CoarseRun, pace: Pace, begun: float, mode: Any) -> None:
+        """On to where Python should look, in a run that began there: its state, its magnitudes and `pace` are those of that place then."""
+        record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
+        values.put({"state": run.state, "far": run.far, "until": run.until, "begun": begun, "noted": run.noted})
+        euler["largest"][:], euler["mode"][:] = run.largest, mode
+        for name in PACE:
             setattr(record, name, getattr(pace, name))
-        record.note = note
         order.record.tolerant = 0
-        while self._run(ctypes.addressof(record)) == ANEW:
-            if not order.choose(1 / self.euler.record.size, self.euler.values["scaled"]):
+        while self._run(values.address) == ANEW:
+            if not order.choose(1 / self.euler.record.size, euler["scaled"]):
                 break
             order.record.tolerant = 1
         pace.time, pace.size, pace.taken = record.time, record.size, record.taken
-        return values["state"].copy(), self.euler.values["largest"].copy()
+        run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted

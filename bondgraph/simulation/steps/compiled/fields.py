@@ -42,40 +42,59 @@ def fields_at(
     method: int = RADAU,
 ) -> dict[str, Any]:
     """All fields of a `Stepper` where the stretch begins."""
-    n, differential = len(state), len(program.states.names)
-    rows, columns = program.pattern
-    magnitude = np.asarray(tolerances.magnitude, dtype=float)
-    unit = np.where(np.arange(n) < differential, magnitude, 1.0)  # residuals are scaled by the factorisation
-    scaled = state / magnitude
-    relative = tolerances.relative
-    order = 3 * n if method == ENERGY else 0 if is_sparse(program) else n  # of the linear systems
-    earliest, latest = inside(stretch)
-    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
     bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
+    return room_of(program, method, len(signals.allowed), bends) | given
+
+
+def given_at(
+    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float, signals: Signals
+) -> dict[str, Any]:  # fmt: skip
+    """Those that depend on the run, and on where it is."""
+    rows, columns = program.pattern
+    differential = len(program.states.names)
+    magnitude = np.asarray(tolerances.magnitude, dtype=float)
+    unit = np.array(magnitude)
+    unit[differential:] = 1.0  # residuals are scaled by the factorisation
+    scaled, resting = state / magnitude, tolerances.scaled
+    relative = tolerances.relative
+    earliest, latest = inside(stretch)
+    return {
+        "inputs": inputs, "constants": constants, "mode": np.array(stretch.mode, dtype=float),
+        "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
+        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
+        "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
+        "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
+        "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
+        **signal_fields(signals, stretch.start),
+        "earliest": earliest, "latest": latest, "longest": longest, "usual": longest, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
+        "state": np.array(scaled, dtype=float), "tolerance": relative,
+    }  # fmt: skip
+
+
+def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str, Any]:
+    """The others, which depend on the program and the method alone."""
+    n = len(program.states.names) + len(program.unknowns.names)
+    differential, entries = len(program.states.names), len(program.pattern[0])
+    large = is_sparse(program)
+    order = 3 * n if method == ENERGY else 0 if large else n  # of the linear systems
+    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
-    values: dict[str, Any] = {
+    return {
         "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
         "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
         "root_seen": room(PLACES * len(conditions)), "greatest": room(n),
         "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
-        "inputs": inputs, "constants": constants, "mode": np.array(stretch.mode, dtype=float), "n": n, "differential": differential, "method": method,
-        "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
-        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
-        "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
-        "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
-        "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
-        **signal_fields(signals, stretch.start), "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(signals.allowed)),
-        "earliest": earliest, "latest": latest,
-        "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
-        "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
-        "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
+        "n": n, "differential": differential, "method": method, "entry_count": entries,
+        "seen": room(max(len(LOOKS), len(pair.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
+        "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
-        "factorised_size": 0.0, "jacobian": room(len(rows)), "steepness": room(n), "inner_jacobian": room(len(rows)),
-        "inner": room_for(Factors, 0 if method == ENERGY or is_sparse(program) else n), "sparse": int(is_sparse(program)),
+        "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
+        "inner": room_for(Factors, 0 if method == ENERGY or large else n), "sparse": int(large),
         "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if method == ENERGY else order), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
@@ -85,13 +104,12 @@ def fields_at(
         "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),
         "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),
         "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
-        "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
+        "power": room(0), "partial": room(0), "traffic": 0.0, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
         "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
         "slope": room(pair.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
         "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": pair.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
     }  # fmt: skip
-    return values
 
 
 def signal_fields(signals: Signals, start: float) -> dict[str, Any]:

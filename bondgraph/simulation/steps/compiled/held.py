@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program, record_of
+from ....door import Program
 from ...segments import mode_size
-from .holding import Held, Square
-from .run import addresses_of, machine_code, structure
+from .forms import Laid, form_of
+from .holding import Held
+from .run import called
 from .squares import square
 
 if TYPE_CHECKING:
@@ -43,69 +42,25 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
     } | squares  # fmt: skip
 
 
-def record(values: dict[str, Any], addresses: Mapping[str, int]) -> tuple[Any, list[Any]]:
-    """A `Held` as machine code sees it, and what it points to; `addresses`: of the functions of the program."""
-    kept: list[Any] = []
-    put = dict(values)
-    for name in ("positions", "speeds"):
-        inner = dict(values[name])
-        put[name], arrays = structure(Square, inner, addresses)
-        kept += [*arrays, inner]
-    found, arrays = structure(Held, put, addresses)
-    values |= {k: v for k, v in put.items() if k not in ("positions", "speeds")}
-    return found, [*kept, *arrays]
-
-
-class NothingHeld:
-    """What a program without constraints has in their place: the same for all."""
-
-    redundant = False
-
-    def __init__(self) -> None:
-        room = {name: np.zeros(0) for name in record_of(Square).fields} | {"rows": 0, "below": 0, "weakest": 1.0}
-        values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Held).fields}
-        values |= {
-            "active": 0,
-            "n": 0,
-            "count": 0,
-            "gaps": 0,
-            "multipliers": 0,
-            "positions": dict(room),
-            "speeds": dict(room),
-        }
-        self.record, self._kept = record(values, {})
-
-    def put_mode(self, mode: Any) -> None:
-        """It reads none."""
-
-
-@lru_cache
-def nothing_held() -> NothingHeld:
-    """The one of them."""
-    return NothingHeld()
-
-
 class CompiledConstraints:
     """Projections and singular values at several instants; states have their index last, unknowns included."""
 
     def __init__(self, constraints: Constraints) -> None:
-        program = constraints.program
-        magnitude = constraints.magnitude
-        full = np.ones(len(program.states.names) + len(program.unknowns.names))
-        full[: len(magnitude)] = magnitude
-        self.values = fields_of(program, constraints.inputs, constraints.constants, full, constraints.taking)
-        self.redundant = not constraints.taking.all()
-        self.record, self._kept = record(self.values, addresses_of(program))
-        self._here = ctypes.addressof(self.record)
-        code = self._code = machine_code()
-        signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
-        self._hold = ctypes.CFUNCTYPE(None, *signature)(code.address("hold_all"))
-        self._least = ctypes.CFUNCTYPE(None, *signature)(code.address("least_all"))
-        self._rates = ctypes.CFUNCTYPE(None, *signature, _POINTER)(code.address("rates_all"))
+        program, taking = constraints.program, constraints.taking
+        magnitude = np.ones(len(program.states.names) + len(program.unknowns.names))
+        magnitude[: len(constraints.magnitude)] = constraints.magnitude
+        given = {"inputs": constraints.inputs, "constants": constraints.constants, "magnitude": magnitude}
 
-    def put_mode(self, mode: Any) -> None:
-        """The mode for what machine code asks of them by itself."""
-        self.values["mode"][:] = mode
+        def values() -> dict[str, Any]:
+            found = fields_of(program, constraints.inputs, constraints.constants, magnitude, taking)
+            return {name: value for name, value in found.items() if name not in given}
+
+        self.values = Laid(form_of(Held, program, taking.tobytes(), values), given)
+        self.redundant = not taking.all()
+        self._here = self.values.address
+        signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
+        self._hold, self._least = (called(name, None, *signature) for name in ("hold_all", "least_all"))
+        self._rates = called("rates_all", None, *signature, _POINTER)
 
     def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
         """The states on their invariants, and how many rows nearly hang together at each."""

@@ -1,8 +1,12 @@
-"""The order of rows and columns for sparse factors: that of least degree where hardly anything fills, else SuperLU's pivots and fill-reducing
-order for the numbers at hand; then kept."""
+"""The order of rows and columns for sparse factors: that of least degree where hardly anything fills, else SuperLU's fill-reducing one.
+
+With all pivots on the diagonal it depends on the pattern alone, and is found once for a program; where the numbers of a run do not allow
+for that, it is made for the numbers at hand, with SuperLU's pivots. A run goes on with what it has while its pivots are not small.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,21 +17,32 @@ SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for a pattern that is not 
 PRESENT = 1e-9  # of the largest number of its row: what stands for a zero that may not stay one
 
 
+def on_diagonal(rows: Any, columns: Any, differential: int, count: int) -> dict[str, Any] | None:
+    """The fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0), with all pivots on the diagonal; None if that has gaps, or nothing but numbers
+    can tell a good order."""
+    present = np.arange(count) < differential
+    present[rows[rows == columns]] = True
+    if not present.all():
+        return None
+    every_row, every_column = _places(rows, columns, differential)
+    values = np.where(every_row == every_column, count + 1.0, -1.0)  # on which a diagonal is to be preferred
+    light = light_factors(every_row, every_column, values, count)
+    if light is not None:
+        return _fields(light.place, light.place, light.lower, light.upper, rows, columns, differential, count)
+    matrix = _matrix(every_row, every_column, values, count)
+    return _by_library(matrix, rows, columns, differential, (SYMMETRIC,)) if _is_symmetric(matrix) else None
+
+
 def ordered(
     rows: Any, columns: Any, differential: int, count: int, shift: float, entries: Any
 ) -> dict[str, Any] | None:
-    """The fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0); None if the matrix is singular."""
-    diagonal = np.arange(differential)
-    every_row, every_column = np.concatenate([rows, diagonal]), np.concatenate([columns, diagonal])
+    """The same for these numbers, with pivots that are not small; None if the matrix is singular."""
+    every_row, every_column = _places(rows, columns, differential)
     values = np.concatenate([-np.asarray(entries), np.full(differential, shift)])
     light = light_factors(every_row, every_column, values, count)
     if light is not None:
         return _fields(light.place, light.place, light.lower, light.upper, rows, columns, differential, count)
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
-    matrix = csc_array((values, (every_row, every_column)), shape=(count, count))
-    matrix.sum_duplicates()
+    matrix = _matrix(every_row, every_column, values, count)
     largest = np.zeros(count)
     np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
     scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
@@ -36,6 +51,27 @@ def ordered(
         return None
     matrix.data = np.where(matrix.data == 0, PRESENT, matrix.data)
     methods = (SYMMETRIC,) if _is_symmetric(matrix) else (ANY, SYMMETRIC)
+    return _by_library(matrix, rows, columns, differential, methods)
+
+
+def _places(rows: Any, columns: Any, differential: int) -> tuple[Any, Any]:
+    """Where shift M - J has entries; those that fall together are added."""
+    diagonal = np.arange(differential)
+    return np.concatenate([rows, diagonal]), np.concatenate([columns, diagonal])
+
+
+def _matrix(rows: Any, columns: Any, values: Any, count: int) -> Any:
+    from scipy.sparse import csc_array
+
+    matrix = csc_array((values, (rows, columns)), shape=(count, count))
+    matrix.sum_duplicates()
+    return matrix
+
+
+def _by_library(matrix: Any, rows: Any, columns: Any, differential: int, methods: Sequence[str]) -> dict[str, Any] | None:  # fmt: skip
+    from scipy.sparse.linalg import splu
+
+    count = matrix.shape[0]
     try:
         factors = min((splu(matrix, permc_spec=m, diag_pivot_thresh=DIAGONAL) for m in methods), key=lambda f: f.nnz)
     except RuntimeError:
@@ -69,14 +105,18 @@ def _fields(
     row = np.concatenate([entry_rows, row_place[alone]])
     column = np.concatenate([entry_columns, column_place[alone]])
     order = np.argsort(column, kind="stable")
-    found = {
+    found: dict[str, Any] = {
         "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
         "l_start": lower[0], "l_row": lower[1], "u_start": upper[0], "u_row": upper[1], "row_place": row_place, "column_place": column_place,
         "wide": _wide(*lower),
     }  # fmt: skip
-    below, above = len(lower[1]), len(upper[1])
-    sizes = {"lower": below, "lower_re": below, "lower_im": below, "upper": above, "upper_re": above, "upper_im": above}
-    return found | {name: np.zeros(size) for name, size in sizes.items()}
+    return {name: np.ascontiguousarray(array, dtype=np.int64) for name, array in found.items()} | room_in(found)
+
+
+def room_in(found: Mapping[str, Any]) -> dict[str, Any]:
+    """For the factors of one matrix in this order."""
+    names = {"l_row": ("lower", "lower_re", "lower_im"), "u_row": ("upper", "upper_re", "upper_im")}
+    return {name: np.zeros(len(found[rows])) for rows, those in names.items() for name in those}
 
 
 def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import INTS, Fields, Handed, MachineCode, Program, Record, record_of
+from ....door import MachineCode, Program, record_of
 from ....native import kernel
 from ...segments import Segment, Signals, inside
 from ...watch.choice import Choice
@@ -22,26 +22,28 @@ from .. import pair, radau
 from ..methods import ENERGY, EXPLICIT, RADAU
 from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
+from .balancing import balance
 from .coarse import coarse
 from .euler import euler
-from .fields import fields_at, signal_fields
+from .fields import given_at, room_of, signal_fields
 from .flipping import roots_along, states_along
+from .forms import Laid, form_of
 from .holding import hold_all, least_all, rates_all
-from .ordering import ordered
-from .sparse import Pattern
+from .light import DIAGONAL
+from .ordering import on_diagonal, ordered, room_in
+from .sparse import FINE, Pattern, real_factors
 from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
-    from .held import CompiledConstraints, NothingHeld
+    from .held import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
-_ALONG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
-_WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
+WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
 SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
 
 
@@ -61,64 +63,16 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all, roots_along, states_along])
+        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
+        return translate([*of_steps, hold_all, least_all, rates_all, balance, real_factors])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
 
-def addresses_of(program: Program) -> Mapping[str, int]:
-    """Where the functions of a program lie."""
-    assert program.native is not None
-    return program.native.addresses
-
-
-def structure(noun: type, values: dict[str, Any], addresses: Mapping[str, int]) -> tuple[Any, list[Any]]:
-    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`.
-
-    `addresses`: of the functions of a program.
-    """
-    given: list[Any] = []
-    kept: list[Any] = []
-    for name, kind in record_of(noun).fields.items():
-        if kind in ("double", "i64"):
-            given.append(values[name])
-            continue
-        if isinstance(kind, Fields):
-            inner = values[name]
-            if isinstance(inner, Record):
-                inner, arrays = structure(type(inner), vars(inner), addresses)
-                kept += arrays
-            given.append(ctypes.addressof(inner))
-            kept.append(inner)
-            continue
-        if isinstance(kind, Handed):
-            given.append(addresses.get("jacobian_entries" if name == "entries" else name, 0))
-            continue
-        array, wanted = values[name], _WHOLE if kind == INTS else _DOUBLE
-        if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
-            array = values[name] = np.ascontiguousarray(array, dtype=wanted)
-        kept.append(array)
-        given.append(address_of(array))
-    return _layout(noun)(*given), kept
-
-
-def address_of(array: Any) -> int:
-    """Where a contiguous array lies; somewhere, if it has no items."""
-    if not array.size:
-        return 0
-    try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # a fourth of what the way below takes
-    except TypeError:  # not to be written
-        found: int = array.__array_interface__["data"][0]
-        return found
-
-
 @lru_cache
-def _layout(noun: type) -> type[ctypes.Structure]:
-    """How a record lies in memory."""
-    kinds = {"double": ctypes.c_double, "i64": ctypes.c_int64}
-    fields = [(n, kinds.get(k, ctypes.c_void_p) if isinstance(k, str) else ctypes.c_void_p) for n, k in record_of(noun).fields.items()]  # fmt: skip
-    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})
+def called(name: str, result: Any, *arguments: Any) -> Any:
+    """A function of that code."""
+    return ctypes.CFUNCTYPE(result, *arguments)(machine_code().address(name))
 
 
 class Ordered:
@@ -126,38 +80,41 @@ class Ordered:
 
     def __init__(self, program: Program, small: float) -> None:
         n = len(program.states.names) + len(program.unknowns.names)
-        self.pattern, self.program = (*program.pattern, len(program.states.names), n), program
-        room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
-        self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
-        self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
-        self.record, _ = structure(Pattern, self.values, {})
+        self.pattern = (*program.pattern, len(program.states.names), n)
+
+        def values() -> dict[str, Any]:
+            room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
+            nothing: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields if name != "small"}
+            return nothing | {"n": n, "ready": 0, "tolerant": 0} | {name: np.zeros(n) for name in room}
+
+        self._form, self._kept = form_of(Pattern, program, "", values), program.kept
+        self.values = Laid(self._form, {"small": small})
+        self.record = self.values.record
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
-        found = ordered(*self.pattern, shift, entries)
+        found = self._on_diagonal(shift, entries) or ordered(*self.pattern, shift, entries)
         if found is None:
             return False
-        kinds = record_of(Pattern).fields
-        for name, array in found.items():
-            self.values[name] = np.ascontiguousarray(array, dtype=np.int64 if kinds[name] == INTS else float)
-            setattr(self.record, name, self.values[name].ctypes.data)
+        self.values.put(found)
         for name in ("x", "xi"):
             self.values[name][:] = 0.0
         self.record.ready = 1
         return True
 
-
-@lru_cache
-def _no_pattern() -> Any:
-    """In the place of one where factors are dense."""
-    values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
-    return structure(Pattern, values | {"n": 0, "ready": 0, "small": SMALL, "tolerant": 0}, {})[0]
-
-
-@lru_cache
-def _along(name: str) -> Any:
-    """A function that looks at several instants of the last step."""
-    return _ALONG(machine_code().address(name))
+    def _on_diagonal(self, shift: float, entries: Any) -> dict[str, Any] | None:
+        """The order that depends on the program alone, if its pivots are not small; else None."""
+        key = "order", len(entries), self.pattern[-1]
+        if key not in self._kept:
+            self._kept[key] = on_diagonal(*self.pattern)
+        known = self._kept[key]
+        if known is None:
+            return None
+        found: dict[str, Any] = known | room_in(known)
+        trial = Laid(self._form, {"small": DIAGONAL})
+        trial.put(found | {"ready": 1, "n": self.pattern[-1]})
+        factorise = called("real_factors", WHOLE, POINTER, ctypes.c_double, POINTER)
+        return found if factorise(trial.address, shift, np.ascontiguousarray(entries).ctypes.data) == FINE else None
 
 
 class CompiledRadau:
@@ -165,53 +122,56 @@ class CompiledRadau:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints | NothingHeld, signals: Signals, method: int = RADAU,
+        constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
         self.program, self.constraints = program, constraints
-        self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
-        self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
-        self.code = machine_code()
-        self.order = Ordered(program, SMALL) if self.values["sparse"] else None
+        self.order = Ordered(program, SMALL)
+        given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
+        given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
+
+        def room() -> dict[str, Any]:
+            at = stretch.start, state, inputs, constants, stretch.mode
+            bends = 0 if program.bends is None else len(program.bends(*at))
+            return room_of(program, method, len(signals.allowed), bends)
+
+        self.values = Laid(form_of(Stepper, program, method, room), given)
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
-        self.values["pattern"] = _no_pattern() if self.order is None else self.order.record
-        self._kept: list[Any] = []
         self._mode: Any = None  # that was put last
-        self._record: Any = None
+        self._begun = False
+        self._record, self._here = self.values.record, self.values.address
+        self._advance = called("advance", WHOLE, POINTER, WHOLE)
 
     def report(self, instants: Any, position: int, states: Any) -> None:
         """Where states at instants go, from the number `position` on."""
-        self.values |= {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+        self.values.put(
+            {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+        )
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should go on."""
-        if self._record is not None:
+        if self._begun:
             self.values["stored_peak"] = choice.peak
-            self._record.stored_peak = address_of(choice.peak)
             return
         count = len(choice.rows)
-        self.values |= {
-            "slope_count": len(choice.chosen) if count else 0, "slope_rows": self.program.sensitivity_pattern[0],
-            "slope_columns": self.program.sensitivity_pattern[1], "slope_chosen": choice.chosen.astype(np.int64),
+        rows, columns = self.program.sensitivity_pattern
+        self.values.put({
+            "slope_count": len(choice.chosen) if count else 0, "slope_rows": rows, "slope_columns": columns, "slope_chosen": choice.chosen,
             "slopes": np.zeros(len(choice.chosen)), "stored_peak": choice.peak,
-        }  # fmt: skip
+        })  # fmt: skip
 
     def measure(self, work: Any, traffic: float) -> None:
         """Add up the work at all ports, on top of this."""
-        count = len(work)
-        self.values |= {"power_count": count, "work": work, "traffic": traffic}
-        self.values |= {"power": np.zeros(count), "partial": np.zeros(2 * count)}
+        room = {"power": np.zeros(len(work)), "partial": np.zeros(2 * len(work))}
+        self.values.put({"power_count": len(work), "work": work, "traffic": traffic} | room)
 
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
         self.put_mode(self.values["mode"])
-        self._record, self._kept = structure(Stepper, self.values, addresses_of(self.program))
-        self._here = ctypes.addressof(self._record)
+        self._begun = True
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
-        self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
-        self._begin(self._here)
+        called("begin", None, POINTER)(self._here)
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
-        self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
 
     def begin_at(self, stretch: Segment, state: Any, signals: Signals, method: int, automatic: int) -> None:
         """Go on with another stretch, or behind an event, as one that is made anew would."""
@@ -220,11 +180,7 @@ class CompiledRadau:
         values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
         values["peak"][:] = np.maximum(np.abs(scaled), 1.0)
         self.put_mode(stretch.mode)
-        for name, value in signal_fields(signals, stretch.start).items():
-            if isinstance(value, np.ndarray):
-                values[name] = value
-                value = address_of(value)
-            setattr(record, name, value)
+        values.put(signal_fields(signals, stretch.start))
         record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
         record.earliest, record.latest = inside(stretch)
         record.method, record.automatic = method, automatic
@@ -247,7 +203,7 @@ class CompiledRadau:
         """Conditions and what only events change are like this from now on."""
         self._mode = mode
         self.values["mode"][:] = mode
-        self.constraints.put_mode(mode)
+        self.constraints.values["mode"][:] = mode
         hybrid = self.program.hybrid
         if hybrid is not None:
             self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
@@ -271,7 +227,7 @@ class CompiledRadau:
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
         record.last_size = record.last_error = record.contraction = 0.0
-        self._begin(self._here)
+        called("begin", None, POINTER)(self._here)
 
     def went_on(self, position: int, work: Any, traffic: float) -> Any:
         """What was reported and added up meanwhile; the array in which work goes on to be added up."""
@@ -287,8 +243,8 @@ class CompiledRadau:
     def advance(self, most: int) -> int:
         """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self._advance(self._here, most)
+        self.order.record.tolerant = 0
         while answer == ORDER:
-            assert self.order is not None
             # With an order that was made for just these numbers, small pivots are what there is.
             if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
@@ -312,8 +268,7 @@ class CompiledRadau:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in record_of(Stepper).fields:
             raise AttributeError(name)
-        array = self.values[name]
-        return array if isinstance(array, np.ndarray) else getattr(self._record, name)
+        return self.values[name]
 
     @property
     def finished(self) -> bool:
@@ -359,8 +314,8 @@ class CompiledRadau:
             self.put_mode(mode)
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
-        there, here = address_of(times), address_of(out)
-        _along(name)(self._here, len(times), there, here)
+        there, here = (a.__array_interface__["data"][0] for a in (times, out))
+        called(name, None, POINTER, WHOLE, POINTER, POINTER)(self._here, len(times), there, here)
         return out
 
     def _interpreted(self, times: Any) -> Any:

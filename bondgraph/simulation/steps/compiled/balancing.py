@@ -1,0 +1,52 @@
+"""A matrix balanced, in the subset that becomes machine code: see `start.motion.balance`."""
+
+from __future__ import annotations
+
+from math import isfinite, sqrt
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ....door import Floats
+
+LESS = 0.95  # of the sum of the norms: what is worth another factor
+ROOT = sqrt(2.0)
+MOST = 100  # times through all rows
+
+
+def balance(n: int, a: Floats, scale: Floats) -> None:
+    """Powers of two by which columns, and rows divided, come to like norms (Parlett and Reinsch 1969, as LAPACK's gebal does it).
+
+    `a`, n n row by row, becomes the balanced matrix; `scale`, n, begins with ones.
+    """
+    for _ in range(MOST):
+        changed = 0
+        for i in range(n):
+            column = 0.0
+            row = 0.0
+            for j in range(n):
+                column += a[j * n + i] * a[j * n + i]
+                row += a[i * n + j] * a[i * n + j]
+            column = sqrt(column)
+            row = sqrt(row)
+            factor = power_of_two(sqrt(row) / sqrt(column)) if column > 0.0 and row > 0.0 else 1.0
+            if isfinite(column + row) and column * factor + row / factor < LESS * (column + row):
+                changed += 1
+                scale[i] *= factor
+                for j in range(n):
+                    a[i * n + j] /= factor
+                for j in range(n):
+                    a[j * n + i] *= factor
+        if changed == 0:
+            return
+
+
+def power_of_two(x: float) -> float:
+    """The nearest one, by ratio; 1 for what is not finite."""
+    found = 1.0
+    if not isfinite(x) or x <= 0.0:
+        return found
+    while found * ROOT < x:
+        found *= 2.0
+    while found > x * ROOT:
+        found *= 0.5
+    return found

@@ -1,0 +1,129 @@
+"""What is kept with a program for its next run depends on the program alone: no run shows in another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("llvmlite")
+
+import bondgraph
+from bondgraph.simulation.start.coarse import CoarseRun
+from bondgraph.simulation.start.motion import balance
+from bondgraph.simulation.steps.compiled import run as compiled
+from bondgraph.simulation.steps.compiled.forms import Laid, form_of
+from bondgraph.simulation.steps.compiled.ordering import on_diagonal, ordered
+from bondgraph.simulation.steps.compiled.sparse import Pattern
+from tests.benchmarks import large_models
+from tests.compiling import MODELS
+
+pytestmark = pytest.mark.machine_code
+
+GROWING = "1e-3 [A/V^3]*u^3"
+LADDER = large_models.rc_ladder(150).replace("model Ladder {", "model Ladder {\n  parameter g = 1 [A/V^3]")
+CASES: list[tuple[str | Path, dict[str, str], dict[str, str]]] = [
+    (MODELS / "four_bar.bg", {}, {}),
+    (MODELS / "rectifier.bg", {}, {"C": "20 uF"}),
+    (MODELS / "crane.bg", {}, {}),
+    (LADDER.replace(GROWING, "g*u^3"), {}, {"g": "1e-6 [A/V^3]"}),
+]
+
+
+@pytest.mark.parametrize("case", range(len(CASES)), ids=["four bars", "rectifier", "crane", "ladder"])
+def test_no_run_shows_in_another(case: int) -> None:
+    text, one, other = CASES[case]
+
+    def values(model: bondgraph.Model, settings: dict[str, str], **how: Any) -> Any:
+        return model.simulate(settings=settings, points=20, **how).values
+
+    model, alone = bondgraph.load(text), bondgraph.load(text)
+    first = values(model, one)
+    values(model, other, solver="radau", rtol=1e-4)
+    np.testing.assert_array_equal(values(model, other), values(alone, other))
+    np.testing.assert_array_equal(values(model, one), first)
+
+
+def matrix_of(count: int, diagonal: float) -> tuple[Any, Any, Any]:
+    """Places and numbers of a grid, `diagonal` on its diagonal: what the others of a row add up to is at most 4."""
+    side = round(count**0.5)
+    edges = [(i, i + 1) for i in range(count - 1) if (i + 1) % side] + [(i, i + side) for i in range(count - side)]
+    rows, columns = ([*range(count), *(e[k] for e in edges), *(e[1 - k] for e in edges)] for k in (0, 1))
+    generator = np.random.default_rng(3)
+    return np.array(rows), np.array(columns), np.where(np.equal(rows, columns), -diagonal, generator.uniform(0.5, 1, len(rows)))  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [100, 400])
+def test_an_order_of_the_pattern_is_that_of_numbers_that_allow_for_it(count: int) -> None:
+    rows, columns, entries = matrix_of(count, 5.0)
+    known, found = on_diagonal(rows, columns, count, count), ordered(rows, columns, count, count, 1.0, entries)
+    assert known is not None and found is not None and known.keys() == found.keys()
+    for name in found:
+        np.testing.assert_array_equal(known[name], found[name], err_msg=name)
+
+
+def test_a_diagonal_with_gaps_gives_no_order() -> None:
+    rows, columns, _ = matrix_of(100, 5.0)
+    assert on_diagonal(rows[1:], columns[1:], 0, 100) is None  # nothing is known of the first row's diagonal
+    assert on_diagonal(rows[1:], columns[1:], 1, 100) is not None  # it is a state's
+
+
+def test_numbers_that_allow_for_no_such_order_get_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(compiled, "ordered", lambda *a: asked.append(a[3]) or ordered(*a))
+    for diagonal in (5.0, 1e-4):
+        rows, columns, entries = matrix_of(100, diagonal)
+        model = bondgraph.load(
+            large_models.network([(i + 1, j + 1) for i, j in zip(rows, columns, strict=True) if i < j], 100)
+        )
+        program = model.prepared(model.scene(), False, "native").program
+        order = compiled.Ordered(program, 1e-3)
+        places = dict(zip(zip(rows.tolist(), columns.tolist(), strict=True), entries, strict=True))
+        assert order.choose(1e-9, np.array([places[i, j] for i, j in zip(*program.pattern, strict=True)]))
+    assert asked == [100]
+
+
+def test_records_share_nothing() -> None:
+    model = bondgraph.load(MODELS / "duffing.bg")
+    program = model.prepared(model.scene(), False, "native").program
+    one, other = (compiled.Ordered(program, small).values for small in (1e-3, 0.5))
+    one["x"][:] = 1.0
+    assert other["x"].tolist() == [0.0] * len(program.states.names) and (one["small"], other["small"]) == (1e-3, 0.5)
+    assert not np.shares_memory(one["x"], one["y"])
+    with pytest.raises(KeyError, match="small"):
+        Laid(form_of(Pattern, program, "", dict), {})
+
+
+def test_balanced_by_machine_code_and_by_its_source() -> None:
+    generator = np.random.default_rng(1)
+    matrix = (
+        generator.normal(size=(12, 12))
+        * 10.0 ** generator.uniform(-9, 9, (12, 1))
+        / 10.0 ** generator.uniform(-9, 9, 12)
+    )
+    matrix[3] = matrix[:, 5] = 0.0
+    (one, scale), (other, same) = balance(matrix, True), balance(matrix, False)
+    np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(scale, same)
+    np.testing.assert_array_equal(one, matrix * scale / scale[:, None])
+    assert (np.log2(scale) == np.round(np.log2(scale))).all()
+    norms = [np.linalg.norm(np.delete(one, (3, 5), a), axis=1 - a) for a in (0, 1)]
+    ratios = np.delete(norms[0], (3, 5)) / np.delete(norms[1], (3, 5))
+    assert np.abs(np.log2(ratios)).max() < 2.0
+
+
+def test_what_swings_is_looked_at_in_equal_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Speeds that pass through zero seem to grow: they do not ask for shorter steps while they stay within what was there."""
+    tries: list[int] = []
+    original = CoarseRun._further
+
+    def further(run: CoarseRun, pace: Any, *given: Any) -> bool:
+        done = original(run, pace, *given)
+        tries.append(pace.taken)
+        return done
+
+    monkeypatch.setattr(CoarseRun, "_further", further)
+    bondgraph.load(MODELS / "manipulator.bg").simulate("push_x", points=2)
+    assert 50 < max(tries) < 70
