@@ -107,7 +107,7 @@ SAW = """plain model Saw {
 
 @pytest.mark.parametrize("target", BOTH)
 def test_thousands_of_events(target: str) -> None:
-    to = 3000.5 if target == "native" else 100.5
+    to = 2000.5 if target == "native" else 100.5
     found = run(SAW, to, target=target, points=7)
     times = np.array([e.time for e in found.events])
     np.testing.assert_allclose(times, np.arange(1, int(to) + 1), rtol=1e-12)

@@ -166,7 +166,7 @@ def stick_slip(cycles: int = 5, fall: float = 0.0) -> Case:
     )  # fmt: skip
     if cycles <= MANY:
         return case
-    return replace(case, points=5001, only=lambda way: way == ways()[0], longest=1000.0)  # some 20 ms for each cycle
+    return replace(case, points=5001, only=lambda way: way == ways()[0], longest=1000.0)  # some 5 ms for each cycle
 
 
 MANNSHARDT = """plain model Trapped {
