@@ -127,7 +127,7 @@ class Prepared:
         from .door import bind
         from .native import CannotCompile, compiled_safely
 
-        if made.lowered.events.present or made.lowered.lags:  # what happens at instants is told by Python
+        if made.lowered.lags:  # delayed signals are filled in by Python
             return made.program, made.plan, made.facts, made.certificate
         try:
             described, codes = made.native(compiled_safely)

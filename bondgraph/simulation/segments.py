@@ -65,6 +65,7 @@ class Signals:
     allowed: Any  # (signals,)
     times: Any  # (places,), rising
     values: Any  # (places, signals)
+    steady: bool  # whether they are the same at all of them
 
 
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
@@ -74,26 +75,27 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
     """
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
+    begin, end = inside(stretch)  # where a narrow pulse may have its crest
+    if not program.signals(begin, inputs, constants, stretch.mode).shape[-1]:
+        return Signals(np.zeros(0), np.zeros(0), np.zeros((0, 0)), False)
     numbers = np.arange(int(min(NODES, max(GRID, NODES * share))))
     times = stretch.start + span * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / len(numbers)
-    begin, end = inside(stretch)  # where a narrow pulse may have its crest
     times = np.concatenate([[begin], np.clip(times, begin, end), [end]])
-    first = program.signals(times[:1], inputs, constants, stretch.mode)
-    if not first.shape[-1]:
-        return Signals(np.zeros(0), times[:0], np.zeros((0, 0)))
     values = program.signals(times, inputs, constants, stretch.mode)
     allowed = SHARE * np.ptp(values, axis=0) + 1e-9 * np.abs(values).max(axis=0)  # the latter for rounding
-    return Signals(allowed, times, values)
+    steady = len(values) > 0 and not np.ptp(values, axis=0).any()
+    return Signals(allowed, times, values, bool(steady))
 
 
 def follower(
-    program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0, coarse: float = 1.0
+    program: Program, inputs: Any, constants: Any, stretch: Segment, known: Signals | None = None, coarse: float = 1.0
 ) -> Callable[[float, float], bool]:
     """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
     the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
     is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
-    that is short beside a step would not be seen at all. `coarse`: times as much may be missed, for a first look."""
-    known, ends = signals_on(program, inputs, constants, stretch, whole), inside(stretch)
+    that is short beside a step would not be seen at all. `known`: the signals there, if they have been asked for; `coarse`: times as much may be missed, for a
+    first look."""
+    known, ends = known or signals_on(program, inputs, constants, stretch), inside(stretch)
     allowed = coarse * known.allowed
     if not len(allowed):
         return lambda start, stop: True
@@ -115,6 +117,11 @@ def inside(stretch: Segment) -> tuple[float, float]:
     """The first and last instant at which a signal is asked: where a stretch begins and ends is itself rounded."""
     margin = ROUNDING * float(np.spacing(max(abs(stretch.start), abs(stretch.stop))))
     return stretch.start + margin, stretch.stop - margin
+
+
+def mode_size(program: Program, constants: Any) -> int:
+    """How many items the mode of a program has."""
+    return len(program.switches(0.0, constants)) if program.hybrid is None else program.hybrid.size
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:

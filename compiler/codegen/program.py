@@ -77,6 +77,19 @@ class Delays:
     values: Callable[[float, Array, Array, Array, Array], Array]  # as Program.output -> what they will be
 
 
+@dataclass(frozen=True, slots=True)
+class HybridNote:
+    """What a `Hybrid` is but for its functions: plain data."""
+
+    size: int
+    modes: Names  # of what only events change
+    timed: tuple[int, ...]
+    conditions: tuple[ConditionNote, ...]
+    events: tuple[EventNote, ...]
+    junctions: tuple[tuple[str, Span], ...]
+    switches_signals: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Hybrid:
     """What happens in a program at instants that depend on its states.
@@ -106,6 +119,19 @@ class Hybrid:
     conjugates: Callable[
         [float, Array, Array, Array, Array], Array
     ]  # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
+    switches_signals: bool  # whether `Program.signals` change with what is not of time alone
+
+
+HYBRID = ("mode_start", "roots", "triggers", "values", "targets", "sampling", "actives", "conjugates")  # its functions
+
+
+def hybrid_of(note: HybridNote, functions: Mapping[str, Callable[..., Any]]) -> Hybrid:
+    """The events of a program, from the functions of its target, `mode_at` among them."""
+    start, roots, triggers, values, targets, sampling, actives, conjugates = (functions[name] for name in HYBRID)
+    return Hybrid(
+        note.size, note.modes, start, note.timed, note.conditions, roots, note.events, triggers, values, targets, sampling,
+        functions["mode_at"], note.junctions, actives, conjugates, note.switches_signals,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

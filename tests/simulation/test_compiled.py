@@ -30,15 +30,18 @@ from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
-# Conditions on states are located by the reference stepper.
-EVENTS = {"quarter_car.bg", "crank_linkage.bg", "end_stops.bg", "side_instability.bg"}
+LONG = {"side_instability.bg"}  # as `end_stops.bg`
 RUNNING = [
-    (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in EVENTS
+    (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in LONG
 ]
 # Where the law has a kink, or rounding (of a singular value, too) decides once whether a Jacobian is kept, step sequences part; both hold the tolerance.
 # What moves has no mass, or nothing is done to it: its work is the error of a quadrature, or of rounding.
 RESTING = {"inverse_kinematics.bg", "gyroscope.bg"}
-PARTING = {"duffing.bg", "rectifier.bg", "spatial_slider_crank.bg", "inverse_kinematics.bg"}
+# So they do where thousands of steps follow what rings in a stop that is met at some instant, and where a look ahead finds multipliers less closely.
+PARTING = {
+    "duffing.bg", "rectifier.bg", "spatial_slider_crank.bg", "inverse_kinematics.bg",
+    "end_stops.bg", "crank_linkage.bg",
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -52,20 +55,10 @@ def both(path: Path, name: str | None = None, **settings: Any) -> tuple[Result, 
     return tuple(model.simulate(target=target, **settings) for target in ("native", "numpy"))  # type: ignore[return-value]
 
 
-def test_events_are_the_affair_of_the_reference() -> None:
-    native, numpy = both(MODELS / "quarter_car.bg")
-    assert native.solver == numpy.solver == "Dormand-Prince 8, numpy (events)"
-    assert (native.values == numpy.values).all()
-
-
 @pytest.mark.parametrize("solver", ["radau", "automatic"])
 @pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
     native, numpy = both(path, name, energy=True, solver=solver)
-    program = bondgraph.load(path, name).compilation(bondgraph.load(path, name).scene()).program
-    if program.hybrid is not None:
-        assert "numpy" in native.solver
-        pytest.skip("steps of the reference")
     assert native.solver.replace("native", "numpy") == numpy.solver
     if solver == "radau":
         assert native.solver in ("Radau IIA 5, native", "Newton", "none")
@@ -289,7 +282,7 @@ def test_the_pattern_has_room_for_all_that_comes() -> None:
     for name, length in (("diagonal", n), ("scale", n), ("x", n), ("y", n), ("xi", n), ("yi", n)):
         order.values[name] = np.zeros(length)
     order.pattern = (rows, columns, n, n)
-    order.record, order.kept = compiled.structure(Pattern, order.values | {"n": n, "pattern": None}, made)
+    order.record, order.kept = compiled.structure(Pattern, order.values | {"n": n, "pattern": None}, {})
     entries = generator.normal(size=len(rows)) * (generator.random(len(rows)) < 0.5)
     assert order.choose(5.0, entries)
     values = order.values | {

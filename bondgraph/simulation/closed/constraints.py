@@ -15,7 +15,7 @@ import numpy as np
 from ...door import Program
 
 if TYPE_CHECKING:
-    from ..steps.compiled.held import CompiledConstraints
+    from ..steps.compiled.held import CompiledConstraints, NothingHeld
 
 ITERATIONS = 20
 ROUNDING = 4e-16  # of the size of a gap: closer it cannot be
@@ -83,11 +83,18 @@ class Constraints:
     @property
     def compiled(self) -> CompiledConstraints | None:
         """The same in machine code, if the program has some."""
-        return self.always_compiled if self.gaps and self.program.native is not None else None
+        return self._made() if self.gaps and self.program.native is not None else None
 
     @property
-    def always_compiled(self) -> CompiledConstraints:
+    def always_compiled(self) -> CompiledConstraints | NothingHeld:
         """The same, empty where nothing is held; a program with machine code."""
+        if self.gaps or self.program.eliminated:
+            return self._made()
+        from ..steps.compiled.held import nothing_held
+
+        return nothing_held()
+
+    def _made(self) -> CompiledConstraints:
         if self._compiled is None:
             from ..steps.compiled.held import CompiledConstraints
 

@@ -214,13 +214,16 @@ class Events:
             return truth
         truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, all stays as it is
         moved = np.zeros(len(roots))
+        flow = self._flow(at)
         for reach in REACHES:
-            ahead = self._ahead(at, reach)
+            ahead = None if flow is None else self._ahead(at, reach, *flow)
             if ahead is None:
                 break
             change = self.roots(ahead.time, ahead.state, at.mode) - roots
             found = doubtful & (moved == 0) & (np.abs(change) > 4 * noise)
             moved[found] = change[found]
+            if (moved[doubtful] != 0).all():
+                break
         truth[moved != 0] = moved[moved != 0] < 0
         # What stands still at zero must not flip; what leaves zero must be seen when it is back, and be doubtful then.
         still = np.maximum(0.25 * noise, 2 * np.abs(roots))
@@ -230,23 +233,27 @@ class Events:
     def _noise(self, at: Moment, roots: Any) -> Any:
         """How far from zero rounding may leave each root: by its slopes, in units of the magnitudes."""
         share = 1e-7
-        shift = share * np.diag(np.maximum(self.magnitude, np.abs(at.state)))
-        times = np.full(len(shift) + 1, at.time)
+        n = len(at.state)
+        times = np.full(n + 1, at.time)
         times[-1] += share * max(abs(at.time), 1e-300)
-        states = np.vstack([at.state + shift, at.state])
+        states = np.empty((n + 1, n))
+        states[:] = at.state
+        states.reshape(-1)[: n * n : n + 1] += share * np.maximum(self.magnitude, np.abs(at.state))
         change = np.abs(self.roots(times, states, at.mode) - roots)
         return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0)
 
-    def _ahead(self, at: Moment, reach: float) -> Moment | None:
+    def _flow(self, at: Moment) -> tuple[Any, float] | None:
+        """The rates of the states, and how long the flow takes to move one by its magnitude, or the run."""
+        if not self.count:
+            return None
+        first = self.program.derivative(at.time, at.state, self.inputs, self.constants, at.mode)[: self.count]
+        speed = float((np.abs(first) / self.magnitude[: self.count]).max())
+        return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(speed) else None
+
+    def _ahead(self, at: Moment, reach: float, first: Any, whole: float) -> Moment | None:
         """Where the flow is a little later, by Heun's method: as much later as moves no state by more than a share."""
         n, fixed = self.count, (self.inputs, self.constants, at.mode)
-        if not n:
-            return None
-        first = self.program.derivative(at.time, at.state, *fixed)[:n]
-        speed = float((np.abs(first) / self.magnitude[:n]).max())
-        if not np.isfinite(speed):
-            return None
-        span = reach * min(self.horizon, 1 / speed if speed > 0 else np.inf)
+        span = reach * whole
         try:
             state = np.concatenate([at.state[:n] + span * first, at.state[n:]])
             state = self.loops.solve(at.time + span, state, at.mode)

@@ -18,7 +18,7 @@ from ..watch.choice import Choice, Handover
 from ..watch.validity import Watch
 from .events import Events, Moment
 from .history import History
-from .locate import Flip, StateAt, first_flip
+from .locate import Flip, RootsAt, StateAt, first_flip
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
 CLOSE = 1e-8  # of the run: a condition that flips so soon after steps have collapsed is why they have
@@ -143,11 +143,25 @@ class EventStepper(Stepper):
                 return True
         return False
 
-    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
+    @property
+    def floor(self) -> Any:
+        """How near to zero roots of conditions are rounding."""
+        return self.events.floor
+
+    def follow(
+        self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
+    ) -> Segment:
         """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way."""
         events = self.events
+        looked_for = len(self.program.unknowns.names) > 0 and not self.loops.affine
+
+        def roots(times: Any, exactly: bool) -> Any:
+            if roots_at is None or (exactly and looked_for):
+                return events.roots(times, state_at(times, exactly), stretch.mode)
+            return roots_at(times, stretch.mode)
+
         while start < stop:
-            flip = first_flip(events, start, stop, stretch.mode, state_at)
+            flip = first_flip(events, start, stop, stretch.mode, state_at, roots)
             if flip is None:
                 break
             mode = np.array(stretch.mode)

@@ -1,4 +1,4 @@
-"""Where a condition flips within a step: signs of the roots on places of the dense output, then ever finer places.
+"""Where a condition flips within a step: signs of the roots on places of the dense output, then finer ones, then narrowed down to rounding.
 
 Between two places where a root has one sign it may still touch zero and come back: where its distance from zero is least, a
 parabola through three places tells where to look once more.
@@ -12,18 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .zeros import narrowed
+
 if TYPE_CHECKING:
     from .events import Events
 
 PLACES = 12  # of a step
-FINER, FEWER = (
-    256,
-    8,
-)  # places by which an interval is cut again and again; the latter where each is a loop to be solved
-WIDTH = 4  # units in the last place of a time: where cutting ends
+FINER = 256  # places between two of these, where it costs no loop to be solved
+WIDTH = 4  # units in the last place of a time: where narrowing ends
+LEAST = 1e-300  # distance from a flip that counts: no flip has a sign of its own
 PEAKS = 2  # times that a least distance is looked at again
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), whether loops are solved exactly -> states (k, n)
+RootsAt = Callable[[Any, Any], Any]  # instants (k,), a mode -> roots of the conditions (k, conditions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,48 +36,70 @@ class Flip:
     conditions: Any
 
 
-def first_flip(events: Events, start: float, stop: float, mode: Any, state_at: StateAt) -> Flip | None:
-    """The first flip in (start, stop], or None. What holds at the start itself is what the mode says, whatever rounding leaves."""
+def first_flip(
+    events: Events, start: float, stop: float, mode: Any, state_at: StateAt, roots: Callable[[Any, bool], Any]
+) -> Flip | None:
+    """The first flip in (start, stop], or None. What holds at the start itself is what the mode says, whatever rounding leaves.
+
+    `roots`: of the conditions, as `state_at`; shape (k, conditions).
+    """
     if not len(events.places):
         return None
     said = np.asarray(mode)[events.places] == 1.0
     times = start + (stop - start) * np.arange(1, PLACES + 1) / PLACES
     times[-1] = stop
-    roots = events.roots(times, state_at(times, False), mode)
+    seen = roots(times, False)
     for _ in range(PEAKS):
-        more = _closest(times, roots)
+        more = _closest(times, seen)
         if not len(more):
             break
-        found = events.roots(more, state_at(more, False), mode)
+        found = roots(more, False)
         order = np.argsort(np.concatenate([times, more]), kind="stable")
-        times, roots = np.concatenate([times, more])[order], np.concatenate([roots, found])[order]
-    wrong = _wrong(events, roots, said)
+        times, seen = np.concatenate([times, more])[order], np.concatenate([seen, found])[order]
+    wrong = _wrong(events, seen, said)
     if not wrong.any():
         return None
     # Unknowns of loops have been taken from the dense output so far; from the first suspicion on they are solved for.
     first = int(np.argmax(wrong.any(axis=1)))
     start, times = (float(times[first - 1]) if first else start), times[first:]
-    wrong = _wrong(events, events.roots(times, state_at(times, True), mode), said)
+    if not len(events.program.unknowns.names):
+        stop = float(times[0])
+        times = np.append(start + (stop - start) * np.arange(1, FINER) / FINER, stop)
+    seen = roots(times, True)
+    wrong = _wrong(events, seen, said)
     if not wrong.any():
         return None
     last = int(np.argmax(wrong.any(axis=1)))
     low, high = (float(times[last - 1]) if last else start), float(times[last])
-    finer = FEWER if len(events.program.unknowns.names) else FINER
-    while high - low > WIDTH * np.spacing(max(abs(low), abs(high))):
-        inner = low + (high - low) * np.arange(1, finer) / finer
-        inner = inner[(inner > low) & (inner < high)]
-        if not len(inner):
-            break
-        wrong = _wrong(events, events.roots(inner, state_at(inner, True), mode), said).any(axis=1)
-        if wrong.any():
-            first = int(np.argmax(wrong))
-            high = float(inner[first])
-            low = float(inner[first - 1]) if first else low
-        else:
-            low = float(inner[-1])
+    high = _narrowed(events, low, high, seen[last], said, roots)
     at = np.array([high])
-    state = state_at(at, True)
-    return Flip(high, state[0], _wrong(events, events.roots(at, state, mode), said)[0])
+    return Flip(high, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
+
+
+def _narrowed(
+    events: Events, low: float, high: float, there: Any, said: Any, roots: Callable[[Any, bool], Any]
+) -> float:
+    """The first of the instants between two that rounding tells apart at which a condition has flipped; `there`: the roots at the second."""
+    scale = np.where((there != 0) & np.isfinite(there), np.abs(there), 1.0)
+    flipping = _wrong(events, there, said)
+
+    def beyond(time: float) -> float:
+        """How far a condition is behind its flip; negative before all flips."""
+        nonlocal flipping
+        seen = roots(np.array([time]), True)[0]
+        distance = np.where(events.truth(seen) != said, np.abs(seen), -np.abs(seen)) - events.floor
+        wrong = _wrong(events, seen, said)
+        if wrong.any():
+            flipping = wrong
+        found = float((distance / scale)[flipping].max())
+        return max(found, LEAST) if wrong.any() else min(found, -LEAST)
+
+    width = 0.5 * WIDTH * float(np.spacing(max(abs(low), abs(high))))
+    if high - low <= 2 * width:
+        return high
+    first, last = -abs(beyond(low)), beyond(high)
+    (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, last), width)
+    return a if at_a > 0 else b
 
 
 def _wrong(events: Events, roots: Any, said: Any) -> Any:

@@ -6,11 +6,22 @@ from collections.abc import Callable
 
 MOST = 200  # evaluations; bisection alone needs some hundred for any two doubles
 
+Place = tuple[float, float]  # and the value there
+
 
 def crossing(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
-    """A zero between two places at which the signs differ, to `tolerance`; inverse quadratic interpolation where it is safe, else halving."""
-    b, a = float(low), float(high)
-    fb, fa = function(b), function(a)
+    """A zero between two places at which the signs differ, to `tolerance`."""
+    low, high = float(low), float(high)
+    (a, at_a), (b, at_b) = narrowed(function, (low, function(low)), (high, function(high)), tolerance)
+    return a if abs(at_a) < abs(at_b) else b
+
+
+def narrowed(function: Callable[[float], float], low: Place, high: Place, tolerance: float) -> tuple[Place, Place]:
+    """Two places at which the signs differ, closer than twice the tolerance; by inverse quadratic interpolation where it is safe, else halving.
+
+    Fewer where the function is zero at one of them.
+    """
+    (b, fb), (a, fa) = low, high
     c, fc, share = a, fa, 0.5
     for _ in range(MOST):
         x = a + share * (b - a)
@@ -20,13 +31,12 @@ def crossing(function: Callable[[float], float], low: float, high: float, tolera
         else:
             c, b, fc, fb = b, a, fb, fa
         a, fa = x, fx
-        best = a if abs(fa) < abs(fb) else b
         least = tolerance / abs(b - a) if b != a else 1.0
         if least > 0.5 or fa == 0 or fb == 0:
-            return best
+            break
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         share = 0.5
         if phi**2 < xi and (1 - phi) ** 2 < 1 - xi:
             share = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
         share = min(1 - least, max(least, share))
-    return best
+    return (a, fa), (b, fb)

@@ -17,6 +17,7 @@ ITERATIONS = 2000  # an exponential law far from its solution takes one for each
 HALVINGS = 30
 STUCK = 12  # steps in a row that had to be shortened to less than SHORT: the residual has a valley there
 SHORT = 1e-3
+TOGETHER = 12  # iterations for many instants at once: what takes more goes by itself
 LARGEST = 100  # unknowns of a loop that is searched from many guesses
 NEAREST = 8
 GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
@@ -97,7 +98,47 @@ class LoopSolver:
             assert self.program.solved is not None
             found = np.asarray(self.program.solved(times, states, self.inputs, self.constants, mode))
             return np.concatenate([states[:, : self.count], found[:, states.shape[1] :][:, self._order]], axis=1)
-        return np.stack([self.solve(t, x, mode) for t, x in zip(times, states, strict=True)])
+        found, known = self._together(times, states, mode)
+        for k in np.flatnonzero(~known):
+            found[k] = self.solve(times[k], states[k], mode)
+        return found
+
+    def _together(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
+        """The same by Newton's method for all instants at once, undamped, and at which of them it has come to its end; there as by `newton`."""
+        times, found = np.asarray(times, dtype=float), np.array(states, dtype=float)
+        known, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
+        before, fixed = np.full(len(times), np.inf), (self.inputs, self.constants, mode)
+        value = self.program.derivative(times, found, *fixed)[:, self.count :]
+        for _ in range(TOGETHER):
+            matrix = self._matrices(times[going], found[going], fixed)
+            scale = np.abs(matrix).max(axis=2)
+            usable = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1) & np.isfinite(value).all(axis=1)
+            going, matrix, scale, value = going[usable], matrix[usable], scale[usable], value[usable]
+            try:
+                step = np.linalg.solve(matrix / scale[..., None], (-value / scale)[..., None])[..., 0] * self.magnitude
+            except np.linalg.LinAlgError:
+                break
+            there = found[going]
+            size = np.abs(step / np.maximum(np.abs(there[:, self.count :]), 1e-3 * self.magnitude)).max(axis=1)
+            there[:, self.count :] += step
+            after = self.program.derivative(times[going], there, *fixed)[:, self.count :]
+            norm, left = (np.linalg.norm(v / scale, axis=1) for v in (value, after))
+            good = (left <= (1 - 1e-4) * norm) | ((size < 1e-9) & np.isfinite(after).all(axis=1))
+            ended = good & ((size <= 4e-16) | ((size < 1e-9) & (size >= 0.25 * before[going])))
+            found[going[good]] = there[good]
+            known[going[ended]], before[going] = True, size
+            going, value = going[good & ~ended], after[good & ~ended]
+            if not len(going):
+                break
+        found[~known] = np.asarray(states)[~known]
+        return found, known
+
+    def _matrices(self, times: Any, states: Any, fixed: tuple[Any, ...]) -> Any:
+        """The derivatives of the residuals by the unknowns, in units of the magnitudes, at several instants."""
+        count = len(self.magnitude)
+        result = np.zeros((len(times), count, count))
+        result[(slice(None), *self._place)] = self.program.jacobian_entries(times, states, *fixed)[:, self._chosen]
+        return result * self.magnitude
 
     def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
         """What the unknowns should make vanish; unknowns may have a leading axis."""

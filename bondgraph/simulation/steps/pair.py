@@ -332,6 +332,7 @@ SEEN, UNSEEN = len(_SEEN), len(_BETWEEN)
 LOOKS = (*_SEEN.tolist(), *_BETWEEN.tolist())
 BETWEEN = tuple(np.linalg.solve(np.vander(_SEEN).T, np.vander(_BETWEEN, SEEN).T).T.ravel().tolist())
 THROUGH = tuple(np.linalg.inv(np.vander(_SEEN)).ravel().tolist())  # to the coefficients of that polynomial
+PARTS = 4  # of a step, each of which is searched for events by itself: a step is that much longer than one of Radau
 INNER = (0.2, 0.4, 0.6, 0.8)  # places of a step where the limits of a model are looked at
 
 

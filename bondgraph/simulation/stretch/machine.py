@@ -1,4 +1,4 @@
-"""A stretch stepped through in machine code, and what Python does where that stops."""
+"""Stretches stepped through in machine code, and what Python does where that stops: see `compiled/advance.py`."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...door import Program
+from ...errors import StepsCollapsed
 from ..closed.singular import NEAR
 from ..segments import Segment
-from ..steps.compiled.advance import FINISHED, HANDOVER, MORE, STIFF
+from ..steps import pair
+from ..steps.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..steps.compiled.run import CompiledRadau, obstacle, steps
-from ..steps.methods import AUTOMATIC, EXPLICIT, RADAU
+from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
 from ..steps.radau import StepFailed
-from ..watch.stuck import MOST_COMPILED
+from ..watch.stuck import MOST_COMPILED, MOST_STEPS
 from .poses import beyond, chosen_anew
 
 if TYPE_CHECKING:
+    from ..trajectory import Tolerances
     from .stepper import Stepper
 
 
@@ -24,16 +27,6 @@ def obstacle_of(program: Program) -> str | None:
     """Why machine code does not make the steps, in brackets; None if it does."""
     found = obstacle(program)
     return f" ({found})" if found else None
-
-
-def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> CompiledRadau:
-    """A solver for a stretch, of which nothing but the steps is asked yet."""
-    solver = CompiledRadau(
-        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
-        stepper.constraints.always_compiled, method, stepper.whole,
-    )  # fmt: skip
-    solver.values["automatic"] = int(stepper.solver == AUTOMATIC and method == EXPLICIT)
-    return solver
 
 
 def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
@@ -46,102 +39,193 @@ def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tup
 def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
     """The explicit pair from the start of a stretch, to be asked for one step after another, of which nothing is kept."""
     solver = _solver(stepper, stretch, x, EXPLICIT)
-    solver.values["limit_count"] = 0
+    solver.values["limit_count"] = solver.values["root_count"] = 0
     solver.begin()
     return solver
 
 
 def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> Any:
-    """As `run` from where it begins to step, by `compiled/advance.py`. `size` of all steps, if the method wants that."""
-    solver = _solver(stepper, stretch, x, method)
-    solver.fixed_size = size if size < np.inf else None
-    first = stepper.position
-    solver.report(stepper.instants, first, stepper.result.states)
-    if stepper.choice is not None:
-        solver.choose(stepper.choice)
-    if stepper.powers is not None:
-        if stepper.result.work is None:
-            stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
-        solver.measure(stepper.result.work, stepper.traffic)
-    solver.begin()
+    """As `Stepper.run` from where it begins to step. `size` of all steps, if the method wants that."""
+    machine = stepper.machine
+    if machine is None or method == ENERGY or machine.tolerances is not stepper.tolerances:
+        machine = stepper.machine = InMachineCode(stepper, stretch, x, method, size)
+    else:
+        machine.begin_at(stretch, x, method)
+    return machine.to_end()
 
-    leaving = stepper.leaving
 
-    def look() -> list[int]:
+def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> CompiledRadau:
+    """A solver for a stretch, of which nothing but the steps is asked yet."""
+    solver = CompiledRadau(
+        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
+        stepper.constraints.always_compiled, stepper.signals(stretch), method,
+    )  # fmt: skip
+    solver.values["automatic"] = _automatic(stepper, method)
+    return solver
+
+
+def _automatic(stepper: Stepper, method: int) -> int:
+    """Whether another method may go on."""
+    return int(stepper.solver == AUTOMATIC and method == EXPLICIT)
+
+
+class InMachineCode:
+    """Steps over one stretch after another; what is made for the first serves all."""
+
+    def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> None:
+        self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
+        self.tolerances: Tolerances = stepper.tolerances
+        self.noted = False  # whether it is kept how far this is, whatever comes of the last step
+        solver = self.solver = _solver(stepper, stretch, x, method)
+        solver.fixed_size = size if size < np.inf else None
+        solver.report(stepper.instants, stepper.position, stepper.result.states)
+        if stepper.choice is not None:
+            solver.choose(stepper.choice)
+        if stepper.powers is not None:
+            if stepper.result.work is None:
+                stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
+            solver.measure(stepper.result.work, stepper.traffic)
+        solver.doubt(stepper.floor)
+        solver.begin()
+
+    def begin_at(self, stretch: Segment, x: Any, method: int) -> None:
+        """Go on with another stretch."""
+        stepper, solver = self.stepper, self.solver
+        self.stretch, self.first, self.noted = stretch, stepper.position, False
+        solver.doubt(stepper.floor)
+        if stepper.choice is not None:
+            solver.choose(stepper.choice)
+        stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
+        automatic = _automatic(stepper, method)
+        solver.begin_at(stretch, x, stepper.signals(stretch), method, automatic)
+
+    def to_end(self) -> Any:
+        """The state at the end of the stretch, or where something cuts it."""
+        stepper, solver = self.stepper, self.solver
+        leaving = stepper.leaving
+        try:
+            while answer := self._steps(np.inf if leaving is None else leaving.pause):
+                if self._is_cut(answer):
+                    break
+        except BaseException:
+            if not self.noted:
+                self._note()
+            stepper.result.steps += solver.steps
+            stepper.count(solver.evaluations)
+            raise
+        record = solver.record
+        stepper.position, stepper.traffic = record.position, record.traffic
+        self._put_unknowns(self.first, stepper.position)
+        stepper.steps += record.steps
+        stepper.result.steps += record.steps
+        stepper.count(solver.evaluations)
+        stepper.tell_crawling(solver, record.steps, self.stretch.mode)
+        stepper.grow(solver.greatest * self.tolerances.magnitude)
+        if stepper.flip is not None:
+            stepper.grow(stepper.flip.state)
+            return stepper.flip.state
+        return stepper.loops.solve(record.time, self._state, self.stretch.mode)
+
+    @property
+    def _state(self) -> Any:
+        """Where the last step ended, in SI."""
+        return self.solver.state * self.tolerances.magnitude
+
+    def _steps(self, pause: float) -> int:
+        """On to where Python is asked; 0 where the stretch ends. Raises `RunFailed`."""
+        stepper = self.stepper
+        most = MOST_COMPILED if stepper.most_steps >= MOST_STEPS else stepper.most_steps - stepper.steps
+        try:
+            return steps(self.solver, self._look, most, pause)
+        except StepFailed as failed:
+            told = stepper.failed(self.solver, failed.what, self.stretch.mode)
+            if isinstance(told, StepsCollapsed) and stepper.flips_just_ahead(told, self.stretch):
+                return FINISHED
+            raise told from None
+
+    def _look(self) -> list[int]:
+        """At the limits of the model in the last step; which of them are left."""
+        stepper, solver = self.stepper, self.solver
         passed = stepper.instants[np.searchsorted(stepper.instants, solver.last_step[0], "right") : solver.position]
-        stepper.look(solver, stretch, passed)
+        stepper.look(solver, self.stretch, passed)
         return [*stepper.watch.left]
 
-    try:
-        while answer := steps(solver, look, MOST_COMPILED, np.inf if leaving is None else leaving.pause):
-            if answer == MORE:
-                if leaving is not None and leaving.cuts(stepper, solver, solver.steps, stretch):
-                    stepper.reached = float(solver.time)
-                    break
-                continue
-            if answer == STIFF:
-                stepper.result.settled = RADAU
-                stepper.name(RADAU, "native")
-                solver.go_on_with(RADAU)
-                continue
-            if answer != HANDOVER:
-                _near_singular_pose(stepper, solver, stretch)
-                if stepper.result.handover is not None:
-                    break
-                continue
+    def _is_cut(self, answer: int) -> bool:
+        """Whether the stretch ends here, where machine code asked."""
+        stepper, solver, stretch = self.stepper, self.solver, self.stretch
+        if answer == MORE:
+            if stepper.leaving is None or not stepper.leaving.cuts(stepper, solver, solver.steps, stretch):
+                return False
+            stepper.reached = float(solver.time)
+            return True
+        if answer == FLIP:
+            self._follow()
+        elif answer == STIFF:
+            stepper.result.settled = RADAU
+            stepper.name(RADAU, "native")
+            solver.go_on_with(RADAU)
+        elif answer == HANDOVER:
             assert stepper.choice is not None
-            state = solver.state * stepper.tolerances.magnitude
-            stepper.result.handover = stepper.choice.look(solver.time, state, stretch.mode)
-            if stepper.result.handover is not None:
-                break
-    except StepFailed as failed:
-        _keep(stepper, solver, stretch)
-        raise stepper.failed(solver, failed.what, stretch.mode) from None
-    except BaseException:
-        _keep(stepper, solver, stretch)
-        raise
-    stepper.position, stepper.traffic = solver.position, solver.traffic
-    if stepper.position > first:
-        times, states = (a[first : stepper.position] for a in (stepper.instants, stepper.result.states))
-        states[:] = stepper.loops.solve_all(times, states, stretch.mode)
-    stepper.result.steps += solver.steps
-    stepper.count(solver.evaluations)
-    stepper.tell_crawling(solver, solver.steps, stretch.mode)
-    return stepper.loops.solve(solver.time, solver.state * stepper.tolerances.magnitude, stretch.mode)
+            stepper.result.handover = stepper.choice.look(solver.time, self._state, stretch.mode)
+        else:
+            self._near_singular_pose()
+        return stepper.result.handover is not None
 
+    def _follow(self) -> None:
+        """Where a condition may flip in the last step: what looks at that step then knows how far it goes, or another mode."""
+        stepper, solver = self.stepper, self.solver
+        self._note()
+        self.noted = True
+        parts = 1 if solver.record.method == RADAU else pair.PARTS
+        self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
+        solver.put_mode(self.stretch.mode)
+        if stepper.flip is not None:
+            solver.end_at(stepper.flip.time)
+        else:
+            self.noted = False
 
-def _keep(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:
-    """What is sure where machine code stands. A step that is pending has not been looked at: it does not count."""
-    last = solver.ends - 1 - (1 if solver.pending else 0)
-    if last < 0 or solver.ends == 0:
-        return
-    time, n = float(solver.end_time[last]), solver.n
-    state = solver.end_state[last * n : (last + 1) * n] * stepper.tolerances.magnitude
-    position = max(stepper.position, int(np.searchsorted(stepper.instants, time, "right")))
-    position = min(position, solver.position)
-    work = None if stepper.powers is None else np.array(solver.work)
-    if position > stepper.position:
-        times, states = (a[stepper.position : position] for a in (stepper.instants, stepper.result.states))
-        states[:] = stepper.loops.solve_all(times, states, stretch.mode)
-    stepper.result.steps += solver.steps
-    stepper.count(solver.evaluations)
-    stepper.keep(time, state, stretch.mode, stretch.start, work, position)
+    def _states_at(self, times: Any, exactly: bool) -> Any:
+        """States in the last step, with unknowns that are solved for if they are wanted exactly."""
+        stepper, mode = self.stepper, self.stretch.mode
+        states = self.solver.states(times, mode)
+        return stepper.held_all(times, states, mode) if exactly else states
 
+    def _note(self) -> None:
+        """What is sure where machine code stands. A step that is pending has not been looked at: it does not count."""
+        stepper, solver = self.stepper, self.solver
+        record = solver.record
+        last = record.ends - 1 - (1 if record.pending else 0)
+        if last < 0 or record.ends == 0:
+            return
+        time, n = float(solver.end_time[last]), record.n
+        state = solver.end_state[last * n : (last + 1) * n] * self.tolerances.magnitude
+        position = max(stepper.position, int(np.searchsorted(stepper.instants, time, "right")))
+        position = min(position, record.position)
+        work = None if stepper.powers is None else np.array(solver.work)
+        self._put_unknowns(stepper.position, position)
+        stepper.keep(time, state, self.stretch.mode, self.stretch.start, work, position)
 
-def _near_singular_pose(stepper: Stepper, solver: CompiledRadau, stretch: Segment) -> None:
-    """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
-    state = solver.state * stepper.tolerances.magnitude
-    watcher = stepper.singular
-    watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
-    watcher.check_redundant(solver.time, state, stretch.mode)
-    wish = solver.size
-    if chosen_anew(stepper, solver.time, state, stretch.mode, wish):
-        return
-    crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, stepper.tolerances.relative)
-    if crossed is None:
-        solver.note_tried(watcher.tried)
-        return
-    stepper.position, stepper.traffic = solver.position, solver.traffic
-    after = beyond(stepper, crossed, state, stretch)
-    solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
-    stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
+    def _put_unknowns(self, first: int, last: int) -> None:
+        """The unknowns of loops at these instants."""
+        stepper = self.stepper
+        if last > first:
+            times, states = (a[first:last] for a in (stepper.instants, stepper.result.states))
+            states[:] = stepper.loops.solve_all(times, states, self.stretch.mode)
+
+    def _near_singular_pose(self) -> None:
+        """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
+        stepper, solver, stretch = self.stepper, self.solver, self.stretch
+        state, watcher = self._state, stepper.singular
+        watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
+        watcher.check_redundant(solver.time, state, stretch.mode)
+        wish = solver.size
+        if chosen_anew(stepper, solver.time, state, stretch.mode, wish):
+            return
+        crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, self.tolerances.relative)
+        if crossed is None:
+            solver.note_tried(watcher.tried)
+            return
+        stepper.position, stepper.traffic = solver.position, solver.traffic
+        after = beyond(stepper, crossed, state, stretch)
+        solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
+        stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)

@@ -26,6 +26,7 @@ DAMPED = 0.3  # of its rate: what a mode loses, if it dies out
 LARGEST = 200  # states up to which the spectrum is computed
 LARGEST_INTERPRETED = 60  # states up to which the explicit steps run as Python
 TRIAL = 60  # steps
+ENOUGH = 64  # modes that have been looked at: others are like most of them
 
 
 def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
@@ -49,6 +50,19 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
         return RADAU
     if stepper.result.settled is not None:
         return stepper.result.settled
+    if stepper.program.hybrid is None:
+        return _by_spectrum(stepper, stretch, x, compiled)
+    # Events come back to modes that have been looked at.
+    known, key = stepper.methods, np.asarray(stretch.mode).tobytes()
+    if key not in known and len(known) >= ENOUGH:
+        return max(known.values(), key=list(known.values()).count)
+    if key not in known:
+        known[key] = _by_spectrum(stepper, stretch, x, compiled)
+    return known[key]
+
+
+def _by_spectrum(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
+    """The method that fits what the modes do on a stretch."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
         return RADAU

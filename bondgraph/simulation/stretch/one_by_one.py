@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
@@ -89,7 +88,8 @@ class OneByOne:
         """All that looks at an accepted step: events, reports, limits, work, delays."""
         stepper, solver = self.stepper, self.solver
         before = stepper.position
-        self._follow()
+        dense = partial(self._dense, self.stretch.mode)
+        self.stretch = stepper.follow_step(solver.last_step, solver.parts, self.stretch, dense)
         self._sample()
         stepper.look(solver, self.stretch, stepper.instants[before : stepper.position])
         start, stop = solver.last_step
@@ -97,18 +97,9 @@ class OneByOne:
         if stepper.powers is not None:
             stepper.add_work(start, stop, self._along, self.stretch)
         if stepper.history is not None:
-            stepper.history.keep(start, stop, partial(self._dense, self.stretch), stepper.inputs, self.stretch.mode)
+            dense = partial(self._dense, self.stretch.mode)
+            stepper.history.keep(start, stop, dense, stepper.inputs, self.stretch.mode)
         stepper.grow(self.state if stepper.flip is None else stepper.flip.state)
-
-    def _follow(self) -> None:
-        """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
-        start, stop = self.solver.last_step
-        parts = self.solver.parts
-        edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
-        for a, b in pairwise(edges):
-            self.stretch = self.stepper.follow(a, b, self.stretch, partial(self._dense, self.stretch))
-            if self.stepper.flip is not None:
-                break
 
     def _sample(self) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
@@ -123,10 +114,11 @@ class OneByOne:
             stepper.result.states[first:last] = stepper.held_all(times, scaled * self.magnitude, self.stretch.mode)
             stepper.position = last
 
-    def _dense(self, stretch: Segment, times: Any, exactly: bool = True) -> Any:
-        """States and unknowns within the last step, the latter solved for if they are wanted exactly; shape (times, n)."""
-        states = self.solver.sample(times) * self.magnitude
-        return self.stepper.held_all(times, states, stretch.mode) if exactly or self.stepper.constraints else states
+    def _dense(self, mode: Any, times: Any, exactly: bool = True) -> Any:
+        """States and unknowns within the last step, the latter solved for if they are wanted exactly; multipliers always. Shape (times, n)."""
+        stepper, states = self.stepper, self.solver.sample(times) * self.magnitude
+        states = stepper.constraints.project_all(times, states, mode)
+        return stepper.loops.solve_all(times, states, mode) if exactly or stepper.loops.affine else states
 
     def _along(self, times: Any) -> Any:
         """States within the last step, as the collocation polynomial has them."""

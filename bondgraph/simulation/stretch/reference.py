@@ -23,7 +23,7 @@ def interpreted(
     from ..steps.compiled.interpreted import Interpreted
 
     fixed = (stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch)
-    return Interpreted(*fixed, x, stepper.longest, method, size, stepper.whole)
+    return Interpreted(*fixed, x, stepper.longest, stepper.signals(stretch), method, size)
 
 
 def reference(
@@ -51,7 +51,7 @@ def reference(
     from ..steps.factorise import dense, is_large, sparse
 
     shifted = (sparse if is_large(len(x), len(rows)) else dense)(rows, columns, differential)
-    follows = follower(program, stepper.inputs, stepper.constants, stretch, stepper.whole)
+    follows = follower(program, stepper.inputs, stepper.constants, stretch, stepper.signals(stretch))
     problem = Problem(
         derivative, jacobian, shifted, differential, relative, stepper.tolerances.scaled if absolute is None else absolute,
         follows, stepper.longest,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
@@ -15,7 +16,7 @@ from ...door import Program
 from ...errors import RunFailed, StepsCollapsed, UsageError
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
-from ..segments import Segment, with_time_of
+from ..segments import Segment, Signals, signals_on, with_time_of
 from ..steps.methods import AUTOMATIC, ENERGY, NAMES
 from ..steps.radau import INNER, Radau
 from ..trajectory import Kept, Tolerances, Trajectory, empty
@@ -31,12 +32,14 @@ if TYPE_CHECKING:
     from ..bandwidth.leave import Leaving
     from ..closed.singular import Watcher
     from ..events.history import History
-    from ..events.locate import Flip, StateAt
+    from ..events.locate import Flip, RootsAt, StateAt
     from ..steps.compiled.interpreted import Interpreted
     from ..steps.compiled.run import CompiledRadau
+    from .machine import InMachineCode
 
 Solver = Union["Radau", "Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
+MOST_KNOWN = 64  # modes whose signals are kept
 
 
 class Stepper:
@@ -70,6 +73,9 @@ class Stepper:
         self.whole = float(instants[-1] - instants[0])  # how long the run is
         self.traffic = 0.0  # the work at all ports so far, whatever its sign
         self.position = 0  # the next instant to be reported
+        self.machine: InMachineCode | None = None  # what steps in machine code, from its first stretch on
+        self._signals: dict[tuple[float, bytes], Signals] = {}
+        self.methods: dict[bytes, int] = {}  # that were chosen, by mode: what is told of a spectrum once
         self.result = into if into is not None else empty(program, instants)
 
     @cached_property
@@ -94,6 +100,16 @@ class Stepper:
         from ..closed.singular import Watcher
 
         return Watcher(self.constraints, self.loops, self.result.poses)
+
+    def signals(self, stretch: Segment) -> Signals:
+        """What time alone moves on a stretch, or on a longer one that ends with it: events cut one into many."""
+        hybrid, mode = self.program.hybrid, np.asarray(stretch.mode)
+        key = stretch.stop, mode.tobytes() if hybrid is None or hybrid.switches_signals else b""
+        if key not in self._signals:
+            if len(self._signals) >= MOST_KNOWN:
+                self._signals.clear()
+            self._signals[key] = signals_on(self.program, self.inputs, self.constants, stretch, self.whole)
+        return self._signals[key]
 
     def done(self, x: Any, mode: Any) -> Trajectory:
         """What has been kept, with the state and the mode at the end."""
@@ -120,6 +136,11 @@ class Stepper:
     def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
         """How many events there were, and which events' conditions hold."""
         return 0, {}
+
+    @property
+    def floor(self) -> Any:
+        """How near to zero roots of conditions are rounding; None if there are none."""
+        return None
 
     def remember(self, history: History | None) -> None:
         """Keep what delayed signals will be; no step is longer than the shortest delay."""
@@ -170,8 +191,8 @@ class Stepper:
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
-        obstacle = None if self.program.native is not None else " (events)" * (self.program.hybrid is not None)
-        if obstacle is None:
+        obstacle: str | None = "" if self.history is None else " (delays)"
+        if self.program.native is not None:
             from .machine import obstacle_of
 
             obstacle = obstacle_of(self.program)
@@ -243,8 +264,27 @@ class Stepper:
     def grow(self, x: Any) -> None:
         """What an event stepper keeps of a state."""
 
-    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt) -> Segment:
+    def follow(
+        self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
+    ) -> Segment:
         """Where an event stepper looks for events in a step."""
+        return stretch
+
+    def follow_step(
+        self,
+        last: tuple[float, float],
+        parts: int,
+        stretch: Segment,
+        state_at: StateAt,
+        roots_at: RootsAt | None = None,
+    ) -> Segment:
+        """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
+        start, stop = last
+        edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
+        for a, b in pairwise(edges):
+            stretch = self.follow(a, b, stretch, state_at, roots_at)
+            if self.flip is not None:
+                break
         return stretch
 
     def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ...native.machine import MachineCode
 from ...nouns import dataclass
-from ..program import LimitNote, Names, Native, Program
+from ..program import HYBRID, HybridNote, LimitNote, Names, Native, Program, hybrid_of
 
 
 class Rows(NamedTuple):
@@ -39,6 +39,7 @@ class Described:
     differentiated: int
     functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
     rows: tuple[Rows, ...] = ()  # what kernels go through
+    hybrid: HybridNote | None = None
 
     def without_source(self) -> Described:
         """The same without the text that people may read: it is the largest part."""
@@ -49,7 +50,7 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
     """The program of data and object code."""
     import numpy as np
 
-    from .evaluate import dense, functions, hand_over
+    from .evaluate import dense, functions, hand_over, mode_at
 
     machine = MachineCode(*codes)
     names = described.names
@@ -72,5 +73,9 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
         "multipliers": multipliers, "rates": rates, "parts": parts, "eliminated": eliminated, "solved": None,
         "operations": described.operations, "differentiated": described.differentiated, "native": native,
     }  # fmt: skip
-    given |= found
+    note = described.hybrid
+    if note is not None:
+        found["mode_at"] = mode_at(note, found)
+        given["hybrid"] = hybrid_of(note, found)
+    given |= {name: function for name, function in found.items() if name not in (*HYBRID, "mode_at")}
     return Program(**given)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...native.machine import MachineCode
+from ..program import HybridNote
 from .described import Rows
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
@@ -16,6 +17,7 @@ _POINTER = ctypes.c_void_p
 _One = ctypes.CFUNCTYPE(None, ctypes.c_double, *([_POINTER] * 5))
 _Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, *([_POINTER] * 6), *([ctypes.c_int64] * 6))
 _NONE = np.zeros(1)
+_NOWHERE = _NONE.__array_interface__["data"][0]  # where an array without items may lie
 _DOUBLE = np.dtype(float)
 
 Function = Callable[..., Any]
@@ -26,7 +28,9 @@ def functions(
 ) -> dict[str, Function]:
     """The functions of a program by name."""
     many = _Many(code.address("batch"))
-    return {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
+    found = {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
+    whole = [(name, size) for name, arguments, size in described if arguments == ROLES]
+    return found | {name: _at_once(addresses[name], found[name], size) for name, size in whole}
 
 
 def hand_over(code: MachineCode, rows: Rows) -> None:
@@ -46,6 +50,24 @@ def dense(entries: Function, pattern: Any, count: int) -> Function:
         return matrix
 
     return jacobian
+
+
+def mode_at(note: HybridNote, found: Mapping[str, Function]) -> Function:
+    """The mode from the conditions on time and on states, with what only events change as it starts."""
+    places = [condition.position for condition in note.conditions]
+    strict = np.array([condition.strict for condition in note.conditions], dtype=bool)
+
+    def evaluate(time: Any, state: Any, inputs: Any, constants: Any) -> Any:
+        leading = np.broadcast_shapes(np.shape(time), *(np.shape(a)[:-1] for a in (state, inputs, constants)))
+        mode = np.zeros((*leading, note.size))
+        mode[..., : len(note.modes.names)] = found["mode_start"](constants)
+        mode[..., list(note.timed)] = found["switches"](time, constants)
+        for _ in places:  # one may be asked under another
+            roots = found["roots"](time, state, inputs, constants, mode)
+            mode[..., places] = (roots < 0) | ((roots == 0) & ~strict)
+        return mode
+
+    return evaluate
 
 
 def _function(address: int, many: Any, arguments: Sequence[str], size: int, code: MachineCode) -> Function:
@@ -77,8 +99,38 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
     return evaluate
 
 
+def _at_once(address: int, otherwise: Function, size: int) -> Function:
+    """A function of everything, quickly for one instant; `otherwise` is the same for anything else."""
+    one, at = _One(address), ctypes.addressof
+    view: Callable[[Any], Any] = ctypes.c_char.from_buffer
+
+    def evaluate(time: Any, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
+        if not type(state) is type(inputs) is type(constants) is type(mode) is np.ndarray:
+            return otherwise(time, state, inputs, constants, mode)
+        if not state.ndim == inputs.ndim == constants.ndim == mode.ndim == 1 or (
+            type(time) is not float and np.ndim(time)
+        ):
+            return otherwise(time, state, inputs, constants, mode)
+        if not state.dtype is inputs.dtype is constants.dtype is mode.dtype is _DOUBLE:
+            return otherwise(time, state, inputs, constants, mode)
+        out = np.empty(size)
+        try:
+            places = [at(view(a)) if a.size else _NOWHERE for a in (state, inputs, constants, mode, out)]
+        except TypeError:  # not contiguous, or not to be written
+            return otherwise(time, state, inputs, constants, mode)
+        one(time, *places)
+        return out
+
+    return evaluate
+
+
 def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     """The function at every point of the leading axes."""
+    if _is_plain(arrays):
+        count, strides = len(arrays[1]), [1, arrays[1].shape[1], 0, 0, 0]
+        out = np.empty((count, size))
+        many(address, count, *map(_address, arrays), _address(out), *strides, size)
+        return out
     if arrays[0] is not _NONE:
         arrays[0] = np.asarray(arrays[0], dtype=float)[..., None]
     shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
@@ -88,6 +140,21 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     count = int(np.prod(shape, dtype=int))
     many(address, count, *(_address(a) for a in flat), _address(out), *strides, size)
     return out
+
+
+def _is_plain(arrays: list[Any]) -> bool:
+    """Whether these are so many instants and as many states, and nothing else differs between them."""
+    time, state, *others = arrays
+    return (
+        type(time) is np.ndarray
+        and time is not _NONE
+        and time.dtype == _DOUBLE
+        and time.flags.c_contiguous
+        and time.ndim == 1
+        and state.ndim == 2
+        and len(state) == len(time)
+        and all(a.ndim == 1 for a in others)
+    )
 
 
 def _address(array: Any) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from ...native.machine import AS_WRITTEN, object_code
 from ..lower import Lowered, count_operations
-from ..numpy.generate import name_tables, of_invariants
+from ..numpy.generate import hybrid_note, name_tables, of_invariants
 from ..numpy.write import Writer
 from ..program import Names, Program
 from .described import Described, Rows, bind
@@ -52,7 +52,7 @@ def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[st
         space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
         _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), of_invariants(lowered),
         tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),
-        lowered.differentiated, functions, rows,
+        lowered.differentiated, functions, rows, hybrid_note(lowered),
     )  # fmt: skip
 
 

@@ -47,7 +47,17 @@ LARGEST_PRODUCT = 32  # power that is written as products
 
 
 HOT = frozenset(
-    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes", "bends", "stored_energy"}
+    {
+        "derivative",
+        "jacobian_entries",
+        "signals",
+        "solved",
+        "invariant",
+        "invariant_slopes",
+        "bends",
+        "stored_energy",
+        "roots",
+    }
 )  # what the steps of a run call again and again
 
 

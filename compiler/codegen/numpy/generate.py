@@ -7,9 +7,10 @@ import importlib.util
 from importlib.abc import InspectLoader
 from types import ModuleType
 
+from ..dependence import EVENT
 from ..lower import Lowered, count_operations
 from ..multipliers import solved_for
-from ..program import Delays, Hybrid, Names, Program
+from ..program import Delays, HybridNote, Names, Program, hybrid_of
 from .write import Writer
 
 
@@ -18,6 +19,7 @@ def generate_program(lowered: Lowered) -> Program:
     space = lowered.space
     source = write_module(lowered)
     module = load_module(space.name, source)
+    note = hybrid_note(lowered)
     tables = dict(name_tables(lowered))
 
     def names(heading: str) -> Names:
@@ -33,22 +35,23 @@ def generate_program(lowered: Lowered) -> Program:
         module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
         names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
         module.solved if lowered.solved is not None else None,
-        count_operations(lowered.rates), lowered.differentiated, None, _hybrid(lowered, module), module.bends if lowered.bends else None,
+        count_operations(lowered.rates), lowered.differentiated, None, None if note is None else hybrid_of(note, vars(module)),
+        module.bends if lowered.bends else None,
         Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
         module.stored_energy if lowered.energy else None,
     )  # fmt: skip
 
 
-def _hybrid(lowered: Lowered, module: ModuleType) -> Hybrid | None:
+def hybrid_note(lowered: Lowered) -> HybridNote | None:
+    """What happens at instants that depend on states; None if nothing does."""
     events = lowered.events
     if not events.present:
         return None
     variables = [lowered.space.variables[d.variable] for d in lowered.space.discretes]
     modes = Names(tuple(v.name for v in variables), tuple(v.unit for v in variables))
-    return Hybrid(
-        events.size, modes, module.mode_start, tuple(events.timed), tuple(item.note for item in events.located), module.roots,
-        events.events, module.triggers, module.values, module.targets, module.sampling, module.mode_at, events.junctions, module.actives, module.conjugates,
-    )  # fmt: skip
+    conditions = tuple(item.note for item in events.located)
+    switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
+    return HybridNote(events.size, modes, tuple(events.timed), conditions, events.events, events.junctions, switched)
 
 
 def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:

@@ -14,12 +14,14 @@ from ..pair import OFTEN
 from .closing import add_work, grow, steep
 from .conserving import conserving_step, take_energy
 from .explicit import explicit_step
+from .flipping import may_flip
 from .step import rates, step
 from .stepper import Stepper
 from .watching import GOES_ON, begin_watch, watch
 from .within import sample
 
 FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # what `advance` answers, or why there is no step
+FLIP = 11  # in the last step a condition may flip: the caller says where it ends, if one does (`until`), or that the mode is another
 STIFF = 10  # it is stability that holds the steps of an explicit method
 
 
@@ -33,13 +35,19 @@ def advance(s: Stepper, most: int) -> int:
             if failed != 0:
                 return failed
             s.steps += 1
+            s.pending = 2
+            if s.root_count > 0 and may_flip(s):
+                return FLIP
+        if s.pending == 2:
             s.pending = 1
             if sample(s):
                 return LOOK
         if s.power_count > 0:
             add_work(s)
-        grow(s)
         s.pending = 0
+        if s.until < s.time:
+            return FINISHED
+        grow(s)
         if s.slope_count > 0 and s.time < s.stop and steep(s):
             return HANDOVER
         if s.automatic != 0 and s.held_by_stability >= OFTEN and s.time < s.stop:

@@ -17,6 +17,7 @@ def grow(s: Stepper) -> None:
     """A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance."""
     for i in range(s.n):
         s.peak[i] = max(s.peak[i], abs(s.state[i]))
+        s.greatest[i] = max(s.greatest[i], abs(s.state[i]))
         s.absolute[i] = s.resting[i] * (1.0 if s.held[i] != 0 else s.peak[i])
 
 
@@ -45,7 +46,8 @@ def add_work(s: Stepper) -> None:
     The halves are walked through from left to right: `at` is where a part begins, in the smallest parts, `depth` how often it was halved.
     """
     start = s.end_time[s.ends - 2]
-    whole = s.time - start
+    end = min(s.time, s.until)
+    whole = end - start
     smallest = 1
     for _ in range(DEEPEST):
         smallest *= 2
@@ -56,7 +58,7 @@ def add_work(s: Stepper) -> None:
         a = start + whole * float(at) / float(smallest)
         b = start + whole * float(at + width) / float(smallest)
         if depth == 0:
-            b = s.time
+            b = end
         good = part_of_work(s, a, b, depth)
         if good or depth >= DEEPEST:
             for k in range(s.power_count):

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...segments import mode_size
 from ...start.coarse import smallest_angles
 from ...start.kept import keeps_factors
 from .coarse import Coarse
 from .euler import Euler
 from .factors import Factors, room_for
 from .fields import is_sparse
-from .run import Ordered, machine_code, structure
+from .run import Ordered, addresses_of, machine_code, structure
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class CompiledEuler:
         n, differential = len(program.states.names) + len(program.unknowns.names), len(program.states.names)
         self.program = program
         self.values: dict[str, Any] = {
-            "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "n": n,
+            "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "n": n,
             "differential": differential, "entry_count": len(rows), "rows": rows, "columns": columns, "time": 0.0, "size": 0.0,
             "jacobian": np.zeros(len(rows)), "scaled": np.zeros(len(rows)), "sparse": int(is_sparse(program)), "kept": 0.0, "factorised": 0,
             "keeping": int(keeps_factors(program)),
@@ -41,7 +42,7 @@ class CompiledEuler:
         self.values["smallest"] = smallest_angles(program)
         self.order = Ordered(program, SMALL)
         self.values["pattern"] = self.order.record
-        self.record, self._kept = structure(Euler, self.values, program)
+        self.record, self._kept = structure(Euler, self.values, addresses_of(program))
         self._here = ctypes.addressof(self.record)
         self.code = machine_code()
         self._step = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.code.address("euler"))
@@ -78,7 +79,7 @@ class CompiledCoarse:
         self.values |= {
             "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(), "inverse_im": inverse.imag.ravel(), "unit": unit,
         }  # fmt: skip
-        self._record, self._kept = structure(Coarse, self.values, euler.program)
+        self._record, self._kept = structure(Coarse, self.values, addresses_of(euler.program))
         self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(euler.code.address("coarse"))
 
     def go(self, pace: Pace, note: float, state: Any, largest: Any, mode: Any) -> tuple[Any, Any]:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from ...segments import LOOKS, Segment, inside, signals_on
+from ...events.locate import PLACES
+from ...segments import LOOKS, Segment, Signals, inside
 from ...watch.choice import WORST
 from .. import pair
 from ..factorise import is_large
@@ -37,10 +38,10 @@ def fields_at(
     stretch: Segment,
     state: Any,
     longest: float,
+    signals: Signals,
     method: int = RADAU,
-    length: float = 0.0,
 ) -> dict[str, Any]:
-    """All fields of a `Stepper` where the stretch begins. `length`: of the whole run."""
+    """All fields of a `Stepper` where the stretch begins."""
     n, differential = len(state), len(program.states.names)
     rows, columns = program.pattern
     magnitude = np.asarray(tolerances.magnitude, dtype=float)
@@ -48,28 +49,30 @@ def fields_at(
     scaled = state / magnitude
     relative = tolerances.relative
     order = 3 * n if method == ENERGY else 0 if is_sparse(program) else n  # of the linear systems
-    known = signals_on(program, inputs, constants, stretch, length)
-    allowed = known.allowed
     earliest, latest = inside(stretch)
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
     bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
+    conditions = () if program.hybrid is None else program.hybrid.conditions
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
     values: dict[str, Any] = {
         "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
+        "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
+        "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
+        "root_seen": room(PLACES * len(conditions)), "greatest": room(n),
         "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
-        "inputs": inputs, "constants": constants, "mode": stretch.mode, "n": n, "differential": differential, "method": method,
+        "inputs": inputs, "constants": constants, "mode": np.array(stretch.mode, dtype=float), "n": n, "differential": differential, "method": method,
         "entry_count": len(rows), "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(tolerances.scaled, dtype=float),
         "resting": np.array(tolerances.scaled, dtype=float), "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
-        "node_time": known.times, "node_value": known.values.ravel(), "signal_nodes": len(known.times), "node_next": 0,
-        "steady": int(len(known.values) > 0 and not np.ptp(known.values, axis=0).any()),
-        "signal_count": len(allowed), "allowed": allowed, "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(allowed)), "earliest": earliest, "latest": latest,
+        **signal_fields(signals, stretch.start), "seen": room(max(len(LOOKS), len(pair.LOOKS)) * len(signals.allowed)),
+        "earliest": earliest, "latest": latest,
         "longest": longest, "usual": longest, "poses": 0, "pose_time": room(3), "pose_least": room(3), "ahead": 0.0, "behind": 0.0,
-        "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
+        "tried": 0.0, "comes": 0, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
+        "size": 0.0, "state": np.array(scaled, dtype=float), "rate": room(n),
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(len(rows)), "steepness": room(n), "inner_jacobian": room(len(rows)),
         "inner": room_for(Factors, 0 if method == ENERGY or is_sparse(program) else n), "sparse": int(is_sparse(program)),
@@ -85,7 +88,16 @@ def fields_at(
         "power": room(0), "partial": room(0), "traffic": 0.0, "tolerance": tolerances.relative, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
         "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
-        "slope": room(pair.ALL_STAGES * n if method != RADAU else 0), "dense": room(7 * n if method != RADAU else 0), "dense_known": 0,
+        "slope": room(pair.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
         "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": pair.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
     }  # fmt: skip
     return values
+
+
+def signal_fields(signals: Signals, start: float) -> dict[str, Any]:
+    """The fields of a `Stepper` that say what time alone moves, from a start on."""
+    return {
+        "node_time": signals.times, "node_value": signals.values.ravel(), "signal_nodes": len(signals.times),
+        "node_next": int(np.searchsorted(signals.times, start)), "steady": int(signals.steady), "signal_count": len(signals.allowed),
+        "allowed": signals.allowed,
+    }  # fmt: skip

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program
+from ....door import Program, record_of
+from ...segments import mode_size
 from .holding import Held, Square
-from .run import machine_code, structure
+from .run import addresses_of, machine_code, structure
 from .squares import square
 
 if TYPE_CHECKING:
@@ -33,24 +36,53 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
     }
     squares["positions"]["vector"] = squares["positions"]["fresh"].copy()
     return {
-        "inputs": inputs, "constants": constants, "mode": np.zeros(len(program.switches(0.0, constants))), "active": int(gaps > 0), "n": full,
+        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(gaps > 0), "n": full,
         "count": count, "gaps": gaps, "magnitude": np.array(magnitude, dtype=float), "values": np.zeros(len(program.invariants.names)),
         "slopes": np.zeros(len(rows)), "multipliers": len(bound), "place": bound, "solution": np.zeros(full + len(bound)),
         "full": np.zeros(full),
     } | squares  # fmt: skip
 
 
-def record(values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
-    """A `Held` as machine code sees it, and what it points to."""
+def record(values: dict[str, Any], addresses: Mapping[str, int]) -> tuple[Any, list[Any]]:
+    """A `Held` as machine code sees it, and what it points to; `addresses`: of the functions of the program."""
     kept: list[Any] = []
     put = dict(values)
     for name in ("positions", "speeds"):
         inner = dict(values[name])
-        put[name], arrays = structure(Square, inner, program)
+        put[name], arrays = structure(Square, inner, addresses)
         kept += [*arrays, inner]
-    found, arrays = structure(Held, put, program)
+    found, arrays = structure(Held, put, addresses)
     values |= {k: v for k, v in put.items() if k not in ("positions", "speeds")}
     return found, [*kept, *arrays]
+
+
+class NothingHeld:
+    """What a program without constraints has in their place: the same for all."""
+
+    redundant = False
+
+    def __init__(self) -> None:
+        room = {name: np.zeros(0) for name in record_of(Square).fields} | {"rows": 0, "below": 0, "weakest": 1.0}
+        values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Held).fields}
+        values |= {
+            "active": 0,
+            "n": 0,
+            "count": 0,
+            "gaps": 0,
+            "multipliers": 0,
+            "positions": dict(room),
+            "speeds": dict(room),
+        }
+        self.record, self._kept = record(values, {})
+
+    def put_mode(self, mode: Any) -> None:
+        """It reads none."""
+
+
+@lru_cache
+def nothing_held() -> NothingHeld:
+    """The one of them."""
+    return NothingHeld()
 
 
 class CompiledConstraints:
@@ -63,13 +95,17 @@ class CompiledConstraints:
         full[: len(magnitude)] = magnitude
         self.values = fields_of(program, constraints.inputs, constraints.constants, full, constraints.taking)
         self.redundant = not constraints.taking.all()
-        self.record, self._kept = record(self.values, program)
+        self.record, self._kept = record(self.values, addresses_of(program))
         self._here = ctypes.addressof(self.record)
         code = self._code = machine_code()
         signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
         self._hold = ctypes.CFUNCTYPE(None, *signature)(code.address("hold_all"))
         self._least = ctypes.CFUNCTYPE(None, *signature)(code.address("least_all"))
         self._rates = ctypes.CFUNCTYPE(None, *signature, _POINTER)(code.address("rates_all"))
+
+    def put_mode(self, mode: Any) -> None:
+        """The mode for what machine code asks of them by itself."""
+        self.values["mode"][:] = mode
 
     def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
         """The states on their invariants, and how many rows nearly hang together at each."""

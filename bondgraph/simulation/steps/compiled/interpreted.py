@@ -1,4 +1,4 @@
-"""The source of the compiled steps as Python, in the place of the loop over steps in `one_by_one.py`: where there is no machine code, and for events.
+"""The source of the compiled steps as Python, in the place of the loop over steps in `one_by_one.py`: where there is no machine code, and for delays.
 
 Only what a step does by itself happens here; limits, events, work and samples are the affair of `one_by_one.py`.
 """
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from ...segments import Segment
+from ...segments import Segment, Signals
 from .. import pair
 from ..methods import ENERGY
 from ..radau import StepFailed
@@ -35,9 +35,9 @@ class Interpreted:
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        method: int, size: float = np.inf, whole: float = 0.0,
+        signals: Signals, method: int, size: float = np.inf,
     ) -> None:  # fmt: skip
-        values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method, whole)
+        values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
         values |= {name: _into(values[name]) for name in OF_STATES} | {"signals": _of_time(values["signals"])}
         if program.bends is not None:
             values["bends"] = _into(program.bends)
@@ -90,7 +90,7 @@ class Interpreted:
         times, count = self.record.end_time, self.record.ends
         return float(times[count - 2]), float(times[count - 1])
 
-    parts = 4  # of a step, each of which is searched for events by itself: a step is that much longer than one of Radau
+    parts = pair.PARTS
 
     @property
     def inner(self) -> tuple[float, ...]:

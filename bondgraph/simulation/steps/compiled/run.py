@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from ....door import INTS, Fields, Handed, MachineCode, Program, Record, record_of
 from ....native import kernel
-from ...segments import Segment
+from ...segments import Segment, Signals, inside
 from ...watch.choice import Choice
 from .. import pair, radau
 from ..methods import ENERGY, EXPLICIT, RADAU
@@ -24,7 +24,8 @@ from ..radau import Radau, StepFailed
 from .advance import LOOK, MORE, advance, begin
 from .coarse import coarse
 from .euler import euler
-from .fields import fields_at
+from .fields import fields_at, signal_fields
+from .flipping import roots_along, states_along
 from .holding import hold_all, least_all, rates_all
 from .ordering import ordered
 from .sparse import Pattern
@@ -33,11 +34,13 @@ from .stepper import Stepper
 
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
-    from .held import CompiledConstraints
+    from .held import CompiledConstraints, NothingHeld
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
+OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 OPTIMISED = 2
+_ALONG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
 _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
 SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
 
@@ -58,14 +61,22 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from ....door import translate
 
-        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all])
+        return translate([begin, advance, euler, coarse, hold_all, least_all, rates_all, roots_along, states_along])
 
     return MachineCode(kernel("stepping", text, OPTIMISED))
 
 
-def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any, list[Any]]:
-    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`."""
+def addresses_of(program: Program) -> Mapping[str, int]:
+    """Where the functions of a program lie."""
     assert program.native is not None
+    return program.native.addresses
+
+
+def structure(noun: type, values: dict[str, Any], addresses: Mapping[str, int]) -> tuple[Any, list[Any]]:
+    """A record as machine code sees it, and the arrays that it points to, which also take the places of those in `values`.
+
+    `addresses`: of the functions of a program.
+    """
     given: list[Any] = []
     kept: list[Any] = []
     for name, kind in record_of(noun).fields.items():
@@ -75,20 +86,31 @@ def structure(noun: type, values: dict[str, Any], program: Program) -> tuple[Any
         if isinstance(kind, Fields):
             inner = values[name]
             if isinstance(inner, Record):
-                inner, arrays = structure(type(inner), vars(inner), program)
+                inner, arrays = structure(type(inner), vars(inner), addresses)
                 kept += arrays
             given.append(ctypes.addressof(inner))
             kept.append(inner)
             continue
         if isinstance(kind, Handed):
-            given.append(program.native.addresses.get("jacobian_entries" if name == "entries" else name, 0))
+            given.append(addresses.get("jacobian_entries" if name == "entries" else name, 0))
             continue
         array, wanted = values[name], _WHOLE if kind == INTS else _DOUBLE
         if type(array) is not np.ndarray or array.dtype != wanted or not array.flags.c_contiguous:
             array = values[name] = np.ascontiguousarray(array, dtype=wanted)
         kept.append(array)
-        given.append(array.__array_interface__["data"][0])
+        given.append(address_of(array))
     return _layout(noun)(*given), kept
+
+
+def address_of(array: Any) -> int:
+    """Where a contiguous array lies; somewhere, if it has no items."""
+    if not array.size:
+        return 0
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # a fourth of what the way below takes
+    except TypeError:  # not to be written
+        found: int = array.__array_interface__["data"][0]
+        return found
 
 
 @lru_cache
@@ -108,7 +130,7 @@ class Ordered:
         room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
         self.values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
         self.values |= {"n": n, "ready": 0, "small": small, "tolerant": 0} | {name: np.zeros(n) for name in room}
-        self.record, _ = structure(Pattern, self.values, program)
+        self.record, _ = structure(Pattern, self.values, {})
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
@@ -125,22 +147,35 @@ class Ordered:
         return True
 
 
+@lru_cache
+def _no_pattern() -> Any:
+    """In the place of one where factors are dense."""
+    values: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields}
+    return structure(Pattern, values | {"n": 0, "ready": 0, "small": SMALL, "tolerant": 0}, {})[0]
+
+
+@lru_cache
+def _along(name: str) -> Any:
+    """A function that looks at several instants of the last step."""
+    return _ALONG(machine_code().address(name))
+
+
 class CompiledRadau:
     """Steps over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        constraints: CompiledConstraints, method: int = RADAU, whole: float = 0.0,
+        constraints: CompiledConstraints | NothingHeld, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
-        self.program = program
-        self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, method, whole)
+        self.program, self.constraints = program, constraints
+        self.values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
         self.values |= {"closed": constraints.record, "redundant": int(constraints.redundant)}
-        constraints.values["mode"][:] = stretch.mode
         self.code = machine_code()
-        self.order = Ordered(program, SMALL)
+        self.order = Ordered(program, SMALL) if self.values["sparse"] else None
         self.fixed_size: float | None = None  # of all steps, for a method that wants that
-        self.values["pattern"] = self.order.record
+        self.values["pattern"] = _no_pattern() if self.order is None else self.order.record
         self._kept: list[Any] = []
+        self._mode: Any = None  # that was put last
         self._record: Any = None
 
     def report(self, instants: Any, position: int, states: Any) -> None:
@@ -149,6 +184,10 @@ class CompiledRadau:
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should go on."""
+        if self._record is not None:
+            self.values["stored_peak"] = choice.peak
+            self._record.stored_peak = address_of(choice.peak)
+            return
         count = len(choice.rows)
         self.values |= {
             "slope_count": len(choice.chosen) if count else 0, "slope_rows": self.program.sensitivity_pattern[0],
@@ -164,13 +203,54 @@ class CompiledRadau:
 
     def begin(self) -> None:
         """Evaluate where the stretch begins."""
-        self._record, self._kept = structure(Stepper, self.values, self.program)
+        self.put_mode(self.values["mode"])
+        self._record, self._kept = structure(Stepper, self.values, addresses_of(self.program))
         self._here = ctypes.addressof(self._record)
+        self.__dict__ |= {name: self.values[name] for name in OFTEN}
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.code.address("begin"))
         self._begin(self._here)
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
         self._advance = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self.code.address("advance"))
+
+    def begin_at(self, stretch: Segment, state: Any, signals: Signals, method: int, automatic: int) -> None:
+        """Go on with another stretch, or behind an event, as one that is made anew would."""
+        record, values = self._record, self.values
+        scaled = state / values["magnitude"]
+        values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
+        values["peak"][:] = np.maximum(np.abs(scaled), 1.0)
+        self.put_mode(stretch.mode)
+        for name, value in signal_fields(signals, stretch.start).items():
+            if isinstance(value, np.ndarray):
+                values[name] = value
+                value = address_of(value)
+            setattr(record, name, value)
+        record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
+        record.earliest, record.latest = inside(stretch)
+        record.method, record.automatic = method, automatic
+        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, pair.LOOK_AGAIN, 0, 0
+        for name in ("steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"):
+            setattr(record, name, 0)
+        values["error"][:] = 0.0
+        self._forget()
+
+    def doubt(self, floor: Any) -> None:
+        """Roots of conditions that are nearer to zero than this are rounding."""
+        if floor is not None:
+            self.values["root_floor"][:] = floor
+
+    def end_at(self, time: float) -> None:
+        """An event ends the last step: what is still to be done with it goes as far as that."""
+        self._record.until = time
+
+    def put_mode(self, mode: Any) -> None:
+        """Conditions and what only events change are like this from now on."""
+        self._mode = mode
+        self.values["mode"][:] = mode
+        self.constraints.put_mode(mode)
+        hybrid = self.program.hybrid
+        if hybrid is not None:
+            self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
 
     def begin_again(self, time: float, state: Any, size: float) -> None:
         """Go on from elsewhere, with a first step that is not longer than this."""
@@ -207,8 +287,8 @@ class CompiledRadau:
     def advance(self, most: int) -> int:
         """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self._advance(self._here, most)
-        self.order.record.tolerant = 0
         while answer == ORDER:
+            assert self.order is not None
             # With an order that was made for just these numbers, small pivots are what there is.
             if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
@@ -219,6 +299,11 @@ class CompiledRadau:
         if answer in FAILURES:
             raise StepFailed(FAILURES[answer])
         return answer
+
+    @property
+    def record(self) -> Any:
+        """What machine code works on: single numbers are there."""
+        return self._record
 
     def step(self) -> None:
         """One step. Raises `StepFailed`."""
@@ -238,12 +323,14 @@ class CompiledRadau:
     @property
     def last_step(self) -> tuple[float, float]:
         """Its start and its end."""
-        return float(self.end_time[self.ends - 2]), float(self.end_time[self.ends - 1])
+        count = self._record.ends
+        return float(self.end_time[count - 2]), float(self.end_time[count - 1])
 
     @property
     def evaluations(self) -> dict[str, int]:
         """How often what was evaluated."""
-        return {"derivative": self.derivatives, "jacobian": self.jacobians, "factorisation": self.factorisations}
+        record = self._record
+        return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     @property
     def inner(self) -> tuple[float, ...]:
@@ -258,6 +345,23 @@ class CompiledRadau:
             before = self.end_state.reshape(3, self.n)[self.ends - 2]
             return pair.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
         return self._reference().sample(times)
+
+    def roots(self, times: Any, mode: Any) -> Any:
+        """The roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
+        return self._all("roots_along", times, mode, self._record.root_count)
+
+    def states(self, times: Any, mode: Any) -> Any:
+        """The states in SI there, with the multipliers that belong to them; shape (times, n)."""
+        return self._all("states_along", times, mode, self._record.n)
+
+    def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
+        if mode is not self._mode:
+            self.put_mode(mode)
+        times = np.ascontiguousarray(times, dtype=float)
+        out = np.empty((len(times), width))
+        there, here = address_of(times), address_of(out)
+        _along(name)(self._here, len(times), there, here)
+        return out
 
     def _interpreted(self, times: Any) -> Any:
         """The last step, told to the source as Python."""
@@ -288,12 +392,12 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause
 
     `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
     """
-    several, answer = 64, MORE
-    while answer == LOOK or (answer == MORE and solver.steps < pause):
-        if solver.steps >= most:
+    several, answer, record = 64, MORE, solver.record
+    while answer == LOOK or (answer == MORE and record.steps < pause):
+        if record.steps >= most:
             raise StepFailed("steps")
         began = clock.perf_counter()
-        answer = solver.advance(max(1, int(min(several, most - solver.steps, pause - solver.steps))))
+        answer = solver.advance(max(1, int(min(several, most - record.steps, pause - record.steps))))
         if answer == LOOK:
             solver.left[look()] = 1
         elif clock.perf_counter() - began < AT_ONCE:

@@ -29,6 +29,7 @@ class Stepper(Record):
     powers: Function
     bends: Function
     stored_energy: Function
+    roots: Function
     inputs: Floats
     constants: Floats
     mode: Floats
@@ -67,9 +68,17 @@ class Stepper(Record):
     bend_count: int
     bend_seen: Floats  # 6 bend_count: at places of a step, and room
     bend_side: Floats  # bend_count: on which side of all bends the Jacobian was taken
+    # conditions that may flip
+    root_count: int
+    root_said: Ints  # root_count: 1 where the mode says that one holds
+    root_strict: Ints  # root_count: 1 where it does not hold at zero
+    root_floor: Floats  # root_count: below it lies what rounding leaves
+    root_seen: Floats  # locate.PLACES root_count
+    greatest: Floats  # n: the largest that scaled states have been
     # where it stands
     time: float
     stop: float
+    until: float  # where an event ends the last step, or the stop
     size: float
     state: Floats  # n
     rate: Floats  # n
@@ -155,7 +164,7 @@ class Stepper(Record):
     partial: Floats  # 2 power_count
     traffic: float
     tolerance: float  # relative, of the work
-    pending: int  # 1: the last step is not yet closed
+    pending: int  # 2: nothing has looked at the last step yet; 1: it is not yet closed
     # constraints, and singular poses ahead
     closed: Held
     usual: float  # the longest step where no pose is near

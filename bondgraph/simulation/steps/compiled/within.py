@@ -27,7 +27,7 @@ def sample(s: Stepper) -> bool:
         steep = has_steep_states(s)
     while s.position < s.instant_count:
         at = s.instants[s.position]
-        if at > s.time or at >= s.stop:
+        if at > s.time or at >= s.until:
             break
         state_at(s, at, s.reported[s.position * s.n :])
         if steep != 0 and at < s.time and is_unsure(s, at):
@@ -38,8 +38,8 @@ def sample(s: Stepper) -> bool:
     if s.limit_count == 0:
         return False
     start = s.end_time[s.ends - 2]
-    size = s.time - start
-    if leaves(s, start) or leaves(s, s.time):
+    size = min(s.time, s.until) - start
+    if leaves(s, start) or leaves(s, min(s.time, s.until)):
         return True
     if s.method != RADAU:
         for k in range(4):

@@ -1,0 +1,197 @@
+"""Runs with events in machine code against the same runs in Python: the same steps, the same instants, the same things kept where a run is cut."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import RunFailed, RunInterrupted
+from bondgraph.prepared import TARGETS, chosen_target
+from bondgraph.results import Result
+
+BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
+
+BALL = """model Ball {
+  parameter m = 0.1 kg, bounce = 0.9
+  1  ball    { active = not resting }
+  I  mass    : p = m*v
+  Se weight  : F = -m*10 [m/s^2]
+  R  drag    : F = 0.02 [N*s/m]*v
+  weight -> ball -> mass, drag
+  output height = integral(ball.v, 1 m), v = mass.v
+  mode resting = false
+  when height < 0 m { mass.v = -bounce*mass.v; resting = abs(mass.v) < 10 [mm/s] }
+}
+"""
+STICK_SLIP = """import DryFriction from mechanics
+model StickSlip {
+  Sf drive  : v = 0.1 [m/s]
+  I  block  : p = 1 kg*v                    { start v = 0.1 [m/s] }
+  C  spring : F = 100 [N/m]*x
+  DryFriction rub { F_c = 5 N; F_s = 10 N; v_s = 0 [m/s] }
+  drive -> gap
+  0  gap : translation
+  1  slide, body : translation
+  gap -> slide -> rub.ends
+  gap -> body -> block, spring
+  output x = spring.x, sticks = rub.sticks
+}
+"""
+RECTIFIER = """model Rectifier {
+  Se mains : u = 10 V*sin(2*pi*50*time/1 s)
+  R source : u = 1 [ohm]*i
+  R diode  : i = u/1 [mohm] if u > 0 V else 0 A
+  C store  : u = q/20 [mF]
+  R load   : u = 10 [ohm]*i
+  mains -> 1(source, diode) -> 0(store, load)
+  output u = store.u
+}
+"""
+SAMPLED = """plain model Sampled {
+  "A hysteresis that heats, a counter that is sampled, and a condition that only an event asks for, whose flips cut no step."
+  mode heats = true, count = 0
+  signal warm = integral((3 if heats else 0) - warm + 0.1*sin(7*time), 0)
+  when warm > 2 { heats = false }
+  when warm < 1 { heats = true }
+  when sin(40*time) > 0.99*warm + 0.01 and count < 1000 { count = count + 1 }
+  every 0.37 { count = floor(count/2) }
+  output y = warm, n = count
+}
+"""
+RUNS = {
+    "ball": (BALL, 12.0),
+    "stick and slip": (STICK_SLIP, 8.0),
+    "rectifier": (RECTIFIER, 0.06),
+    "sampled": (SAMPLED, 9.0),
+}
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("solver", ["automatic", "radau"])
+@pytest.mark.parametrize("name", RUNS)
+def test_both_ways_take_the_same_steps(name: str, solver: str) -> None:
+    text, to = RUNS[name]
+    native, numpy = (run(text, to, target=target, solver=solver, energy=True, points=101) for target in TARGETS)
+    assert native.solver == numpy.solver.replace("numpy", "native") and "native" in native.solver
+    if name == "stick and slip":  # where it sticks, slopes are zero but for rounding, by which a first step is chosen
+        assert native.steps == pytest.approx(numpy.steps, rel=0.05)
+    else:
+        assert native.steps == numpy.steps and dict(native.evaluations) == dict(numpy.evaluations)
+    assert [e.condition for e in native.events] == [e.condition for e in numpy.events]
+    np.testing.assert_allclose([e.time for e in native.events], [e.time for e in numpy.events], rtol=1e-11)
+    np.testing.assert_allclose(native.values, numpy.values, rtol=1e-9, atol=1e-9 * np.abs(numpy.values).max())
+    assert native.notes == numpy.notes and native.warnings == numpy.warnings
+    assert native.energy is not None and numpy.energy is not None
+    for kind in ("supplied", "stored", "dissipated"):
+        assert getattr(native.energy, kind) == pytest.approx(getattr(numpy.energy, kind), rel=1e-7, abs=1e-12)
+
+
+def run(text: str, to: float, **more: Any) -> Result:
+    return bondgraph.load(text).simulate(to=to, rtol=1e-7, **more)
+
+
+SAW = """plain model Saw {
+  "It rises by one in a second and falls back at one: events at all whole seconds."
+  parameter most = 1
+  mode count = 0
+  signal x = integral(1 + 1e-30*x^3, 0)
+  when x > most { x = x - most; count = count + 1 }
+  output y = x, n = count
+}
+"""
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_thousands_of_events(target: str) -> None:
+    to = 3000.5 if target == "native" else 100.5
+    found = run(SAW, to, target=target, points=7)
+    times = np.array([e.time for e in found.events])
+    np.testing.assert_allclose(times, np.arange(1, int(to) + 1), rtol=1e-12)
+    assert found.final("n") == int(to) and found.final("y") == pytest.approx(0.5, abs=1e-8)
+
+
+TOUCH = """plain model Touch {
+  "A root that is below zero for a small part of each turn, which is less than what a step looks at."
+  parameter least = 1e-3
+  mode count = 0
+  signal x = integral(y, 1), y = integral(-x, 0)
+  when (x + 1)^2 + y^2 < least { count = count + 1 }
+  output n = count
+}
+"""
+
+
+@pytest.mark.parametrize("target", BOTH)
+@pytest.mark.parametrize("least", [1e-3, 1e-5])
+def test_a_root_that_only_dips_below_zero_is_seen(target: str, least: float) -> None:
+    """(x + 1)^2 + y^2 = 2 + 2 cos t is below it near t = pi for 2 sqrt(least): each turn once."""
+    found = run(TOUCH, 20 * np.pi, target=target, points=3, settings={"least": least})
+    assert found.final("n") == 10
+    first = 2 * np.arcsin(np.sqrt(least) / 2)
+    np.testing.assert_allclose([e.time for e in found.events], np.pi * (2 * np.arange(10) + 1) - first, atol=1e-4)
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_nothing_is_seen_behind_an_event(target: str) -> None:
+    """A limit that the step leaves, but behind the event that ends it; and one that it leaves before."""
+    text = SAW.replace("  output", "  require x < {limit}\n  output")
+    assert not run(text.replace("{limit}", "1.0001"), 20.5, target=target).warnings
+    (left,) = run(text.replace("{limit}", "0.9999"), 20.5, target=target).warnings
+    assert left.time == pytest.approx(0.9999, abs=1e-9)
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_what_an_event_breaks_keeps_what_came_before(target: str) -> None:
+    text = SAW.replace("x = x - most;", "x = x - most + (0 if count < 29 else sqrt(count - 30));")
+    with pytest.raises(RunFailed, match=r"at t = 30 s the new value of `x` \(text:6\) is not finite") as failed:
+        run(text, 100, target=target, points=1001)
+    result = failed.value.result
+    assert result is not None and result.end is not None and len(result.events) == 29
+    assert 29 < result.end.time < 30 and 29 < result.time[-1] <= result.end.time
+    beside = np.abs(result.time - np.round(result.time)) > 0.01
+    np.testing.assert_allclose(result["y"][beside], (result.time % 1)[beside], atol=1e-8)
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_an_interrupted_run_with_events_goes_on(target: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C in the middle of it, while a step is looked for and while an event acts: nothing is lost, nothing counted twice."""
+    from bondgraph.simulation.events.events import Events
+    from bondgraph.simulation.events.instants import EventStepper
+
+    whole = run(SAW, 60.5, target=target, points=122)
+    for home, name in ((EventStepper, "follow"), (Events, "happen"), (Events, "settled")):
+        original, left = getattr(home, name), [True]
+
+        def interrupted(
+            self: Any, at: Any, *given: Any, original: Any = original, left: Any = left, **more: Any
+        ) -> Any:
+            if left and getattr(at, "time", at) > 45.2:  # a look ahead ends before
+                left.clear()
+                signal.raise_signal(signal.SIGINT)
+            return original(self, at, *given, **more)
+
+        monkeypatch.setattr(home, name, interrupted)
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores it
+        try:
+            with pytest.raises(RunInterrupted) as stopped:
+                run(SAW, 60.5, target=target, points=122)
+        finally:
+            signal.signal(signal.SIGINT, before)
+        monkeypatch.undo()
+        result = stopped.value.result
+        assert result is not None and result.end is not None
+        assert 0 <= result.end.time - result.time[-1] < 1.1 and 44 <= len(result.events) <= 46
+        rest = run(SAW, 60.5, target=target, points=122, start=result)
+        np.testing.assert_allclose([e.time for e in rest.events], [e.time for e in whole.events], rtol=1e-9)
+        np.testing.assert_allclose(rest.values, whole.values, atol=1e-7)
+
+
+@pytest.mark.machine_code
+def test_delays_are_stepped_through_in_python() -> None:
+    text = "plain model Late {\n signal x = integral(-delay(x, 1), 1)\n when x < 0 { x = 1 }\n output y = x\n}\n"
+    assert "numpy (delays)" in run(text, 3.0).solver
+    assert chosen_target(None) == "native"
