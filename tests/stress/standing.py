@@ -21,6 +21,10 @@ GAIN = (
     "torques are what 2000 N m/rad and 400 N m s make of differences of angles and speeds: those are right to a tolerance of what they would be if the arm swung "
     "back freely, and how much of it is left differs from one instant to the next"
 )
+TURNS = (
+    "a crank that turns on and on is measured by the speed at which it would swing back from so many turns, 40 times its own: tolerances of speeds are as much "
+    "looser than they should be, and how much of that is used differs"
+)
 SLOPE = (
     "friction falls within 1e-8 of the speed, which is 1e-2 of the tolerance of the speed: off by 10.5 tolerances; the explicit pair, asked for by name, is told that the block "
     "breaks away and sticks again and again in no time"
@@ -29,6 +33,7 @@ STANDING: dict[str, str] = {
     r"^(inverse_kinematics|slider_crank|van_der_pol): scatter": PHASE,
     r"^side_instability: (slope|scatter)": SNAP,
     r"^robot_arm: scatter": GAIN,
+    r"^spatial_slider_crank: scatter": TURNS,
     r"^resistances that nearly cancel, what is left 0.001 \(radau": BETWEEN,
     r"^stick and slip, friction falls within 1e-09 m/s, cycles 5 \(": SLOPE,
 }
