@@ -12,6 +12,7 @@ import bondgraph
 from bondgraph.errors import RunFailed, RunInterrupted
 from bondgraph.prepared import TARGETS, chosen_target
 from bondgraph.results import Result
+from tests.stress.events import STICK_SLIP
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 
@@ -25,20 +26,6 @@ BALL = """model Ball {
   output height = integral(ball.v, 1 m), v = mass.v
   mode resting = false
   when height < 0 m { mass.v = -bounce*mass.v; resting = abs(mass.v) < 10 [mm/s] }
-}
-"""
-STICK_SLIP = """import DryFriction from mechanics
-model StickSlip {
-  Sf drive  : v = 0.1 [m/s]
-  I  block  : p = 1 kg*v                    { start v = 0.1 [m/s] }
-  C  spring : F = 100 [N/m]*x
-  DryFriction rub { F_c = 5 N; F_s = 10 N; v_s = 0 [m/s] }
-  drive -> gap
-  0  gap : translation
-  1  slide, body : translation
-  gap -> slide -> rub.ends
-  gap -> body -> block, spring
-  output x = spring.x, sticks = rub.sticks
 }
 """
 RECTIFIER = """model Rectifier {
