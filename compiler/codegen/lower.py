@@ -139,19 +139,7 @@ def lower(
     energy and its slopes too. Not `whole`: what can go wrong is looked for, but no slopes are multiplied with each other.
     """
     result = Lowered(space, by=by, whole=whole)
-    roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
-    used = _used(space)
-    for number, variable in enumerate(space.variables):
-        if variable.role in roles and number in used:
-            position = len(roles[variable.role])
-            roles[variable.role].append(number)
-            result.values[number] = Symbol(Leaf(variable.role, position))
-    for position, delay in enumerate(space.delays, len(roles["input"])):
-        result.values[delay.variable] = result.delayed_symbol(position)
-    result.parameters = tuple(roles["parameter"])
-    result.inputs = (*roles["input"], *(d.variable for d in space.delays))
-    for position, discrete in enumerate(space.discretes):
-        result.values[discrete.variable] = result.event_symbol(position)
+    _put_leaves(result)
     slopes: dict[int, dict[int, Expression]] = {}
     for position, number in enumerate(moving(space)):
         result.values[number] = Symbol(Leaf("state", position))
@@ -204,6 +192,24 @@ def lower(
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
     result.delayed = tuple(result.values[d.value] for d in space.delays)
     return result
+
+
+def _put_leaves(result: Lowered) -> None:
+    """What is computed by nothing: parameters, inputs, delayed signals, time, what only events change."""
+    space = result.space
+    roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
+    used = _used(space)
+    for number, variable in enumerate(space.variables):
+        if variable.role in roles and number in used:
+            position = len(roles[variable.role])
+            roles[variable.role].append(number)
+            result.values[number] = Symbol(Leaf(variable.role, position))
+    for position, delay in enumerate(space.delays, len(roles["input"])):
+        result.values[delay.variable] = result.delayed_symbol(position)
+    result.parameters = tuple(roles["parameter"])
+    result.inputs = (*roles["input"], *(d.variable for d in space.delays))
+    for position, discrete in enumerate(space.discretes):
+        result.values[discrete.variable] = result.event_symbol(position)
 
 
 def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]]) -> None:
