@@ -27,10 +27,8 @@ COARSE = 1000  # times as much of a signal as a step of the run may overlook, a 
 EXPLODED = 1e3  # times as large within the second half of the way
 GROWN, SAME = 1.5, 1.2  # times as large within a step, and what counts as no larger
 CAREFUL = 300  # of these: up to then a step must not overshoot what grows
-AGAIN, NOTES = (
-    1.25,
-    128,
-)  # times as far as when it was noted last how large all was; so often that it is from the shortest step on
+AGAIN = 1.25  # times as far as when it was noted last how large all was
+NOTES = 128  # so often that it is from the shortest step on
 STIFFER = 1e4  # times as fast as at the start: there a free linear motion does not lead
 SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
 NEWTON_ITERATIONS = 8
@@ -90,11 +88,8 @@ class CoarseRun:
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
         self.found = self.state  # by the last step, before it is projected
-        self.noted, self.far, self.until = (
-            0,
-            np.zeros(NOTES),
-            np.zeros((NOTES, len(state))),
-        )  # how far it was, and the magnitudes until then
+        self.noted = 0  # how often it was noted how far it was, and the magnitudes until then
+        self.far, self.until = np.zeros(NOTES), np.zeros((NOTES, len(state)))
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
         self.keeping, self.kept = keeps_factors(program), KeptFactors()
