@@ -42,6 +42,7 @@ RESTING = {"inverse_kinematics.bg", "gyroscope.bg"}
 PARTING = {
     "duffing.bg": 0.05, "rectifier.bg": 0.05, "spatial_slider_crank.bg": 0.25, "inverse_kinematics.bg": 0.05, "end_stops.bg": 0.05, "crank_linkage.bg": 0.05,
 }  # fmt: skip
+REJECTING = {"sweep.bg"}  # a step more, by a difference of one unit in the last place
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +72,8 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
         return
     assert native.steps == numpy.steps and found < 1e-6
     if numpy.energy.elements:
-        assert dict(native.evaluations) == pytest.approx(dict(numpy.evaluations), rel=1e-3)  # a step more is rejected
+        rejects_more = 1e-3 if path.name in REJECTING else 0.0
+        assert dict(native.evaluations) == pytest.approx(dict(numpy.evaluations), rel=rejects_more, abs=0.0)
     if path.name in RESTING:
         return
     work = max(abs(numpy.energy.supplied), abs(numpy.energy.stored), abs(numpy.energy.dissipated))
