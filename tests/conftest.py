@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import tempfile
 from collections.abc import Callable
@@ -24,12 +25,18 @@ Golden = Callable[[Path, str], None]
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.set_threshold(10_000, 20, 10)  # what thousands of tests keep need not be looked through that often
     config.addinivalue_line("markers", "machine_code: left out where there is no LLVM, or it is hidden")
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     if item.get_closest_marker("machine_code") and chosen_target(None) != "native":
         pytest.skip("there is no LLVM, or it is hidden")
+
+
+def pytest_runtest_teardown() -> None:
+    """A server looks no more through what it has compiled. Here others follow, and what they leave behind must go."""
+    gc.unfreeze()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

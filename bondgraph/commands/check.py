@@ -28,10 +28,10 @@ def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
     with problems_told():
         from ..model import certify
 
-        gc.disable()  # the process ends with this: what it makes need not be walked through, nor at its end
         examined = [certify(Path(file), model) for file in files]
         found = [d for diagnostics, _ in examined for d in diagnostics]
-        gc.freeze()
+        if not gc.isenabled():  # the process ends with this: what was made need not be walked through at its end
+            gc.freeze()
         if as_json:
             click.echo(json.dumps(_check_json(files, found), indent=2))
         elif found:

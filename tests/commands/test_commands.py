@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gc
 import json
 import subprocess
 import sys
@@ -43,6 +44,13 @@ def test_a_package_that_is_missing() -> None:
     assert found.returncode == 2
     assert "the package `sympy` is not installed; `pip install bondgraph-lang`" in found.stderr
     assert "defect" not in found.stderr
+
+
+def test_who_calls_the_command_keeps_the_collector() -> None:
+    """Only a process that ends with a command does without: else all circles would stay, of hundreds of MB in a few thousand models."""
+    frozen = gc.get_freeze_count()
+    assert gc.isenabled() and run("check", "models/rlc.bg").exit_code == 0
+    assert gc.isenabled() and gc.get_freeze_count() == frozen
 
 
 def test_check_as_json(wrong: str) -> None:
