@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from compiler.memory import uncollected
     from compiler.native.arrays import Floats, Ints, Numbers, Record
     from compiler.native.kinds import INTS, Fields, Handed, record_of
-    from compiler.native.machine import MachineCode, object_code, processor
+    from compiler.native.machine import MachineCode, address_of, object_code, processor
     from compiler.native.machine import available as native_available
     from compiler.native.translate import translate
     from compiler.reduction.order import blocks
@@ -123,6 +123,7 @@ _HOMES = {
     "processor": "native.machine",
     "Numbers": "native.arrays",
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
+    "address_of": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
     "Leaf": "codegen.limits",
@@ -214,6 +215,7 @@ __all__ = [
     "Unsupported",
     "ValuesNeeded",
     "Varying",
+    "address_of",
     "affine_parts",
     "bind",
     "blocks",

@@ -15,6 +15,7 @@ LIBRARY = (
     "sincos", "memset", "memcpy", "memmove", "malloc", "free",
 )  # fmt: skip
 
+_view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
 AS_WRITTEN = -1  # a level: what the text says with the best instructions, but without passes over it
 
 
@@ -46,6 +47,16 @@ class MachineCode:
     def addresses(self, names: Iterable[str]) -> Mapping[str, int]:
         """Where functions begin."""
         return {name: self.address(name) for name in names}
+
+
+def address_of(array: Any) -> int:
+    """Where an array of numpy begins, in a fifth of the time of `__array_interface__`, which tells its type as well: a short run asks two
+    hundred times."""
+    try:
+        return ctypes.addressof(_view(array))
+    except TypeError:  # it is not to be written, or has gaps
+        found: int = array.__array_interface__["data"][0]
+        return found
 
 
 def object_code(text: str, level: int) -> bytes:

@@ -12,7 +12,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.results import Result, read_result
-from bondgraph.simulation.bandwidth import leave
+from bondgraph.simulation.bandwidth import leave, push
 from tests.compiling import MODELS
 
 OFF = """
@@ -168,6 +168,9 @@ def test_a_manipulator_that_starts_off(manipulator: bondgraph.Model) -> None:
     for name in ("x", "y", "phi", "c2", "c3", "vx", "vy", "w", "v2", "v3"):
         assert within(told.outputs[name], found[name], 3), name
     assert 0 < told.kept["x"] < 1e-9 * np.abs(full["x"]).max()
+    assert usual.left_out is not None and not any(
+        usual.left_out.kept.values()
+    )  # below that tolerance, and not computed
     assert [round(m.frequency) for m in told.modes] == [836512] and told.modes[0].elements[0] == "stage.platform"
 
 
@@ -242,6 +245,24 @@ def test_the_push_on_the_slow_motion(text: str, experiment: str, shown: str, bes
     rest = apart - rings * (rings @ apart) / (rings @ rings)
     assert within(told.kept[shown], float(np.abs(rest).max()), 3)
     assert within(told.outputs[beside], float(np.abs(rings).max()), 1.5)
+
+
+@pytest.mark.parametrize(("text", "experiment"), [(CHAIN, "off"), (CHAIN, "jumped"), (SWING, "swing")])
+def test_what_is_not_computed_is_small(text: str, experiment: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound that saves the push is no smaller than what the push does, in parts of the tolerance."""
+    bounds: list[float] = []
+    bound = push._bound
+
+    def noted(*given: Any) -> float:
+        bounds.append(bound(*given))
+        return np.inf
+
+    monkeypatch.setattr(push, "_bound", noted)
+    found = bondgraph.load(text).simulate(experiment)
+    assert found.left_out is not None and len(bounds) == 1
+    for name, lacks in found.left_out.kept.items():
+        assert lacks <= 2 * bounds[0] * 1e-6 * np.abs(found[name]).max()
+        assert lacks == 0 or bounds[0] > 0.3
 
 
 # ---------------------------------------------------------------- on the way
@@ -355,9 +376,9 @@ def test_looks_are_rare(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[float] = []
     usual = leave.Leaving._found
 
-    def counted(self: Any, stepper: Any, at: float, *rest: Any) -> Any:
+    def counted(self: Any, at: float, *rest: Any) -> Any:
         seen.append(at)
-        return usual(self, stepper, at, *rest)
+        return usual(self, at, *rest)
 
     monkeypatch.setattr(leave.Leaving, "_found", counted)
     bondgraph.load(CHAIN).simulate("off")

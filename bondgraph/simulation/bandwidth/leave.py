@@ -64,7 +64,7 @@ class Leaving:
         self.above = max(
             self.above, content(stepper.program, stepper.inputs, stepper.constants, stretch, self.bandwidth)
         )
-        found = self._found(stepper, stretch.start, x, stretch.mode, LEFT)
+        found = self._found(stretch.start, x, stretch.mode, LEFT)
         if isinstance(found, str):
             self.reasons.setdefault(found, stretch.start)
         if not isinstance(found, Settled):
@@ -88,9 +88,9 @@ class Leaving:
             return False
         self.pause = 2 * steps
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
-        return isinstance(self._found(stepper, time, x, stretch.mode, LEFT_LATER), Settled)
+        return isinstance(self._found(time, x, stretch.mode, LEFT_LATER), Settled)
 
-    def _found(self, stepper: Stepper, time: float, x: Any, mode: Any, left: float) -> Settled | str | None:
+    def _found(self, time: float, x: Any, mode: Any, left: float) -> Settled | str | None:
         """The slow motion there; None if nothing need be left out, a reason if it cannot."""
         flow = self.flow
         assert flow is not None
@@ -98,12 +98,13 @@ class Leaving:
         if isinstance(at, str) or not len(at.values):
             return self._told(at)
         change = at.inverse @ at.inverse @ second(flow, at, time, x[: flow.count] / flow.magnitude, mode, x)
-        if self._told(at) is not None or self._size(stepper, at.envelope(change)) <= SEEN:
-            return self._told(at)
+        why = self._told(at)
+        if why is not None or _size(flow, at.envelope(change)) <= SEEN:
+            return why
         found = settled(flow, at, time, x, mode, self.bandwidth)
         if isinstance(found, str):
             return found
-        ringing, rest = (self._size(stepper, at.envelope(change)) for change in (found.removed, found.rest))
+        ringing, rest = (_size(flow, at.envelope(change)) for change in (found.removed, found.rest))
         if ringing <= SEEN:
             return None
         return found if rest <= left * ringing else "what is fast follows its drive as much as it rings, and is kept"
@@ -125,8 +126,7 @@ class Leaving:
         states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
         return stepper.held(stretch.start, states, stretch.mode)
 
-    def _size(self, stepper: Stepper, change: Any) -> float:
-        """The norm of a change in units of the tolerance, as steps measure their errors."""
-        assert self.flow is not None
-        allowed = stepper.tolerances.absolute[: self.flow.count] / self.flow.magnitude
-        return float(np.linalg.norm(change / allowed) / max(1, len(change)) ** 0.5)
+
+def _size(flow: Flow, change: Any) -> float:
+    """The norm of a change in units of the tolerance, as steps measure their errors."""
+    return float(np.linalg.norm(change / flow.allowed) / max(1, len(change)) ** 0.5)

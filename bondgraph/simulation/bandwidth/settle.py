@@ -72,19 +72,23 @@ def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: An
     return here, change, sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] else 0.0
 
 
-def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> Any:
-    """The second derivative at a state over the magnitudes; `near`: one in SI with its unknowns. `matrix`: the Jacobian there, if it is not that of `at`."""
+def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+    """The second derivative at a state over the magnitudes; `near`: one in SI with its unknowns."""
+    return _next(flow, at, time, here, mode, near)[1]
+
+
+def _next(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> tuple[Any, Any]:
+    """The first two derivatives. `matrix`: the Jacobian there, if it is not that of `at`."""
     ahead = LOOK / float(np.abs(at.values).max())
-    rates = flow.rates(np.array([time, time + ahead]), one(mode, 2), np.stack([near, near]), np.stack([here, here]))
-    return (at.matrix if matrix is None else matrix) @ rates[0] + (rates[1] - rates[0]) / ahead
+    rate, later = (flow.rate(t, mode, near, here) for t in (time, time + ahead))
+    return rate, (at.matrix if matrix is None else matrix) @ rate + (later - rate) / ahead
 
 
 def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
     """The third one."""
     ahead = LOOK / float(np.abs(at.values).max())
-    (rate,) = flow.rates(np.array([time]), one(mode), near[None], here[None])
-    now = second(flow, at, time, here, mode, near)
+    rate, now = _next(flow, at, time, here, mode, near)
     there = here + ahead * rate + 0.5 * ahead**2 * now
     times = np.array([time + ahead])
     (matrix,) = flow.matrices(times, one(mode), flow.whole(times, one(mode), near[None], there[None]))
-    return (second(flow, at, time + ahead, there, mode, near, matrix) - now) / ahead
+    return (_next(flow, at, time + ahead, there, mode, near, matrix)[1] - now) / ahead

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +32,14 @@ class Split:
     values: Any
     right: Any
     dual: Any
-    slowest: float  # the rate of the fastest motion that is kept, 1/s
+    others: Any  # the n - m eigenvalues of what is kept, 1/s
 
     @property
+    def slowest(self) -> float:
+        """The rate of the fastest motion that is kept, 1/s."""
+        return float(np.abs(self.others).max(initial=0.0))
+
+    @cached_property
     def slow(self) -> Any:
         """The projector onto what is not fast."""
         return np.eye(len(self.matrix)) - (self.right @ self.dual).real
@@ -42,7 +48,7 @@ class Split:
         """The largest that each state gets by the fast part of a change, whatever the phases of its modes."""
         return np.abs(self.right) @ np.abs(self.dual @ change)
 
-    @property
+    @cached_property
     def inverse(self) -> Any:
         """The inverse of the matrix on the fast motions, zero on the others."""
         return (self.right / self.values @ self.dual).real
@@ -65,9 +71,8 @@ class Modes:
 
     def each(self, function: Callable[[Any, Any, Any], Any], times: Any, states: Any) -> Any:
         """A function of times, states and one mode, for those of each mode at once."""
-        first = self.numbers[0]
-        if (self.numbers == first).all():
-            return np.asarray(function(times, states, self.kinds[first]))
+        if len(self.kinds) == 1:
+            return np.asarray(function(times, states, self.kinds[0]))
         places = [np.flatnonzero(self.numbers == kind) for kind in np.unique(self.numbers)]
         values = [np.asarray(function(times[at], states[at], self.kinds[self.numbers[at[0]]])) for at in places]
         return np.concatenate(values)[np.argsort(np.concatenate(places), kind="stable")]
@@ -81,6 +86,8 @@ def one(mode: Any, count: int = 1) -> Modes:
 def several(modes: Sequence[Any]) -> Modes:
     """A mode at each of some places, equal ones told as one."""
     kinds = {np.asarray(mode).tobytes(): mode for mode in modes}
+    if len(kinds) == 1:
+        return one(modes[0], len(modes))
     numbers = {key: number for number, key in enumerate(kinds)}
     return Modes((*kinds.values(),), np.array([numbers[np.asarray(mode).tobytes()] for mode in modes]))
 
@@ -95,13 +102,26 @@ class Flow:
         self.fixed = (stepper.inputs, stepper.constants)
         self.eliminated = Eliminated(self.program)
 
+    @property
+    def allowed(self) -> Any:
+        """The tolerance of each state over its magnitude (n,); magnitudes may be looked for anew, and those here stay."""
+        found: Any = self.stepper.tolerances.absolute[: self.count] / self.magnitude
+        return found
+
     def whole(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
         """States and unknowns in SI; `scaled` (k, n) at `times` (k,), with as many modes; `near` (k, …): states whose unknowns are a guess."""
         states = np.concatenate([scaled * self.magnitude, near[:, self.count :]], axis=1)
         return states if states.shape[1] == self.count else modes.each(self.stepper.loops.solve_all, times, states)
 
+    def rate(self, time: float, mode: Any, near: Any, scaled: Any) -> Any:
+        """Shape (n,), for one state over the magnitudes; `near`: one in SI, whose unknowns are a guess."""
+        state = scaled * self.magnitude
+        if len(near) > self.count:
+            state = self.stepper.loops.solve(time, np.concatenate([state, near[self.count :]]), mode)
+        return self.program.derivative(time, state, *self.fixed, mode)[: self.count] / self.magnitude
+
     def rates(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
-        """Shape (k, n), for states over their magnitudes."""
+        """The same for several instants (k, n)."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
             return self.program.derivative(times, states, *self.fixed, mode)
@@ -162,8 +182,8 @@ def split(matrices: Any, rate: float) -> list[Split | str]:
         if dual is None:
             found.append("its fast motions hang together in one that has no modes")
             continue
-        slowest = float(size[size <= rate].max(initial=0.0))
-        found.append(Split(matrix, value[chosen].astype(complex), vectors[:, chosen].astype(complex), dual, slowest))
+        fast, others = value[chosen].astype(complex), value[size <= rate]
+        found.append(Split(matrix, fast, vectors[:, chosen].astype(complex), dual, others))
     return found
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from ...errors import RunFailed
 from ...left_out import FastMode, LeftOut, told_hertz
 from ..watch.crawling import elements_of
-from .effect import amplitudes, followed, kept
+from .along import amplitudes, followed, way_of
 from .leave import Leaving, Removal
+from .push import kept
 from .split import Flow
 
 if TYPE_CHECKING:
@@ -50,9 +51,10 @@ def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, 
     lacking, changed = np.zeros((2, len(flow.program.outputs.names)))
     pieces = leg.trajectory.pieces or leg.stretches
     for removal in sorted(removals, key=_extent)[-MOST:]:
-        way = followed(flow, removal, leg.instants, leg.trajectory.states, pieces)
-        lacking = np.hypot(lacking, amplitudes(flow, way))  # their phases know nothing of each other
-        changed = changed + kept(flow, way)
+        way = way_of(removal, leg.instants, leg.trajectory.states, pieces)
+        ringing = followed(flow, removal, way)
+        lacking = np.hypot(lacking, amplitudes(flow, ringing))  # their phases know nothing of each other
+        changed = changed + kept(flow, way, ringing)
     return lacking, changed
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...native.machine import MachineCode
+from ...native.machine import MachineCode, address_of
 from ..program import HybridNote
 from .described import Rows
 
@@ -18,7 +18,7 @@ _POINTER = ctypes.c_void_p
 _One = ctypes.CFUNCTYPE(None, ctypes.c_double, *([_POINTER] * 5))
 _Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, *([_POINTER] * 6), *([ctypes.c_int64] * 6))
 _NONE = np.zeros(1)
-_NOWHERE = _NONE.__array_interface__["data"][0]  # where an array without items may lie
+_NOWHERE = address_of(_NONE)  # where an array without items may lie
 _DOUBLE = np.dtype(float)
 
 Function = Callable[..., Any]
@@ -31,13 +31,13 @@ def functions(
     many = _Many(code.address("batch"))
     found = {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
     whole = [(name, size) for name, arguments, size in described if arguments == ROLES]
-    return found | {name: _at_once(addresses[name], found[name], size) for name, size in whole}
+    return found | {name: _at_once(addresses[name], many, found[name], size) for name, size in whole}
 
 
 def hand_over(code: MachineCode, rows: Rows) -> None:
     """Put the rows that kernels go through where the code finds them; they live as long as it."""
     arrays = np.frombuffer(rows.streams, dtype=np.int32), np.frombuffer(rows.numbers + bytes(8), dtype=float)
-    ctypes.CFUNCTYPE(None, _POINTER, _POINTER)(code.address(f"bind_{rows.suffix}"))(*map(_address, arrays))
+    ctypes.CFUNCTYPE(None, _POINTER, _POINTER)(code.address(f"bind_{rows.suffix}"))(*map(address_of, arrays))
     code.keep(arrays)
 
 
@@ -76,7 +76,7 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
     one = _One(address)
     places = [ROLES.index("constants" if a == "parameters" else a) for a in arguments]
     timed, count = 0 in places, len(places)
-    nothing = _address(_NONE)
+    nothing = address_of(_NONE)
 
     def evaluate(*given: Any) -> Any:
         if len(given) != count:
@@ -92,10 +92,10 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
                         or not value.flags.c_contiguous
                     ):
                         break
-                    pointers[place] = value.__array_interface__["data"][0]
+                    pointers[place] = address_of(value)
             else:
                 out = np.empty(size)
-                one(given[0] if timed else 0.0, *pointers[1:], out.__array_interface__["data"][0])
+                one(given[0] if timed else 0.0, *pointers[1:], address_of(out))
                 return out
         return _in_general(given)
 
@@ -109,45 +109,49 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
         if not single:
             return _batch(address, many, arrays, size)
         out = np.empty(size)
-        one(float(arrays[0]) if timed else 0.0, *map(_address, arrays[1:]), _address(out))
+        one(float(arrays[0]) if timed else 0.0, *map(address_of, arrays[1:]), address_of(out))
         return out
 
     evaluate.code = code  # type: ignore[attr-defined]  # keeps the machine code in memory
     return evaluate
 
 
-def _at_once(address: int, otherwise: Function, size: int) -> Function:
-    """A function of everything, quickly for one instant; `otherwise` is the same for anything else."""
+def _at_once(address: int, many: Any, otherwise: Function, size: int) -> Function:
+    """A function of everything, quickly for one instant, and for several with a state each; `otherwise` is the same for anything else."""
     one, at = _One(address), ctypes.addressof
     view: Callable[[Any], Any] = ctypes.c_char.from_buffer
 
     def evaluate(time: Any, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
-        if not type(state) is type(inputs) is type(constants) is type(mode) is np.ndarray:
-            return otherwise(time, state, inputs, constants, mode)
-        if not state.ndim == inputs.ndim == constants.ndim == mode.ndim == 1 or (
-            type(time) is not float and np.ndim(time)
+        if not (
+            type(state) is type(inputs) is type(constants) is type(mode) is np.ndarray
+            and inputs.ndim == constants.ndim == mode.ndim == 1
+            and state.dtype is inputs.dtype is constants.dtype is mode.dtype is _DOUBLE
         ):
             return otherwise(time, state, inputs, constants, mode)
-        if not state.dtype is inputs.dtype is constants.dtype is mode.dtype is _DOUBLE:
+        single = state.ndim == 1 and (type(time) is float or not np.ndim(time))
+        if not single and not (_is_plain(time) and state.ndim == 2 and len(state) == len(time)):
             return otherwise(time, state, inputs, constants, mode)
-        out = np.empty(size)
+        out = np.empty(size if single else (len(time), size))
         try:
             places = [at(view(a)) if a.size else _NOWHERE for a in (state, inputs, constants, mode, out)]
+            if single:
+                one(time, *places)
+            else:
+                many(address, len(time), at(view(time)), *places, 1, state.shape[1], 0, 0, 0, size)
         except TypeError:  # not contiguous, or not to be written
             return otherwise(time, state, inputs, constants, mode)
-        one(time, *places)
         return out
 
     return evaluate
 
 
+def _is_plain(time: Any) -> bool:
+    """Whether these are instants, one after the other."""
+    return type(time) is np.ndarray and time.ndim == 1 and time.dtype is _DOUBLE and time.size > 0
+
+
 def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     """The function at every point of the leading axes."""
-    if _is_plain(arrays):
-        count, strides = len(arrays[1]), [1, arrays[1].shape[1], 0, 0, 0]
-        out = np.empty((count, size))
-        many(address, count, *map(_address, arrays), _address(out), *strides, size)
-        return out
     if arrays[0] is not _NONE:
         arrays[0] = arrays[0][..., None]
     shapes = {a.shape[:-1] for a in arrays if a.ndim > 1}
@@ -159,25 +163,5 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
         flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
     strides = [a.shape[-1] if a.ndim > 1 else 0 for a in arrays]
     out = np.empty((*shape, size))
-    many(address, prod(shape), *map(_address, flat), _address(out), *strides, size)
+    many(address, prod(shape), *map(address_of, flat), address_of(out), *strides, size)
     return out
-
-
-def _is_plain(arrays: list[Any]) -> bool:
-    """Whether these are so many instants and as many states, and nothing else differs between them."""
-    time, state, *others = arrays
-    return (
-        type(time) is np.ndarray
-        and time is not _NONE
-        and time.dtype == _DOUBLE
-        and time.flags.c_contiguous
-        and time.ndim == 1
-        and state.ndim == 2
-        and len(state) == len(time)
-        and all(a.ndim == 1 for a in others)
-    )
-
-
-def _address(array: Any) -> int:
-    found: int = array.__array_interface__["data"][0]
-    return found

@@ -1,0 +1,155 @@
+"""What a ringing that was left out would have done to the motion that is kept.
+
+In the mean over its phase a ringing pushes the slow motion by what is of second order in the rates (for a lossless one by the slope of its frequency,
+times its action), and the slow motion answers by its own linear equations. Where a bound says that nobody could see the answer, it is not computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .along import Ringing, Way
+from .split import Flow
+
+IN_A_TURN, LEAST = 3, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
+ROOM = 2_000_000  # numbers in their matrices
+APART = 0.01  # of its rate: modes nearer to one are taken together with it
+ALIKE_ENOUGH = (
+    0.01  # by which the answer within an interval may differ from that in the first of several that are taken for one
+)
+UNSEEN = 0.3  # of the tolerance: where the bound says less, nothing is computed
+PHASES = np.exp(0.5j * np.pi * np.arange(4))
+TERMS = 8  # of the series of an exponential, where what it is of is below 1
+
+
+@dataclass(frozen=True, eq=False)
+class Fine:
+    """A ringing at all of some instants: `shapes` as at the places, `later`, alike, what they get by changing on the way; `matrices` (k, n, n);
+    `places` (k - 1,): which place each interval belongs to."""
+
+    way: Way
+    matrices: Any
+    shapes: Any
+    later: Any
+    places: Any
+
+
+def kept(flow: Flow, way: Way, ringing: Ringing) -> Any:
+    """By how much what is kept lacks what the ringing does to it, the largest in each output (outputs,); 0 where that is
+    surely below the tolerance."""
+    if len(ringing.splits) < 2 or _bound(flow, ringing) < UNSEEN:
+        return np.zeros(len(flow.program.outputs.names))
+    fine = _fine(flow, way, ringing)
+    slow, static = (np.array([getattr(at, part) for at in ringing.splits])[fine.places] for part in ("slow", "inverse"))
+    pushes = _pushes(flow, fine.way, fine.shapes + fine.later)
+    lengths = np.diff(fine.way.times)[:, None, None]
+    answers = slow @ (0.5 * lengths * (fine.matrices[:-1] + fine.matrices[1:])) @ slow
+    changes = np.abs(np.diff(answers, axis=0)).sum(axis=2).max(axis=1)
+    groups = np.floor(np.cumsum(np.append(0.0, changes)) / ALIKE_ENOUGH).astype(int)
+    _, first, groups = np.unique(groups, return_index=True, return_inverse=True)
+    through, mean = _propagators(answers[first])
+    forced = lengths[:, 0] * (mean[groups] @ (slow @ (0.5 * (pushes[:-1] + pushes[1:]))[:, :, None]))[:, :, 0]
+    ways, found = list(through), [-slow[0] @ fine.later[0].real.sum(axis=1)]  # what is removed has none of it
+    for group, push in zip(groups.tolist(), forced, strict=True):
+        found.append(ways[group] @ found[-1] + push)
+    moved = np.zeros((len(found), 2, flow.count))
+    moved[1:, 0] = found[1:]
+    moved[1:, 0] -= (static @ pushes[1:, :, None])[:, :, 0]
+    values = fine.way.outputs(flow, moved)
+    return np.abs(values[:, 0] - values[:, 1]).max(axis=0)
+
+
+def _bound(flow: Flow, ringing: Ringing) -> float:
+    """In units of the tolerance, from the places alone: pushes all of one sign for the whole run, and shapes that change as fast as the slow motion
+    turns; both carried from state to state as far as that motion does in a turn, or in the run."""
+    way, splits, shapes = ringing.way, ringing.splits, ringing.shapes
+    span = way.times[-1] - way.times[0]
+    gap = min(np.abs(at.values).min() - at.slowest for at in splits)
+    others = np.concatenate([at.others for at in splits])
+    if gap <= 0 or not len(others):
+        return np.inf
+    slow, static = np.array([at.slow for at in splits]), np.array([at.inverse for at in splits])
+    pushes = _pushes(flow, way, shapes)[..., None]
+    pushed = (span * np.abs(slow @ pushes) + np.abs(static @ pushes)).max(axis=0)[:, 0]
+    turned = np.abs(slow[:, None] @ shapes).max(axis=(0, 1)).sum(axis=1) * np.abs(others).max() / gap
+    ways = np.abs(slow @ np.array([at.matrix for at in splits]) @ slow).max(axis=0)
+    with np.errstate(all="ignore"):
+        reached = pushed + turned
+        reached = np.maximum(reached, ways @ reached / max(np.abs(others).min(), 1 / span))
+        return float((reached * np.exp(max(0.0, others.real.max()) * span) / flow.allowed).max())
+
+
+def _fine(flow: Flow, way: Way, ringing: Ringing) -> Fine:
+    """At enough of the instants up to the last of the places, in intervals of one length but for the first."""
+    last = int(np.searchsorted(way.times, ringing.way.times[-1]))
+    turns = ringing.splits[0].slowest * float(way.times[-1] - way.times[0]) / (2 * np.pi)
+    wanted = min(max(LEAST, round(IN_A_TURN * turns)), max(1, ROOM // flow.count**2))
+    chosen = np.append(0, np.arange(last, 0, -max(1, -(-last // wanted)))[::-1])
+    way = way[chosen]
+    matrices = flow.matrices(way.times, way.modes, way.states)
+    resolvents = _resolvents(ringing)
+    shapes = _between(way, matrices, ringing, resolvents)
+    changes = np.gradient(shapes, way.times, axis=0)
+    places = np.clip(np.searchsorted(ringing.way.times, way.times, "right") - 1, 0, len(ringing.splits) - 2)
+    later = np.empty_like(changes)
+    for k, resolvent in enumerate(resolvents[:-1]):
+        later[places == k] = -_through(resolvent, changes[places == k])
+    return Fine(way, matrices, shapes, later, places[:-1])
+
+
+def _resolvents(ringing: Ringing) -> Any:
+    """For its modes at each place (k, p, n, n): by what other motions take part where the matrix changes a little."""
+    matrices = np.array([at.matrix for at in ringing.splits])[:, None]
+    unit, rates = np.eye(matrices.shape[-1]), ringing.values[..., None, None]
+    near = [
+        np.abs(at.values - own[:, None]) <= APART * np.abs(own)[:, None]
+        for at, own in zip(ringing.splits, ringing.values, strict=True)
+    ]
+    own = np.array([(at.right * chosen[:, None, :]) @ at.dual for at, chosen in zip(ringing.splits, near, strict=True)])
+    return np.linalg.solve(rates * (unit + own) - matrices, unit - own)
+
+
+def _between(way: Way, matrices: Any, ringing: Ringing, resolvents: Any) -> Any:
+    """Shapes at all instants: from those at the places on both sides, and to first order by what the matrix is there."""
+    found = np.zeros((len(way), *ringing.shapes.shape[1:]), dtype=complex)
+    for at, shapes, resolvent, own in zip(
+        ringing.splits, ringing.shapes, resolvents, np.eye(len(resolvents)), strict=True
+    ):
+        shares = np.interp(way.times, ringing.way.times, own)
+        here = np.flatnonzero(shares)
+        turned = _through(resolvent, (matrices[here] - at.matrix) @ shapes)
+        found[here] += shares[here, None, None] * (shapes + turned)
+    return found
+
+
+def _through(resolvents: Any, changes: Any) -> Any:
+    """Each mode's (p, n, n) on its changes (c, n, p), for all modes."""
+    return (resolvents @ changes.transpose(2, 1, 0)).transpose(2, 1, 0)
+
+
+def _pushes(flow: Flow, way: Way, shapes: Any) -> Any:
+    """The mean of the rates over the phases of the ringing, less those without it (k, n)."""
+    count, n, modes = shapes.shape
+    ways = (shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
+    moved = np.concatenate([np.zeros((count, 1, n)), ways], axis=1)
+    rates = flow.rates(*way.moved(flow, moved)).reshape(count, -1, n)
+    return (rates[:, 1:] - rates[:, :1]).mean(axis=1) * modes
+
+
+def _propagators(matrices: Any) -> tuple[Any, Any]:
+    """exp(A), and its mean over the way there, of several matrices (k, n, n): by Taylor's series and doubling, to some four digits."""
+    norm = float(np.abs(matrices).sum(axis=1).max(initial=0.0))
+    halvings = max(0, int(np.ceil(np.log2(norm)))) if 0 < norm < np.inf else 0
+    part, unit = matrices / 2.0**halvings, np.eye(matrices.shape[-1])
+    mean = term = unit
+    for order in range(2, TERMS):
+        term = term @ part / order
+        mean = mean + term
+    through = unit + part @ mean
+    for _ in range(halvings):
+        mean = 0.5 * (mean + mean @ through)
+        through = through @ through
+    return through, mean
