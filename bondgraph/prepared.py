@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import cache
 from .errors import UsageError
+from .results import Column
 
 if TYPE_CHECKING:
     from .door import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace
@@ -91,6 +92,12 @@ class Prepared:
         """What kind of equations these are."""
         certificate: Certificate = self._found[3]
         return certificate
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """What results record: the same in all of them."""
+        outputs = self.program.outputs
+        return tuple(Column(n, u) for n, u in zip(outputs.names, outputs.units, strict=True))
 
     @cached_property
     def _found(self) -> tuple[Program, Any, Any, Any]:

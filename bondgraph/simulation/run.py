@@ -6,6 +6,7 @@ import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..door import CompilationFailed
 from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
-from ..results import Column, EnergyBalance, LimitLeft, Result
+from ..results import EnergyBalance, LimitLeft, Result
 from .leg import Leg
 from .settings import Settings, refused_with_values, settle, with_zeros
 from .steps.methods import chosen_solver
@@ -253,7 +254,7 @@ class Run:
         """All legs as one result, with what came before them."""
         legs, plan = self.legs, self.plan
         program = legs[0].program
-        columns = tuple(Column(n, u) for n, u in zip(program.outputs.names, program.outputs.units, strict=True))
+        columns = legs[0].compilation.columns
         evaluations: Counter[str] = Counter()
         for leg in legs:
             evaluations.update(leg.trajectory.evaluations)
@@ -262,11 +263,7 @@ class Run:
             end = legs[-1].end(self.stop)
         balance = _balance(legs) if self.energy else None
         lacking = _left_out(legs, balance)
-        told = (
-            ()
-            if lacking is None
-            else (lacking.sentence(dict(zip(program.outputs.names, program.outputs.units, strict=True))),)
-        )
+        told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, self.instants[: len(values)], columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
@@ -382,6 +379,7 @@ def hertz(given: str | float) -> float:
     return found
 
 
+@lru_cache(maxsize=256)  # asked anew at each point of a sweep
 def _number(where: str, text: str, unit: str) -> float | None:
     """A number in SI, bare or in a unit of the same kind as `unit`; None if the text is none."""
     from ..door import CompilationFailed, Literal, Source, parse_expression, read_unit

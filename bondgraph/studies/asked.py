@@ -12,17 +12,16 @@ from ..analysis.modes import moving_frequencies
 from ..analysis.operating_point import Asked, operating_point
 from ..analysis.outcome import MODES, Point
 from ..door import Analysis, CompilationFailed, Differentiating, Study, Varying
-from ..errors import RunFailed, UsageError
+from ..errors import RunFailed
 from ..simulation.run import Wanted, simulate
 from ..simulation.settings import compiled_in
-from .sharing import Sharing
+from .sharing import WRONG, Sharing
 from .steps import differentiated, made_of, varied
 
 if TYPE_CHECKING:
     from ..model import Model
 
 STEPS = ("equilibrium", "modes", "simulate")
-WRONG = (RunFailed, CompilationFailed, UsageError)
 Settings = Mapping[str, str | float]
 
 

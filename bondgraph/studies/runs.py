@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from ..ensembles import Ensemble
 from ..results import Result
 from ..simulation.run import Wanted, check_wanted, simulate
-from .asked import WRONG
-from .sharing import Sharing, answers
+from .sharing import WRONG, Sharing, answers
 
 if TYPE_CHECKING:
     from ..model import Model

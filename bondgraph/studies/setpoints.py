@@ -15,10 +15,10 @@ import numpy as np
 from ..analysis.inversion.feed_forward import FeedForward
 from ..analysis.outcome import Outcome, Point
 from ..errors import UsageError
-from .asked import WRONG, Settings
+from .asked import Settings
 from .experiment import made
 from .measured import OF_MODES, SIGMA, read_columns
-from .sharing import Sharing
+from .sharing import WRONG, Sharing
 
 if TYPE_CHECKING:
     from ..model import Model

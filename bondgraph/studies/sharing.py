@@ -1,8 +1,9 @@
 """Many points of one model, shared out among workers: those of this machine, of an executor, or of a Dask cluster.
 
 A question is asked at every point by itself, so that answers do not depend on who found them, or with how many others. A task carries the
-text of the model; a worker compiles it once. Where a process can be copied as it stands (Linux, no other threads in it), workers of our
-own are copies of this one, which has compiled already; else they are threads.
+text of the model; a worker compiles it once. With workers of our own this process is one of them, so that its share of the answers goes
+nowhere; the others are copies of it, which has compiled already, where a process can be copied as it stands (Linux, no other threads in
+it), else threads.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..door import CompilationFailed
 from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
@@ -35,9 +38,10 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # points of one task
-TASKS = 8  # for each worker, so that none waits long for the last
+AHEAD = 3  # tasks that a worker of our own has: it is at one, and need not wait for the next
 MOST_KEPT = 8  # models that a worker keeps ready
 
+WRONG = (RunFailed, CompilationFailed, UsageError)  # at a point, part of its answer
 Progress = Callable[[int, int], None]
 
 _MODELS: dict[str, Model] = {}  # ready in this process, and in copies of it
@@ -100,12 +104,15 @@ def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sh
         sharing.progress(len(found), total)
     with _ready(model) as key:
         whole = Task(key, None, model.model, question, 0, tuple(points))
-        for first, some in _shared_out(whole, model.source, _gaps(found, total), sharing):
-            found |= dict(enumerate(some, first))
-            if sharing.journal is not None:
-                sharing.journal.add(first, some)
-            if sharing.progress is not None:
-                sharing.progress(len(found), total)
+        try:
+            for first, some in _shared_out(whole, model.source, _gaps(found, total), sharing):
+                found |= dict(enumerate(some, first))
+                if sharing.journal is not None:
+                    sharing.journal.add(first, some)
+                if sharing.progress is not None:
+                    sharing.progress(len(found), total)
+        except KeyboardInterrupt:  # of one run, which is nobody's concern, or between them
+            raise KeyboardInterrupt(f"interrupted when {len(found)} of {total} were done") from None
     return [found[i] for i in range(total)]
 
 
@@ -179,13 +186,15 @@ def _shared_out(
     begin, end = gaps[0]
     yield begin, work(_part(whole, begin, begin + 1, None))
     gaps = [(begin + 1, end), *gaps[1:]]
-    count = min(count, left - 1)
+    left -= 1
+    count = min(count, left)
     if count <= 1:
         for begin, end in _pieces(gaps, left, 1):
             yield begin, work(_part(whole, begin, end, None))
         return
-    with _workers(count) as (own, copied):
-        yield from _through(own, whole, _pieces(gaps, left, count), None if copied else source)
+    with _others(count - 1) as (others, copied):
+        own = None if copied else source
+        yield from _through(others, whole, _pieces(gaps, left, count), own, AHEAD * (count - 1))
 
 
 def cores() -> int:
@@ -194,9 +203,15 @@ def cores() -> int:
 
 
 def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[int, int]]:
-    """Where tasks begin and end."""
-    size = max(1, min(MOST_AT_ONCE, -(-left // (TASKS * count))))
-    return [(i, min(i + size, end)) for begin, end in gaps for i in range(begin, end, size)]
+    """Where tasks begin and end. All that a worker has ahead is its share of what is left, at most, so that nobody waits long for the last."""
+    found = []
+    for begin, end in gaps:
+        while begin < end:
+            stop = min(begin + max(1, min(MOST_AT_ONCE, left // (AHEAD * count))), end)
+            found.append((begin, stop))
+            left -= stop - begin
+            begin = stop
+    return found
 
 
 def _part(whole: Task, begin: int, end: int, source: Source | None) -> Task:
@@ -204,17 +219,20 @@ def _part(whole: Task, begin: int, end: int, source: Source | None) -> Task:
 
 
 def _through(
-    executor: Executor, whole: Task, pieces: list[tuple[int, int]], source: Source | None
+    executor: Executor, whole: Task, pieces: list[tuple[int, int]], source: Source | None, most: int | None = None
 ) -> Iterator[tuple[int, list[Any]]]:
+    """`most`: so many tasks are with the executor, and of the others this process makes one after the other itself; None: all are."""
+    tasks = iter([_part(whole, begin, end, source) for begin, end in pieces])
     waiting: dict[Future[list[Any]], int] = {}
     try:
-        with warnings.catch_warnings():
-            # a copy of a process whose only threads are those of its linear algebra, which expects it
-            warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
-            for begin, end in pieces:
-                waiting[executor.submit(work, _part(whole, begin, end, source))] = begin
-        while waiting:
-            for done in wait(waiting, return_when=FIRST_COMPLETED).done:
+        while True:
+            _hand_out(executor, tasks, waiting, most)
+            own = next(tasks, None)
+            if own is not None:
+                yield own.first, work(own)
+            elif not waiting:
+                return
+            for done in wait(waiting, None if own is None else 0, FIRST_COMPLETED).done:
                 yield waiting.pop(done), done.result()
     except BrokenExecutor as broken:
         raise RunFailed(
@@ -225,23 +243,34 @@ def _through(
             future.cancel()
 
 
+def _hand_out(
+    executor: Executor, tasks: Iterator[Task], waiting: dict[Future[list[Any]], int], most: int | None
+) -> None:
+    """The next tasks, until so many are waited for."""
+    with warnings.catch_warnings():
+        # a copy of a process whose only threads are those of its linear algebra, which expects it
+        warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
+        for task in islice(tasks, None if most is None else most - len(waiting)):
+            waiting[executor.submit(work, task)] = task.first
+
+
 def _leave_interruptions() -> None:
     """Ctrl-C is for the process that shares out the work; it ends the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
-def _workers(count: int) -> Iterator[tuple[Executor, bool]]:
-    """Workers of our own, and whether they are copies of this process."""
-    own: Executor
+def _others(count: int) -> Iterator[tuple[Executor, bool]]:
+    """Workers beside this process, and whether they are copies of it."""
+    others: Executor
     copied = sys.platform == "linux" and threading.active_count() == 1
     if copied:
         import multiprocessing
 
-        own = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _leave_interruptions)
+        others = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _leave_interruptions)
     else:
-        own = ThreadPoolExecutor(count)
+        others = ThreadPoolExecutor(count)
     try:
-        yield own, copied
+        yield others, copied
     finally:
-        own.shutdown(cancel_futures=True)
+        others.shutdown(cancel_futures=True)

@@ -71,3 +71,11 @@ def test_a_run_loads_no_page() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.split() == []
+
+
+def test_many_runs_load_no_stage_of_the_compiler() -> None:
+    """They are as many times one, with a program that is kept."""
+    code = "import sys, bondgraph.studies.runs\nprint(*(m for m in sys.modules if m.startswith('compiler.')))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    stages = ("multibody", "causality", "equations", "reduction", "graph")
+    assert done.stdout.split() and not [m for m in done.stdout.split() if m.split(".")[1] in stages]

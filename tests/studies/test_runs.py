@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import pickle
 import threading
 import tracemalloc
@@ -121,7 +123,7 @@ def test_whoever_has_threads_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> N
     other = threading.Thread(target=stop.wait)
     other.start()
     try:
-        with sharing._workers(2) as (own, copied):
+        with sharing._others(2) as (own, copied):
             assert isinstance(own, ThreadPoolExecutor) and not copied
     finally:
         stop.set()
@@ -133,9 +135,30 @@ def test_an_interruption_ends_it() -> None:
         if done > 2:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted when \d+ of 220 were done"):
         bondgraph.load(TEXT).simulate_many(SETTINGS * 20, workers=2, progress=stop)
     assert sharing._MODELS == {}
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_interruption_within_a_run_is_one_of_all(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not of the run that this process was at by chance."""
+    from bondgraph.errors import RunInterrupted
+    from bondgraph.studies import runs
+
+    model, plain = bondgraph.load(TEXT), runs.simulate
+    home, made = os.getpid(), list[int]()
+
+    def simulate(*arguments: Any) -> Any:
+        if len(made) == 3 and os.getpid() == home:
+            raise RunInterrupted("interrupted at t = 0.5 s", model.simulate())
+        made.append(1)
+        return plain(*arguments)
+
+    monkeypatch.setattr(runs, "simulate", simulate)
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted when \d+ of 220 were done") as caught:
+        model.simulate_many(SETTINGS * 20, workers=count)
+    assert type(caught.value) is KeyboardInterrupt
 
 
 def test_memory_grows_with_what_is_kept() -> None:
@@ -149,6 +172,28 @@ def test_memory_grows_with_what_is_kept() -> None:
         tracemalloc.stop()
         del found
     assert (sizes[1] - sizes[0]) / 20 < 6 * 51 * 2 * 8
+
+
+def test_what_is_the_same_in_all_travels_once() -> None:
+    """Of each further run its numbers go from process to process: instants, outputs, how it ended; names and units are there already."""
+    found = bondgraph.load(TEXT).simulate_many(SETTINGS, workers=1)
+    assert len({id(run.columns) for run in found}) == 1  # type: ignore[union-attr]
+    few, all_of_them = (len(pickle.dumps(list(found)[:count])) for count in (1, 11))
+    assert 3 * 51 * 8 < (all_of_them - few) / 10 < 3 * 51 * 8 + 600
+
+
+@pytest.mark.parametrize("model", ["manipulator.bg", "end_stops.bg"])
+def test_a_run_leaves_nothing_to_collect(model: str) -> None:
+    """What thousands of runs held is free when each is over: no circle keeps it until a collector comes."""
+    made = bondgraph.load(MODELS / model)
+    made.simulate()
+    gc.collect()
+    gc.disable()
+    try:
+        made.simulate()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
 
 
 def test_problems_go_from_process_to_process() -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -16,6 +19,7 @@ import pytest
 
 import bondgraph
 from bondgraph import UsageError
+from bondgraph.studies import sharing
 from bondgraph.studies.journal import SCHEMA, Journal
 from bondgraph.studies.sharing import Sharing, answers
 
@@ -200,6 +204,63 @@ def test_a_dead_worker_is_told(alone: Any) -> None:
 class _Dying:
     def answer(self, model: Any, point: Mapping[str, float]) -> None:
         os._exit(1)
+
+
+@dataclass(frozen=True)
+class _Elsewhere:
+    """Who answers; whoever is not `home` dies of it, if `deadly`."""
+
+    home: int
+    deadly: bool = False
+
+    def answer(self, model: Any, point: int) -> int:
+        if self.deadly and os.getpid() != self.home:
+            os._exit(1)
+        time.sleep(1e-3)
+        return os.getpid()
+
+
+def _made(count: int, deadly: bool = False) -> str:
+    """How many of 200 answers were made here, and by how many processes in all, or what went wrong: in a process that has no other threads, as those
+    of tests may have."""
+    code = f"""
+import os
+import bondgraph
+from bondgraph.studies.sharing import Sharing, answers
+from tests.studies.test_sharing import TEXT, _Elsewhere
+try:
+    found = answers(bondgraph.load(TEXT), _Elsewhere(os.getpid(), {deadly}), range(200), Sharing(workers={count}))
+    print(found.count(os.getpid()), len(set(found)))
+except bondgraph.RunFailed as failed:
+    print(failed)
+"""
+    root = Path(bondgraph.__file__).parents[1]
+    return subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
+@pytest.mark.parametrize("count", [2, 3])
+def test_this_process_is_one_of_the_workers(count: int) -> None:
+    """Its share goes nowhere."""
+    here, processes = map(int, _made(count).split())
+    assert 0 < here < 200 and 1 < processes <= count
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
+def test_a_dead_worker_of_our_own_is_told() -> None:
+    assert "a worker died" in _made(2, deadly=True)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_tasks_become_smaller(count: int) -> None:
+    """Who has one on its way and two ahead has no more than its share of what is left."""
+    gaps, left = [(3, 3), (5, 1900), (2000, 2007)], 1902
+    pieces = sharing._pieces(gaps, left, count)
+    assert [i for begin, end in pieces for i in range(begin, end)] == [*range(5, 1900), *range(2000, 2007)]
+    assert max(end - begin for begin, end in pieces) == sharing.MOST_AT_ONCE
+    for begin, end in pieces:
+        assert end - begin == 1 or 3 * (end - begin) * count <= left
+        left -= end - begin
 
 
 @pytest.fixture

@@ -196,5 +196,6 @@ def pilot(
                 break
     except RunFailed:
         pass  # the run itself will tell
+    stepper.let_go()
     largest = stepper.result.peak
     return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)

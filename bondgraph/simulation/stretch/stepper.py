@@ -119,9 +119,15 @@ class Stepper:
         self.result.states[self.position :] = x
         self.position = len(self.result.states)
         self.result.final = x
+        self.let_go()
         if self.result.handover is None:
             self.keep(float(self.instants[-1]), x, mode, float(self.instants[-1]))
         return self.result
+
+    def let_go(self) -> None:
+        """Of what steps in machine code, which knows this stepper: then all that a run holds is free at once, not only when a collector
+        looks for circles."""
+        self.machine = None
 
     def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
         """What is sure so far: a step has been accepted, and all that looks at it has done so."""
