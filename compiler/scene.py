@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .syntax.tree import Expression
 
 
-# What an experiment may ask to solve with: the run chooses; matrix exponential, explicit pair, Radau, a method that conserves energy.
-SOLVERS = ("automatic", "exponential", "explicit", "radau", "energy")
+# What an experiment may ask to solve with: the run chooses; matrix exponential, explicit pair, Radau, Rodas5P, a method that conserves energy.
+SOLVERS = ("automatic", "exponential", "explicit", "radau", "rodas", "energy")
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 @click.option(
     "--solver",
     metavar="SOLVER",
-    help="automatic, exponential, explicit, radau or energy (keeps that of lossless models).",
+    help="automatic, exponential, explicit, radau, rodas or energy (keeps that of lossless models).",
 )
 @click.option(
     "--bandwidth", metavar="FREQUENCY", help="What is faster need not be followed: `50 kHz`, or a number of Hz."

@@ -144,7 +144,7 @@ class Model(Shown, Analysed):
         `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
         balance. `target`: native (machine code) or numpy; the first that this machine has. `solver`: automatic, exponential
-        (linear models), explicit, radau (stiff models) or energy (lossless models).
+        (linear models), explicit, radau, rodas (stiff models) or energy (lossless models).
         `bandwidth`: a frequency as text or in Hz; what is faster need not be followed, and the result's `left_out` says what was not.
         `start`: a result of the same model, or its .npz file, to go on from where that ended.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have

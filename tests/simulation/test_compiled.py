@@ -105,7 +105,7 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
         np.testing.assert_allclose(error, expected, atol=1e-3 * max(1e-2, np.abs(expected).max()))
 
 
-@pytest.mark.parametrize("method", ["radau", "explicit"])
+@pytest.mark.parametrize("method", ["radau", "explicit", "rodas"])
 def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit by bit: what the compiler makes of the source is what the source says."""
     made: list[tuple[compiled.CompiledRadau, dict[str, Any]]] = []

@@ -58,7 +58,7 @@ RUNS = {
 
 
 @pytest.mark.machine_code
-@pytest.mark.parametrize("solver", ["automatic", "radau"])
+@pytest.mark.parametrize("solver", ["automatic", "radau", "rodas"])
 @pytest.mark.parametrize("name", RUNS)
 def test_both_ways_take_the_same_steps(name: str, solver: str) -> None:
     text, to = RUNS[name]

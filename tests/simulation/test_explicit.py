@@ -162,7 +162,7 @@ def test_events_are_found_as_exactly_as_by_radau() -> None:
   when h < 0 m { v = -0.5*v }
   output y = h
 }"""
-    for solver in ("explicit", "radau"):
+    for solver in ("explicit", "radau", "rodas"):
         found = bondgraph.load(text).simulate(to=1, points=11, solver=solver)
         fall = math.sqrt(0.2)
         expected = [fall, 2 * fall, 2.5 * fall][: len(found.events)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.steps.compiled.ordering import ordered
+from bondgraph.simulation.steps.compiled.ordering import on_diagonal, ordered
 from bondgraph.simulation.steps.compiled.sparse import FINE, complex_back, complex_factors, real_back, real_factors
 from tests.benchmarks import large_models
 from tests.compiling import Running, compiled
@@ -25,9 +25,10 @@ def jacobian() -> tuple[Any, Any, int, Any]:
     return *program.pattern, side * side, entries
 
 
-def pattern(alone: bool) -> SimpleNamespace:
+def pattern(alone: bool, diagonal: bool = True) -> SimpleNamespace:
     rows, columns, count, entries = jacobian()
-    fields = ordered(rows, columns, count, count, SHIFT, entries)
+    pattern = rows, columns, count, count
+    fields = on_diagonal(*pattern, False) if diagonal else ordered(*pattern, SHIFT, entries)
     assert fields is not None
     assert fields["wide"].max() >= 4
     if alone:
@@ -37,12 +38,13 @@ def pattern(alone: bool) -> SimpleNamespace:
     return SimpleNamespace(n=count, ready=1, small=1e-3, tolerant=0, **given)
 
 
-def test_factors_solve_the_system() -> None:
+@pytest.mark.parametrize("diagonal", [True, False], ids=["from the pattern", "by the library"])
+def test_factors_solve_the_system(diagonal: bool) -> None:
     rows, columns, count, entries = jacobian()
     dense = np.zeros((count, count))
     dense[rows, columns] = -entries
     right = np.sin(np.arange(count))
-    p = pattern(False)
+    p = pattern(False, diagonal)
     assert real_factors(p, SHIFT, entries) == FINE
     assert complex_factors(p, SHIFT, TURN, entries) == FINE
     x, re, im = right.copy(), right.copy(), np.cos(right)

@@ -21,10 +21,11 @@ def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
         entries, scale = matrix.ravel().tolist(), [1.0] * count
         balance(count, entries, scale)
         return np.array(entries).reshape(count, count), np.array(scale)
-    from ..steps.compiled.run import POINTER, WHOLE, called
+    from ...door import address_of
+    from ..steps.compiled.code import POINTER, WHOLE, called
 
     a, powers = np.array(matrix, dtype=float), np.ones(count)
-    called("balance", None, WHOLE, POINTER, POINTER)(count, a.ctypes.data, powers.ctypes.data)
+    called("balance", None, WHOLE, POINTER, POINTER)(count, address_of(a), address_of(powers))
     return a, powers
 
 

@@ -6,8 +6,8 @@ from ...door import SOLVERS
 from ...errors import UsageError
 
 AUTOMATIC = "automatic"
-RADAU, EXPLICIT, ENERGY = 0, 1, 2  # of those that step, the number in compiled code
-NAMES = {RADAU: "Radau IIA 5", EXPLICIT: "Dormand-Prince 8", ENERGY: "Gauss 6 with constant energy"}
+RADAU, EXPLICIT, ENERGY, RODAS = 0, 1, 2, 3  # of those that step, the number in compiled code
+NAMES = {RADAU: "Radau IIA 5", EXPLICIT: "Dormand-Prince 8", ENERGY: "Gauss 6 with constant energy", RODAS: "Rodas5P"}
 
 
 def chosen_solver(word: str | None) -> str:

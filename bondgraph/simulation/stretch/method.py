@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import UsageError
 from ..segments import Segment
-from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
+from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU, RODAS
 from ..steps.radau import StepFailed
 from .reference import interpreted
 
@@ -39,6 +39,9 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
     if stepper.solver == "energy":
         _check_conserving(stepper, explicit)
         return ENERGY
+    if stepper.solver == "rodas":
+        _check_rodas(stepper, len(x), compiled)
+        return RODAS
     if stepper.solver != AUTOMATIC:
         return EXPLICIT if stepper.solver == "explicit" else RADAU
     if (
@@ -80,6 +83,19 @@ def _obstacle_to_explicit(stepper: Stepper) -> str:
     if stepper.constraints:
         return "closed loops hold its states on constraints"
     return "the unknowns of its algebraic loops are found with each step" if len(stepper.program.unknowns.names) else ""
+
+
+def _check_rodas(stepper: Stepper, states: int, compiled: bool) -> None:
+    """Raises `UsageError` for what a method that wants exact slopes, and solves for a stage once, cannot step through."""
+    if stepper.constraints:
+        obstacle = "closed loops hold its states on constraints"
+    elif stepper.history is not None:
+        obstacle = "delayed signals have no exact slope in time"
+    elif states > LARGEST and not compiled:
+        obstacle = f"without machine code it is for up to {LARGEST} states and unknowns, these are {states}"
+    else:
+        return
+    raise UsageError(f"Rodas5P cannot step through this model: {obstacle}; leave the solver to choose, or name `radau`")
 
 
 def _check_conserving(stepper: Stepper, obstacle: str) -> None:

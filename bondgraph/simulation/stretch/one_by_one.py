@@ -110,7 +110,7 @@ class OneByOne:
             last += 1
         if last > first:
             times = stepper.instants[first:last]
-            scaled = settled(stepper, solver, times) if isinstance(solver, Radau) else solver.sample(times)
+            scaled = settled(stepper, solver, times) if isinstance(solver, Radau) else solver.settled(times)
             stepper.result.states[first:last] = stepper.held_all(times, scaled * self.magnitude, self.stretch.mode)
             stepper.position = last
 

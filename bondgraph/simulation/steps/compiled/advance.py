@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from math import isfinite, pow, sqrt
 
-from ..methods import ENERGY, EXPLICIT
+from ..methods import ENERGY, EXPLICIT, RODAS
 from ..pair import OFTEN
 from .closing import add_work, grow, steep
 from .conserving import conserving_step, take_energy
 from .explicit import explicit_step
 from .flipping import may_flip
+from .rosenbrock import rosenbrock_step
 from .step import rates, step
 from .stepper import Stepper
 from .watching import GOES_ON, begin_watch, watch
@@ -65,6 +66,8 @@ def one_step(s: Stepper) -> int:
         return explicit_step(s)
     if s.method == ENERGY:
         return conserving_step(s)
+    if s.method == RODAS:
+        return rosenbrock_step(s)
     return step(s)
 
 

@@ -70,6 +70,11 @@ def first_bend_of_pair(s: Stepper, size: float, least: float) -> float:
     """The share of the step that is tried at which a law bends first; 1 if none does, or so near that no step of the least size leads there."""
     rates(s, s.time + size, s.new, s.slope[STAGES * s.n :])
     densify_between(s, s.time, s.time + size, s.state, s.new)
+    return first_bend_along(s, size, least)
+
+
+def first_bend_along(s: Stepper, size: float, least: float) -> float:
+    """The same where the polynomial of the step that is tried is known."""
     for k in range(5):
         bends_at(s, size, PLACES[k], s.bend_seen[k * s.bend_count :])
     return first_between(s, size, PLACES, 5, max(NEAREST, 2.0 * least / size), NEAREST)

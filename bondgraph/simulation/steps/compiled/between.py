@@ -6,7 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..methods import RADAU
+from ..methods import RADAU, RODAS
 from .factors import Factors, back, eliminate
 from .polynomials import collocation, quintic
 from .step import rates
@@ -21,8 +21,8 @@ MU_REAL = float(radau.MU_REAL)
 
 
 def has_steep_states(s: Stepper) -> int:
-    """Whether states follow at once in the last step of Radau; how steeply they do is noted."""
-    if s.method != RADAU or s.closed.gaps > 0 or s.sparse != 0:
+    """Whether states follow at once in the last step of a method for what is stiff; how steeply they do is noted."""
+    if (s.method != RADAU and s.method != RODAS) or s.closed.gaps > 0 or s.sparse != 0:
         return 0
     size = s.time - s.end_time[s.ends - 2]
     for i in range(s.n):
@@ -36,7 +36,9 @@ def has_steep_states(s: Stepper) -> int:
 
 
 def is_unsure(s: Stepper, time: float) -> bool:
-    """Whether the two polynomials differ in what is stiff, or there is but one."""
+    """Whether the two polynomials differ in what is stiff, or there is but one; that of Rodas5P is asked how far it is from its equations."""
+    if s.method == RODAS:
+        return is_off(s, time)
     if s.ends < 3:
         return True
     collocation(s, time, s.si)
@@ -44,6 +46,18 @@ def is_unsure(s: Stepper, time: float) -> bool:
     for i in range(s.differential):
         limit = SURE * (s.absolute[i] + s.relative * abs(s.end_state[2 * s.n + i]))
         if s.steepness[i] > STIFF and abs(s.w[i] - s.si[i]) > limit:
+            return True
+    return False
+
+
+def is_off(s: Stepper, time: float) -> bool:
+    """Whether a first change of Newton's method, with the factors of the step, moves what is stiff."""
+    slopes(s, time, s.time - s.end_time[s.ends - 2])
+    collocation(s, time, s.w)
+    correction(s, s.real, time)
+    for i in range(s.differential):
+        limit = SURE * (s.absolute[i] + s.relative * abs(s.end_state[(s.ends - 1) * s.n + i]))
+        if s.steepness[i] > STIFF and not abs(s.change[i]) <= limit:
             return True
     return False
 
@@ -93,7 +107,7 @@ def slopes(s: Stepper, time: float, size: float) -> None:
     n = s.n
     late = s.f
     early = s.f[n:]
-    if s.ends == 3:
+    if s.ends == 3 and s.method == RADAU:
         quintic(s, time + NEAR * size, late)
         quintic(s, time - NEAR * size, early)
     else:

@@ -11,11 +11,12 @@ from ...segments import mode_size
 from ...start.coarse import smallest_angles
 from ...start.kept import keeps_factors
 from .coarse import Coarse
+from .code import called
 from .euler import Euler
 from .factors import Factors, room_for
 from .fields import is_sparse
 from .forms import Laid, form_of
-from .run import Ordered, called
+from .run import Ordered
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:

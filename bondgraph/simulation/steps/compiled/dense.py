@@ -17,31 +17,41 @@ MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), floa
 
 def factorise(s: Stepper, size: float) -> int:
     """mu/h M - J for the real mu and a complex one, rows scaled: `FINE`, `SINGULAR`, or `ANEW`: in another order."""
+    done = factorise_real(s, MU_REAL / size)
+    if done != FINE:
+        return done
     if s.sparse != 0:
-        done = real_factors(s.pattern, MU_REAL / size, s.jacobian)
-        if done != FINE:
-            return done
         return complex_factors(s.pattern, MU_RE / size, MU_IM / size, s.jacobian)
     n = s.n
-    real = s.real.matrix
     re = s.complex.re
     im = s.complex.im
     for i in range(n * n):
-        real[i] = 0.0
         re[i] = 0.0
         im[i] = 0.0
     for i in range(s.differential):
-        real[i * n + i] = MU_REAL / size
         re[i * n + i] = MU_RE / size
         im[i * n + i] = MU_IM / size
     for k in range(s.entry_count):
-        place = s.rows[k] * n + s.columns[k]
-        real[place] -= s.jacobian[k]
-        re[place] -= s.jacobian[k]
-    if eliminate(s.real) and eliminate_complex(s.complex):
-        s.negative = is_negative(s.real)
-        return FINE
-    return SINGULAR
+        re[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
+    return FINE if eliminate_complex(s.complex) else SINGULAR
+
+
+def factorise_real(s: Stepper, shift: float) -> int:
+    """shift M - J, as `factorise`."""
+    if s.sparse != 0:
+        return real_factors(s.pattern, shift, s.jacobian)
+    n = s.n
+    real = s.real.matrix
+    for i in range(n * n):
+        real[i] = 0.0
+    for i in range(s.differential):
+        real[i * n + i] = shift
+    for k in range(s.entry_count):
+        real[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
+    if not eliminate(s.real):
+        return SINGULAR
+    s.negative = is_negative(s.real)
+    return FINE
 
 
 def solve_real(s: Stepper, x: Floats) -> None:

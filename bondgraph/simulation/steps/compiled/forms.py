@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import INTS, Fields, Handed, Record, record_of
+from ....door import INTS, Fields, Handed, Record, address_of, record_of
 
 if TYPE_CHECKING:
     from ....door import Program
@@ -25,11 +25,10 @@ _C_TYPES = {"double": ctypes.c_double, "i64": ctypes.c_int64}
 
 class Form:
     """Where the fields of a record lie, and what is the same in all of its kind. `values`: numbers, arrays as they are where it begins, which
-    each of its kind gets as its own, and records within; a field that is not among them is given to each."""
+    each of its kind gets as its own, and records within; a field that is not among them is given to each. `addresses`: those of functions."""
 
-    def __init__(self, noun: type, values: Mapping[str, Any], program: Program) -> None:
-        assert program.native is not None
-        self.addresses = program.native.addresses
+    def __init__(self, noun: type, values: Mapping[str, Any], addresses: Mapping[str, int]) -> None:
+        self.addresses = addresses
         fields = record_of(noun).fields
         self.structure = _layout(noun)
         self.places = {name: (place, kind) for place, (name, kind) in enumerate(fields.items())}
@@ -86,7 +85,7 @@ class Laid:
         numbers: Any = np.zeros(form.size)
         self._numbers = numbers
         self._words = self._numbers.view(np.int64)
-        self.address: int = self._words.__array_interface__["data"][0]
+        self.address: int = address_of(numbers)
         self._words[: len(form.head)] = form.head
         self._words[form.inside] += self.address
         self._arrays: dict[str, Any] = {}
@@ -110,7 +109,7 @@ class Laid:
                 if type(value) is not np.ndarray or value.dtype != wanted or not value.flags.c_contiguous:
                     value = np.ascontiguousarray(value, dtype=wanted)
                 self._arrays[name] = value
-                words[place] = value.__array_interface__["data"][0]
+                words[place] = address_of(value)
 
     def __getitem__(self, name: str) -> Any:
         found = self._arrays.get(name)
@@ -140,5 +139,6 @@ def form_of(noun: type, program: Program, key: object, values: Callable[[], Mapp
     kept = program.kept
     found: Form | None = kept.get((noun, key))
     if found is None:
-        found = kept[noun, key] = Form(noun, values(), program)
+        assert program.native is not None
+        found = kept[noun, key] = Form(noun, values(), program.native.addresses)
     return found

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program
+from ....door import Program, address_of
 from ...segments import mode_size
+from .code import called
 from .forms import Laid, form_of
 from .holding import Held
-from .run import called
 from .squares import square
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class CompiledConstraints:
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
         weak = np.zeros(len(times), dtype=np.int64)
-        self._hold(self._here, len(times), times.ctypes.data, states.ctypes.data, weak.ctypes.data)
+        self._hold(self._here, len(times), *map(address_of, (times, states, weak)))
         return states, weak
 
     def least(self, times: Any, states: Any, mode: Any) -> Any:
@@ -75,7 +75,7 @@ class CompiledConstraints:
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
         out = np.empty(len(times))
-        self._least(self._here, len(times), times.ctypes.data, states.ctypes.data, out.ctypes.data)
+        self._least(self._here, len(times), *map(address_of, (times, states, out)))
         return out
 
     def rates(self, times: Any, scaled: Any, unknowns: Any, mode: Any) -> tuple[Any, Any]:
@@ -84,5 +84,5 @@ class CompiledConstraints:
         self.values["full"][self.values["count"] :] = unknowns
         times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)
         out, weak = np.empty_like(scaled), np.zeros(len(times), dtype=np.int64)
-        self._rates(self._here, len(times), times.ctypes.data, scaled.ctypes.data, out.ctypes.data, weak.ctypes.data)
+        self._rates(self._here, len(times), *map(address_of, (times, scaled, out, weak)))
         return out, weak

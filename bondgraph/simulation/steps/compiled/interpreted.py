@@ -14,11 +14,13 @@ import numpy as np
 from ....door import Program
 from ...segments import Segment, Signals
 from .. import pair
-from ..methods import ENERGY
+from ..methods import ENERGY, RODAS
 from ..radau import StepFailed
 from .advance import begin, one_step
 from .along import densify
+from .between import bring_back, has_steep_states, is_unsure
 from .conserving import sample_step
+from .factors import Factors, room_for
 from .fields import fields_at
 from .holding import Held
 from .run import FAILURES
@@ -31,7 +33,7 @@ OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "po
 
 
 class Interpreted:
-    """Steps of the explicit pair, or of the method that keeps the energy, over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
+    """Steps of all methods but Radau over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
@@ -44,6 +46,8 @@ class Interpreted:
         if program.stored_energy is not None:
             values["stored_energy"] = _into(program.stored_energy)
         values |= {"closed": _open(), "redundant": 0, "pattern": None, "stop": float(stretch.stop)}
+        if method == RODAS and values["sparse"]:  # no order of pivots is looked for here
+            values |= {"sparse": 0, "real": room_for(Factors, values["n"])}
         self.record = Stepper(**values)
         begin(self.record)
         if size < np.inf:
@@ -100,7 +104,8 @@ class Interpreted:
     @property
     def evaluations(self) -> dict[str, int]:
         """How often what was evaluated."""
-        return {"derivative": self.record.derivatives, "jacobian": self.record.jacobians}
+        record = self.record
+        return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     def sample(self, times: Any) -> Any:
         """States at instants within the last step; shape (times, n)."""
@@ -114,6 +119,17 @@ class Interpreted:
             densify(record)
         rows, states = (np.asarray(a).reshape(-1, record.n) for a in (record.dense, record.end_state))
         return pair.polynomial(rows, states[record.ends - 2], *self.last_step, times)
+
+    def settled(self, times: Any) -> Any:
+        """The same at instants that are reported, with what is stiff where its equations want it: see `within.sample`."""
+        record, found = self.record, self.sample(times)
+        if has_steep_states(record):
+            for time, row in zip(np.asarray(times).tolist(), found, strict=True):
+                if time < record.time and is_unsure(record, time):
+                    row *= record.magnitude
+                    bring_back(record, time, row)
+                    row /= record.magnitude
+        return found
 
     collocation = sample  # what is summed up along the step agrees with its states to the order of its polynomial
 

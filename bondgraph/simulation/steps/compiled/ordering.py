@@ -1,36 +1,93 @@
-"""The order of rows and columns for sparse factors: that of least degree where hardly anything fills, else SuperLU's fill-reducing one.
+"""The order of rows and columns for sparse factors.
 
-With all pivots on the diagonal it depends on the pattern alone, and is found once for a program; where the numbers of a run do not allow
-for that, it is made for the numbers at hand, with SuperLU's pivots. A run goes on with what it has while its pivots are not small.
+With all pivots on the diagonal it depends on the pattern alone, and is found once for a program, by machine code (`least_degree.py`, `eliminations.py`);
+where the numbers of a run do not allow for that, SuperLU makes one for the numbers at hand. A run goes on with what it has while its pivots are not small.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from .light import DIAGONAL, Columns, light_factors
+from ....door import Record
+from .code import POINTER, called
+from .eliminations import Eliminations, plan_eliminations, put_rows
+from .forms import Form, Laid
+from .least_degree import Quotient, least_degree
 
 SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for a pattern that is not symmetric that with less fill is taken
 PRESENT = 1e-9  # of the largest number of its row: what stands for a zero that may not stay one
+DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
+MOST = 6  # rows of a column of L, if a pattern that is not symmetric is to be taken for one that is
+
+Columns = tuple[Any, Any]  # starts, and rows in rising order, without the diagonal
 
 
-def on_diagonal(rows: Any, columns: Any, differential: int, count: int) -> dict[str, Any] | None:
+def on_diagonal(rows: Any, columns: Any, differential: int, count: int, compiled: bool = True) -> dict[str, Any] | None:
     """The fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0), with all pivots on the diagonal; None if that has gaps, or nothing but numbers
-    can tell a good order."""
+    can tell a good order. `compiled`: by machine code or by its source."""
     present = np.arange(count) < differential
     present[rows[rows == columns]] = True
     if not present.all():
         return None
-    every_row, every_column = _places(rows, columns, differential)
-    values = np.where(every_row == every_column, count + 1.0, -1.0)  # on which a diagonal is to be preferred
-    light = light_factors(every_row, every_column, values, count)
-    if light is not None:
-        return _fields(light.place, light.place, light.lower, light.upper, rows, columns, differential, count)
-    matrix = _matrix(every_row, every_column, values, count)
-    return _by_library(matrix, rows, columns, differential, (SYMMETRIC,)) if _is_symmetric(matrix) else None
+    start, neighbours, symmetric = _neighbours(rows, columns, count)
+    place, lower, upper, wide = _eliminated(start, neighbours, _least_degree(start, neighbours, compiled), compiled)
+    if not symmetric and np.diff(lower[0]).max(initial=0) > MOST:
+        return None
+    return _fields(place, place, lower, upper, wide, rows, columns, differential, count)
+
+
+def _neighbours(rows: Any, columns: Any, count: int) -> tuple[Any, Any, bool]:
+    """Of each node those with which it stands in (i, j) or (j, i): starts, nodes; and whether all do in both."""
+    beside = rows != columns
+    own = _distinct(rows[beside] * count + columns[beside])
+    both = _distinct(np.concatenate([own, own % count * count + own // count]))
+    return np.searchsorted(both, np.arange(count + 1) * count), both % count, len(both) == len(own)
+
+
+def _distinct(numbers: Any) -> Any:
+    """Rising, each once; numpy's own would load its masked arrays."""
+    rising = np.sort(numbers)
+    first = np.ones(len(rising), dtype=bool)
+    first[1:] = rising[1:] != rising[:-1]
+    return rising[first]
+
+
+def _least_degree(start: Any, neighbours: Any, compiled: bool) -> Any:
+    """The nodes in an order that fills little."""
+    count, room = len(start) - 1, len(neighbours) + len(start)
+    names = ("joined", "weight", "degree", "after", "before", "seen", "member", "last", "order")
+    given: dict[str, Any] = {name: np.zeros(count, dtype=np.int64) for name in names}
+    given |= {name: np.zeros(count + 1, dtype=np.int64) for name in ("first", "bucket")}
+    given |= {name: np.zeros(room, dtype=np.int64) for name in ("lists", "spare")}
+    given["lists"][: len(neighbours)] = neighbours
+    given |= {"start": start[:-1].copy(), "length": np.diff(start), "n": count, "free": len(neighbours), "room": room}
+    _work(least_degree, Quotient, given | dict.fromkeys(("left", "at", "least", "mark"), 0), compiled)
+    return given["order"]
+
+
+def _eliminated(start: Any, neighbours: Any, order: Any, compiled: bool) -> tuple[Any, Columns, Columns, Any]:
+    """Where nodes go, where L and U have entries, and how many columns of L have one pattern."""
+    names = ("place", "above", "reached", "child", "sibling", "stack", "count", "number", "wide")
+    given: dict[str, Any] = {name: np.zeros(len(order), dtype=np.int64) for name in names}
+    given |= {"n": len(order), "start": start, "neighbours": neighbours, "order": order}
+    given |= dict.fromkeys(("lower", "upper"), np.zeros(0, dtype=np.int64))
+    _work(plan_eliminations, Eliminations, given, compiled)
+    starts = {name: np.concatenate([[0], np.cumsum(given[name])]) for name in ("count", "number")}
+    lower, upper = (np.zeros(found[-1], dtype=np.int64) for found in starts.values())
+    given |= {"lower": lower, "upper": upper} | {name: found[:-1].copy() for name, found in starts.items()}
+    _work(put_rows, Eliminations, given, compiled)
+    return given["place"], (starts["count"], lower), (starts["number"], upper), given["wide"]
+
+
+def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[str, Any], compiled: bool) -> None:
+    """Let a function work on a record with these fields."""
+    if compiled:
+        called(function.__name__, None, POINTER)(Laid(Form(noun, {}, {}), given).address)
+    else:
+        function(noun(**given))
 
 
 def ordered(
@@ -38,11 +95,9 @@ def ordered(
 ) -> dict[str, Any] | None:
     """The same for these numbers, with pivots that are not small; None if the matrix is singular."""
     every_row, every_column = _places(rows, columns, differential)
-    values = np.concatenate([-np.asarray(entries), np.full(differential, shift)])
-    light = light_factors(every_row, every_column, values, count)
-    if light is not None:
-        return _fields(light.place, light.place, light.lower, light.upper, rows, columns, differential, count)
-    matrix = _matrix(every_row, every_column, values, count)
+    matrix = _matrix(
+        every_row, every_column, np.concatenate([-np.asarray(entries), np.full(differential, shift)]), count
+    )
     largest = np.zeros(count)
     np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
     scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
@@ -78,7 +133,7 @@ def _by_library(matrix: Any, rows: Any, columns: Any, differential: int, methods
         return None
     places = np.asarray(factors.perm_r), np.asarray(factors.perm_c)
     lower, upper = _without_diagonal(factors.L, count), _without_diagonal(factors.U, count)
-    return _fields(*places, lower, upper, rows, columns, differential, count)
+    return _fields(*places, lower, upper, _wide(*lower), rows, columns, differential, count)
 
 
 def _is_symmetric(matrix: Any) -> bool:
@@ -90,7 +145,7 @@ def _is_symmetric(matrix: Any) -> bool:
 
 
 def _fields(
-    row_place: Any, column_place: Any, lower: Columns, upper: Columns, rows: Any, columns: Any, differential: int, count: int
+    row_place: Any, column_place: Any, lower: Columns, upper: Columns, wide: Any, rows: Any, columns: Any, differential: int, count: int
 ) -> dict[str, Any]:  # fmt: skip
     # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
     slots = np.full(count, -1)
@@ -108,7 +163,7 @@ def _fields(
     found: dict[str, Any] = {
         "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
         "l_start": lower[0], "l_row": lower[1], "u_start": upper[0], "u_row": upper[1], "row_place": row_place, "column_place": column_place,
-        "wide": _wide(*lower),
+        "wide": wide,
     }  # fmt: skip
     return {name: np.ascontiguousarray(array, dtype=np.int64) for name, array in found.items()} | room_in(found)
 

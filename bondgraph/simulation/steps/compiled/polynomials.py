@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..methods import ENERGY, EXPLICIT
+from ..methods import ENERGY, RADAU
 from .along import polynomial
 from .conserving import within_step
 from .stepper import Stepper
@@ -32,11 +32,11 @@ def quintic(s: Stepper, time: float, out: Floats) -> None:
 
 def collocation(s: Stepper, time: float, out: Floats) -> None:
     """The polynomial of the method in the last step, scaled states."""
-    if s.method == EXPLICIT:
-        polynomial(s, time, out)
-        return
     if s.method == ENERGY:
         within_step(s, time, out)
+        return
+    if s.method != RADAU:
+        polynomial(s, time, out)
         return
     n = s.n
     before = s.ends - 2

@@ -8,30 +8,23 @@ from __future__ import annotations
 
 import ctypes
 import time as clock
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import MachineCode, Program, record_of
-from ....native import kernel
+from ....door import Program, address_of, record_of
 from ...segments import Segment, Signals, inside
 from ...watch.choice import Choice
-from .. import pair, radau
-from ..methods import ENERGY, EXPLICIT, RADAU
+from .. import pair, radau, rodas
+from ..methods import ENERGY, RADAU, RODAS
 from ..radau import Radau, StepFailed
-from .advance import LOOK, MORE, advance, begin
-from .balancing import balance
-from .coarse import coarse
-from .euler import euler
+from .advance import LOOK, MORE
+from .code import POINTER, WHOLE, called
 from .fields import given_at, room_of, signal_fields
-from .flipping import roots_along, states_along
 from .forms import Laid, form_of
-from .holding import hold_all, least_all, rates_all
-from .light import DIAGONAL
-from .ordering import on_diagonal, ordered, room_in
-from .sparse import FINE, Pattern, real_factors
+from .ordering import DIAGONAL, on_diagonal, ordered, room_in
+from .sparse import FINE, Pattern
 from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
@@ -42,8 +35,6 @@ if TYPE_CHECKING:
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
-OPTIMISED = 2
-WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
 SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
 
 
@@ -54,25 +45,6 @@ def obstacle(program: Program) -> str:
     if program.invariants.names and (program.solved is None) != ("solved" not in program.native.addresses):
         return "closed loops are held on their constraints"
     return ""
-
-
-@lru_cache
-def machine_code() -> MachineCode:
-    """The code of the solver, for all models."""
-
-    def text() -> str:
-        from ....door import translate
-
-        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
-        return translate([*of_steps, hold_all, least_all, rates_all, balance, real_factors])
-
-    return MachineCode(kernel("stepping", text, OPTIMISED))
-
-
-@lru_cache
-def called(name: str, result: Any, *arguments: Any) -> Any:
-    """A function of that code."""
-    return ctypes.CFUNCTYPE(result, *arguments)(machine_code().address(name))
 
 
 class Ordered:
@@ -87,34 +59,40 @@ class Ordered:
             nothing: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields if name != "small"}
             return nothing | {"n": n, "ready": 0, "tolerant": 0} | {name: np.zeros(n) for name in room}
 
-        self._form, self._kept = form_of(Pattern, program, "", values), program.kept
-        self.values = Laid(self._form, {"small": small})
+        self._kept, self._small = program.kept, small
+        self.values = Laid(form_of(Pattern, program, "", values), {"small": small})
         self.record = self.values.record
 
     def choose(self, shift: float, entries: Any) -> bool:
         """Choose an order for these numbers; false if there is none."""
-        found = self._on_diagonal(shift, entries) or ordered(*self.pattern, shift, entries)
+        if self._on_diagonal(shift, entries):
+            return True
+        found = ordered(*self.pattern, shift, entries)
         if found is None:
+            self.record.ready = 0
             return False
-        self.values.put(found)
-        for name in ("x", "xi"):
-            self.values[name][:] = 0.0
-        self.record.ready = 1
+        self._take(found, self._small)
         return True
 
-    def _on_diagonal(self, shift: float, entries: Any) -> dict[str, Any] | None:
-        """The order that depends on the program alone, if its pivots are not small; else None."""
+    def _on_diagonal(self, shift: float, entries: Any) -> bool:
+        """The order that depends on the program alone, if its pivots are not small."""
         key = "order", len(entries), self.pattern[-1]
         if key not in self._kept:
             self._kept[key] = on_diagonal(*self.pattern)
         known = self._kept[key]
         if known is None:
-            return None
-        found: dict[str, Any] = known | room_in(known)
-        trial = Laid(self._form, {"small": DIAGONAL})
-        trial.put(found | {"ready": 1, "n": self.pattern[-1]})
+            return False
+        self._take(known | room_in(known), DIAGONAL)
         factorise = called("real_factors", WHOLE, POINTER, ctypes.c_double, POINTER)
-        return found if factorise(trial.address, shift, np.ascontiguousarray(entries).ctypes.data) == FINE else None
+        fits: bool = factorise(self.values.address, shift, address_of(np.ascontiguousarray(entries))) == FINE
+        self.record.small = self._small
+        return fits
+
+    def _take(self, found: Mapping[str, Any], small: float) -> None:
+        self.values.put(found)
+        for name in ("x", "xi"):
+            self.values[name][:] = 0.0
+        self.record.ready, self.record.small, self.record.tolerant = 1, small, 0
 
 
 class CompiledRadau:
@@ -246,7 +224,7 @@ class CompiledRadau:
         self.order.record.tolerant = 0
         while answer == ORDER:
             # With an order that was made for just these numbers, small pivots are what there is.
-            if self.order.choose(radau.MU_REAL / self.factorised_size, self.jacobian):
+            if self.order.choose(self._shift / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
                 answer = self._advance(self._here, 1)
             else:
@@ -255,6 +233,11 @@ class CompiledRadau:
         if answer in FAILURES:
             raise StepFailed(FAILURES[answer])
         return answer
+
+    @property
+    def _shift(self) -> float:
+        """Of the real matrix, times the size of the step."""
+        return 1 / rodas.GAMMA if self.method == RODAS else float(radau.MU_REAL)
 
     @property
     def record(self) -> Any:
@@ -296,7 +279,7 @@ class CompiledRadau:
         """States at instants within the last step; shape (times, n). As `Radau.sample`."""
         if self.method == ENERGY:
             return self._interpreted(times)
-        if self.method == EXPLICIT:
+        if self.method != RADAU:
             before = self.end_state.reshape(3, self.n)[self.ends - 2]
             return pair.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
         return self._reference().sample(times)
@@ -314,7 +297,7 @@ class CompiledRadau:
             self.put_mode(mode)
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
-        there, here = (a.__array_interface__["data"][0] for a in (times, out))
+        there, here = map(address_of, (times, out))
         called(name, None, POINTER, WHOLE, POINTER, POINTER)(self._here, len(times), there, here)
         return out
 

@@ -23,6 +23,7 @@ NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, 
 SLOWEST, CREEPING = radau.SLOWEST, radau.CREEPING
 SHORTER = radau.SHORTER
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
+POWER = 0.25  # of the estimate, as steps go
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 CUBIC = tuple(segments.CUBIC.ravel().tolist())
@@ -76,12 +77,12 @@ def step(s: Stepper) -> int:
         if norm <= 1.0:
             break
         reason = ERROR
-        wish = max(SMALLEST, safety * (factor(s, size, norm) if isfinite(norm) else 0.1))
+        wish = max(SMALLEST, safety * (factor(s, size, norm, POWER) if isfinite(norm) else 0.1))
         rejected += 1
         if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
         size *= wish if rejected <= PATIENT else SMALLEST
-    accept(s, end, size, norm, min(LARGEST, safety * factor(s, size, norm)), rejected > 0, iterations)
+    accept(s, end, size, norm, min(LARGEST, safety * factor(s, size, norm, POWER)), rejected > 0, iterations)
     if bent > 0:
         after_bend(s, size / max(share, NEAREST))
     if s.bend_count > 0:
@@ -420,11 +421,11 @@ def share(s: Stepper) -> float:
     return sqrt(total) / sqrt(float(s.n))
 
 
-def factor(s: Stepper, size: float, norm: float) -> float:
-    """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8)."""
+def factor(s: Stepper, size: float, norm: float, power: float) -> float:
+    """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8); steps go as that power of the error."""
     if norm == 0.0:
         return LARGEST
-    result = pow(norm, -0.25)
+    result = pow(norm, -power)
     if s.last_error > 0.0 and s.last_size > 0.0:
-        result = min(result, size / s.last_size * pow(s.last_error / norm, 0.25) * result)
+        result = min(result, size / s.last_size * pow(s.last_error / norm, power) * result)
     return result

@@ -1,0 +1,43 @@
+"""The machine code of the solver, which is the same for all models: made once for a machine, then loaded."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from ....door import MachineCode
+from ....native import kernel
+from .advance import advance, begin
+from .balancing import balance
+from .coarse import coarse
+from .eliminations import plan_eliminations, put_rows
+from .euler import euler
+from .flipping import roots_along, states_along
+from .holding import hold_all, least_all, rates_all
+from .least_degree import least_degree
+from .sparse import real_factors
+
+OPTIMISED = 2
+WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
+
+
+@lru_cache
+def machine_code() -> MachineCode:
+    """The code of the solver, for all models."""
+
+    def text() -> str:
+        from ....door import translate
+
+        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
+        of_matrices: list[Callable[..., Any]] = [balance, real_factors, least_degree, plan_eliminations, put_rows]
+        return translate([*of_steps, hold_all, least_all, rates_all, *of_matrices])
+
+    return MachineCode(kernel("stepping", text, OPTIMISED))
+
+
+@lru_cache
+def called(name: str, result: Any, *arguments: Any) -> Any:
+    """A function of that code."""
+    return ctypes.CFUNCTYPE(result, *arguments)(machine_code().address(name))
