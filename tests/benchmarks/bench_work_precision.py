@@ -32,6 +32,7 @@ RESULTS = Path(__file__).parent / "results"
 AGAIN, QUICK = 7, 0.4  # runs of which the median counts, as long as together they take less, s
 PATIENCE = 90.0  # s for a whole curve of a peer
 OURS, WHOLE = "bondgraph: steps", "bondgraph: whole run"
+NAMED = "bondgraph: steps, Rodas5P"  # by name, beside Radau
 STUCK = "given up"
 DATA = RESULTS / "work_precision.json"  # all points; a run of some scenes replaces theirs
 TOLD = (
@@ -116,23 +117,34 @@ class Clock:
 
 def ours(scene: Scene, tolerances: Sequence[float], right: Reference) -> dict[str, Curve]:
     """The steps alone (peers are given magnitudes and machine code, too), and all that a run does besides once its program is there."""
-    model, clock = scene.load(), Clock()
-    curves: dict[str, Curve] = {OURS: [], WHOLE: []}
+    clock = Clock()
+    steps, whole = run_at(scene, tolerances, right, clock)
+    curves = {OURS: steps, WHOLE: whole}
+    if any("Radau" in point.note for point in steps):
+        curves[NAMED], _ = run_at(scene, tolerances, right, clock, "rodas")
+    return curves
+
+
+def run_at(
+    scene: Scene, tolerances: Sequence[float], right: Reference, clock: Clock, solver: str | None = None
+) -> tuple[Curve, Curve]:
+    """Of the steps alone, where they are made in machine code, and of whole runs."""
+    model, alone, all_of_it = scene.load(), Curve(), Curve()
     for rtol in tolerances:
         steps, whole, found = [], [], None
         while not whole or (len(whole) < AGAIN and sum(whole) < QUICK):
             clock.total = 0.0
             began = time.thread_time()
-            found = model.simulate(to=scene.stop, points=POINTS, rtol=rtol, settings=scene.settings)
+            found = model.simulate(to=scene.stop, points=POINTS, rtol=rtol, settings=scene.settings, solver=solver)
             whole.append(time.thread_time() - began)
             steps.append(clock.total)
         assert found is not None
         error = right.error(np.stack([found[n] for n in scene.states], axis=-1))
         note = f"{found.steps} steps, {found.solver}"
         if any(steps):
-            curves[OURS].append(Point(f"rtol {rtol:g}", error, statistics.median(steps), note))
-        curves[WHOLE].append(Point(f"rtol {rtol:g}", error, statistics.median(whole), note))
-    return curves
+            alone.append(Point(f"rtol {rtol:g}", error, statistics.median(steps), note))
+        all_of_it.append(Point(f"rtol {rtol:g}", error, statistics.median(whole), note))
+    return alone, all_of_it
 
 
 def curve(make: Callable[[], Any], tolerances: Sequence[float], right: Reference, tell: Any) -> None:
@@ -286,7 +298,7 @@ def losses(scene: Scene, found: dict[str, Curve], own: str) -> list[str]:
     base = found.get(own, found.get(WHOLE, []))
     told = []
     for name, points in found.items():
-        if name in (OURS, WHOLE):
+        if name in (OURS, WHOLE, NAMED):
             continue
         for goal in scene.goals:
             mine, theirs = time_at(base, goal), time_at(points, goal)
