@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from .. import pair
 from .along import first_bend_of_pair
-from .step import ERROR, ROUND_OFF, follows, is_stubborn, put_end, rates, renew
+from .step import ERROR, ROUND_OFF, first_size, is_stubborn, put_end, rates, renew
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -34,16 +34,11 @@ def explicit_step(s: Stepper) -> int:
     least = 10.0 * ulp(s.time)
     if s.since_looked >= LOOK_AGAIN:
         look_for_fastest(s)
-    size = min(s.size, s.stop - s.time, s.longest)
-    if s.fastest > 0.0:
-        size = min(size, STABLE / s.fastest)
+    longest = min(s.size, STABLE / s.fastest) if s.fastest > 0.0 else s.size
+    size = first_size(s, longest, least, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH)
     rejected = 0
     bent = 0
     share = 1.0
-    if s.time + 1.01 * size >= s.stop:
-        size = s.stop - s.time
-    while size > 2.0 * least and not follows(s, s.time, s.time + size, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH):
-        size *= 0.5
     for i in range(n):
         s.slope[i] = s.rate[i]
     while True:

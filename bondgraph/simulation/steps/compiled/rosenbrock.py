@@ -26,7 +26,7 @@ from .step import (
     SEEN,
     UNSEEN,
     factor,
-    follows,
+    first_size,
     is_stubborn,
     look_at_side,
     put_end,
@@ -45,15 +45,11 @@ MOST_BENDS = rodas.MOST_BENDS
 def rosenbrock_step(s: Stepper) -> int:
     """One accepted step: 0, or why there is none."""
     least = 10.0 * ulp(s.time)
-    size = min(s.size, s.stop - s.time, s.longest)
+    size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
     reason = ERROR
     rejected = 0
     bent = 0
     wish = 0.0  # how long a step was to be that a bend has cut
-    if s.time + 1.01 * size >= s.stop:
-        size = s.stop - s.time
-    while size > 2.0 * least and not follows(s, s.time, s.time + size, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC):
-        size *= 0.5
     if s.current == 0:
         renew(s)
     while True:

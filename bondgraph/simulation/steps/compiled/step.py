@@ -35,15 +35,11 @@ def step(s: Stepper) -> int:
     """One accepted step: 0, or why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)
-    size = min(s.size, s.stop - s.time, s.longest)
+    size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
     reason = ERROR
     rejected = 0
     bent = 0
     share = 1.0
-    if s.time + 1.01 * size >= s.stop:
-        size = s.stop - s.time
-    while size > 2.0 * least and not follows(s, s.time, s.time + size, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC):
-        size *= 0.5
     if s.known == 0:
         renew(s)
     for i in range(n):
@@ -214,6 +210,18 @@ def renew_at(s: Stepper, time: float, y: Floats) -> None:
     s.known = 1
     s.current = 1
     s.factorised = 0
+
+
+def first_size(
+    s: Stepper, size: float, least: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
+) -> float:
+    """How long a step is tried first that is to be no longer than `size`: to the end if that is near, and short enough to see what time alone moves."""
+    size = min(size, s.stop - s.time, s.longest)
+    if s.time + 1.01 * size >= s.stop:
+        size = s.stop - s.time
+    while size > 2.0 * least and not follows(s, s.time, s.time + size, seen, unseen, looks, between, through):
+        size *= 0.5
+    return size
 
 
 def follows(
