@@ -468,8 +468,15 @@ def test_the_text_is_formatted() -> None:
         assert format_text(Source("text", g.text())) == g.text()
 
 
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", README, re.M | re.S)
+
+
 @pytest.mark.parametrize(
-    "example", re.findall(r"^```python\n(.*?)^```$", README, re.M | re.S), ids=lambda e: e.split()[1]
+    "example",
+    [
+        pytest.param(e, marks=[pytest.mark.machine_code] if "range(1000)" in e else [], id=e.split()[1])
+        for e in EXAMPLES
+    ],
 )
 def test_the_examples_of_the_readme_run(example: str) -> None:
     done = subprocess.run(

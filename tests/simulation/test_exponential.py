@@ -35,17 +35,24 @@ model Ladder {
 
 
 def exact(matrix: list[list[float]], push: object, start: list[float], time: float) -> list[float]:
-    """x' = A x + (0, push(t)) by mpmath: exp(A t) x0 and the integral of exp(A (t - s)) b(s)."""
+    """x' = A x + (0, push(t)) for A that swings, in forty digits: exp(A t) x0 and the integral of exp(A (t - s)) b(s).
+
+    exp(A t) = exp(c t) (cos(w t) 1 + sin(w t)/w (A - c 1)) where the eigenvalues of A are c + i w and c - i w.
+    """
     mpmath.mp.dps = 40
     a = mpmath.matrix(matrix)
-    free = mpmath.expm(a * time) * mpmath.matrix(start)
+    c = (a[0, 0] + a[1, 1]) / 2
+    w = mpmath.sqrt(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0] - c**2)
 
-    def kernel(row: int) -> object:
-        return mpmath.quad(
-            lambda s: (mpmath.expm(a * (time - s)) * mpmath.matrix([0, push(s)]))[row], mpmath.linspace(0, time, 9)
-        )  # type: ignore[operator]
+    def carried(x: object, t: object) -> object:
+        turned = mpmath.sin(w * t) / w * (a - c * mpmath.eye(2)) * x
+        return mpmath.exp(c * t) * (mpmath.cos(w * t) * x + turned)
 
-    return [float(free[i] + kernel(i)) for i in range(2)]
+    def driven(row: int) -> object:
+        return mpmath.quad(lambda s: carried(mpmath.matrix([0, push(s)]), time - s)[row], mpmath.linspace(0, time, 9))  # type: ignore[operator]
+
+    free = carried(mpmath.matrix(start), mpmath.mpf(time))
+    return [float(free[i] + driven(i)) for i in range(2)]
 
 
 @pytest.mark.parametrize(
@@ -103,10 +110,14 @@ def test_what_is_not_linear_or_not_constant_goes_by_steps(law: str) -> None:
     assert bondgraph.load(text).simulate(to=1.0, points=3).solver.startswith("Dormand-Prince 8")
 
 
-def test_what_cannot_be_followed_by_polynomials_goes_by_steps() -> None:
-    """An input a million times as fast as the reports: more intervals than are worth it."""
+def test_what_takes_many_polynomials() -> None:
     fast = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(1e3 [1/s]*time)"}, to=1.0, points=3)
     assert fast.solver == "matrix exponential" and fast.steps > 100
+
+
+@pytest.mark.machine_code  # 1e5 steps, which as Python take two minutes; who takes them is decided before
+def test_what_cannot_be_followed_by_polynomials_goes_by_steps() -> None:
+    """An input a million times as fast as the reports: more intervals than are worth it."""
     faster = bondgraph.load(SECOND_ORDER).simulate(settings={"push": "1 N*sin(3e5 [1/s]*time)"}, to=1.0, points=3)
     assert faster.solver.startswith("Dormand-Prince 8")
 
