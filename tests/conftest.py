@@ -11,6 +11,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Before numpy comes. Matrices are small here, and runs go side by side: threads of linear algebra that wait for a core that another run has took a
+# random graph from 5 s of processor time to 120.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from bondgraph.prepared import chosen_target
 
 # The same examples in every run: what fails here fails everywhere.
