@@ -60,6 +60,7 @@ NEAR = 1e-4  # of a step: so far apart two of their values tell a slope
 SLOW = 0.1  # contraction beyond which Newton's method takes a Jacobian anew there
 BACK_ITERATIONS, BACK_PATIENT = 8, 1  # of Newton's method there; in a row that are slow with a new Jacobian
 LEFT = 1e-3  # of a tolerance, which it may leave
+FIRST_ULPS = 1e3  # of the time: no run begins with steps that rounding leaves nothing of
 SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 # A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
 # its start than a share of it; but not again and again.
@@ -330,7 +331,8 @@ class Radau:
         self._side = self._side_at(time, state)
 
     def _first_size(self) -> float:
-        """Hairer, Nørsett and Wanner, Solving ODEs I, section II.4, from slopes of the differential part."""
+        """Hairer, Nørsett and Wanner, Solving ODEs I, section II.4, from slopes of the differential part. A state below its tolerance, as a jump
+        leaves it of what was large, tells no length: what moves all by a hundredth of the tolerance is short enough."""
         problem, span = self.problem, self.stop - self.time
         scale = problem.absolute + np.abs(self.state) * problem.relative
 
@@ -338,7 +340,7 @@ class Radau:
             return _norm(np.where(problem.differential & np.isfinite(scale), x / scale, 0.0))
 
         d0, d1 = size(self.state), size(self._rate)
-        h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+        h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * max(d0, 1.0) / d1
         h0 = min(h0, span)
         moved = self.state + h0 * np.where(problem.differential, self._rate, 0.0)
         d2 = size(self._function(self.time + h0, moved) - self._rate) / h0
@@ -346,7 +348,7 @@ class Radau:
         h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else (0.01 / largest) ** 0.25
         if not np.isfinite(h1):
             h1 = h0
-        return float(min(100 * h0, h1, span))
+        return float(min(max(min(100 * h0, h1), FIRST_ULPS * float(np.spacing(self.time))), span))
 
     def _guess(self, size: float) -> Any:
         """Stages from the last step's polynomial, carried on."""
