@@ -7,7 +7,8 @@ import pytest
 
 import bondgraph
 from bondgraph.simulation.steps.factorise import dense
-from bondgraph.simulation.steps.radau import LOOSE, Problem, Radau, StepFailed, allowed_estimate
+from bondgraph.simulation.steps.radau import Problem, Radau, StepFailed
+from bondgraph.simulation.steps.tolerances import LOOSE, allowed_estimate
 from tests.compiling import MODELS
 
 

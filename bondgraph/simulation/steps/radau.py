@@ -1,11 +1,12 @@
 """Radau IIA of order 5 for M y' = f(t, y) with M = diag(1 … 1, 0 … 0): differential equations, and those with unknowns of loops.
 
 Hairer and Wanner, Solving Ordinary Differential Equations II, sections IV.8 (the method, its simplified Newton iteration, its
-error estimate) and VI.1 (problems with M). Three things differ from the program that comes with that book:
+error estimate) and VI.1 (problems with M). Four things differ from the program that comes with that book:
 
 - Within a step the quintic through values and slopes of the last three step ends is evaluated, which has the order of the
   method; the slope at a step's end is that of the collocation polynomial, so that stiffness does not magnify its error.
 - The caller gives states divided by their magnitudes, and a factorisation that scales rows.
+- Where a step ends, the unknowns of loops must solve their equations, whatever the slopes say that iterated them.
 - A step that is rejected again and again although it gets shorter is told from one that is too long: what is left is round-off.
 """
 
@@ -18,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .ends import End, hermite
+from .tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance
 
 _S6 = 6**0.5
 C = np.array([(4 - _S6) / 10, (4 + _S6) / 10, 1.0])
@@ -50,10 +52,11 @@ P = np.array(
 D = P @ np.array([1.0, 2.0, 3.0])
 INNER = tuple(C[:-1].tolist())  # places of a step where the limits of a model are looked at
 NEWTON_ITERATIONS = 6
-EPSILON = float(np.finfo(float).eps)
-FIRST = 1e-2  # of what other iterations may leave: one that begins without a guess tells too little of how it converges
 SLOWEST = 0.9  # contraction of a single number of the stages by an iteration: what is slower counts as that
 CREEPING = 0.5  # and what is faster needs no look of its own
+UNSOLVED = 0.5  # of what was left of a loop's equation before the last change: it is no solution where more is left
+SOLVED = 0.01  # of the tolerance, by which the unknown of a loop may miss its equation
+ROUNDED = 1e-12  # of the terms of such an equation: rounding
 STIFF = 300.0  # times its own size a state would change in a step, if the others did not follow
 SURE = 0.3  # of the tolerance: polynomials within a step that differ by less are both right
 NEAR = 1e-4  # of a step: so far apart two of their values tell a slope
@@ -70,25 +73,6 @@ CLOSE, ROUNDS = 1e-9, 12  # of a step, to which a bend is found, and tries to fi
 BEYOND = 1e-6  # of a step that ends at a bend: so far behind its end the other side is looked at
 STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps that are so much shorter must have helped
 PATIENT = 3  # rejected tries after which steps get shorter at once
-LOOSE = 1e-6  # a relative tolerance above which the estimate is held to less than it
-
-
-def allowed_estimate(relative: float) -> float:
-    """How many times a tolerance the estimate may be.
-
-    Steps go as the fourth root of the estimate and the error as their fifth power: for an error that follows the tolerance, tolerance^(4/5) is asked of
-    the estimate where that is less (Hairer and Wanner, section IV.8, take the power 2/3 throughout)."""
-    return 1.0 if relative <= LOOSE else float((relative / LOOSE) ** -0.2)
-
-
-def newton_tolerance(relative: float, share: float = 1.0) -> float:
-    """What an iteration may leave, in parts of a tolerance; or a share of that."""
-    return float(max(10 * EPSILON / relative, share * min(0.03, relative**0.5)))
-
-
-def creeping_tolerance(relative: float) -> float:
-    """The same of a single number of the stages: more, as one alone shows what rounding leaves."""
-    return max(newton_tolerance(relative), float(100 * EPSILON / relative))
 
 
 class Factorised(Protocol):
@@ -126,6 +110,7 @@ class Problem:
     longest: float = np.inf  # no step is longer
     hold: Callable[[float, Any], Any] | None = None  # brings the end of a step onto the invariants of the states
     bends: Callable[[float, Any], Any] | None = None  # time, state -> zero where a law bends
+    terms: Callable[[Any, Any], Any] = lambda jacobian, state: 0.0  # per row, the sum of the sizes of what it adds up
 
 
 class Radau:
@@ -143,7 +128,8 @@ class Radau:
         self._creeping_tolerance = creeping_tolerance(problem.relative)
         self._allowed = allowed_estimate(problem.relative)
         self._jacobian: Any = None
-        self._explicit = bool(np.all(problem.differential))  # no unknowns of loops
+        self._explicit = bool(np.all(problem.differential))  # no unknowns of loops, nor of closing joints
+        self._has_loops = not self._explicit and problem.hold is None
         self._current = False  # whether the Jacobian is that of this state
         self._side: Any = None  # of the bends on which it was taken
         self._real: Factorised | None = None
@@ -219,6 +205,10 @@ class Radau:
                 if share < 1:
                     bent, size = bent + 1, share * size
                     continue
+            if norm <= 1 and self._misses(end, new, size, scale):
+                reason, size = "newton", 0.5 * size if self._current else size
+                self._renew(time, state)
+                continue
             if not norm <= 1:
                 reason = "error"
                 factor = 0.1 if not np.isfinite(norm) else self._factor(size, norm)
@@ -402,9 +392,32 @@ class Radau:
             asked = self._first_newton_tolerance if first else self._newton_tolerance
             creeps = bool(last) and _left(share, before) >= self._creeping_tolerance
             if norm == 0 or (last and rate / (1 - rate) * norm < asked and not creeps):
+                self._residual = f[2]
                 return stages, iteration + 1, rate
             last, before = norm, share
         return None
+
+    def _misses(self, end: float, new: Any, size: float, scale: Any) -> bool:
+        """Whether the unknowns of loops do not solve their equations where a step ends. Slopes of another place, as of a diode that conducts no more, may be
+        so much too steep that iterations change nothing; where as much is left of an equation as before the last one, slopes of the end tell how much it is.
+        """
+        if not self._has_loops:
+            return False
+        self._ahead = self._function(end, new)
+        left = np.where(self.problem.differential, 0.0, self._ahead)
+        terms = self.problem.terms(self._jacobian, new)
+        if (np.abs(left) <= np.maximum(ROUNDED * terms, UNSOLVED * np.abs(self._residual))).all():
+            return False
+        current = self._current
+        self._renew(end, new)
+        self.evaluations["factorisation"] += 1
+        try:
+            self.factors = self.problem.shifted(MU_REAL / size, self._jacobian)
+            off = self.factors.solve(left) / scale
+        except (ValueError, RuntimeError, np.linalg.LinAlgError):
+            off = np.array([np.inf])
+        self._current = current
+        return not np.abs(off[~self.problem.differential]).max() <= SOLVED
 
     def _estimate(self, time: float, state: Any, size: float, stages: Any, new: Any, rejected: bool) -> Any:
         """The error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
@@ -435,7 +448,7 @@ class Radau:
         factor = min(LARGEST, safety * self._factor(size, norm))
         self._last_size, self._last_error = size, max(norm, 1e-2)
         self.time, self.state, self._stages = end, new, stages
-        self._rate = self._function(end, new)
+        self._rate = self._ahead if self._has_loops else self._function(end, new)
         if self.problem.hold is not None:  # multipliers that were solved for another state say nothing of an error
             self._rate = np.where(self.problem.differential, self._rate, 0.0)
         stale = iterations > 2 and rate > 1e-3

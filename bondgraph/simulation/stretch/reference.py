@@ -47,6 +47,9 @@ def reference(
     def jacobian(time: float, scaled: Any) -> Any:
         return eliminated.entries(time, scaled * magnitude, *fixed) * ratio
 
+    def terms(entries: Any, scaled: Any) -> Any:
+        return np.bincount(rows, np.abs(entries * scaled[columns]), len(x))
+
     relative = stepper.tolerances.relative
     from ..steps.factorise import dense, is_large, sparse
 
@@ -54,7 +57,7 @@ def reference(
     follows = follower(program, stepper.inputs, stepper.constants, stretch, stepper.signals(stretch))
     problem = Problem(
         derivative, jacobian, shifted, differential, relative, stepper.tolerances.scaled if absolute is None else absolute,
-        follows, stepper.longest,
+        follows, stepper.longest, terms=terms,
     )  # fmt: skip
     if program.bends is not None:
         bends = program.bends

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..stretch.stepper import Solver, Stepper
 
 MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
+LOOSE = 1e-8  # a relative tolerance that may be tightened
 HUGE = 1e280  # near the largest number there is
 MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
 
@@ -95,6 +96,9 @@ def stuck(
             f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
             "for a number. Likely causes: a law that grows like an exponential, or a unit that is missing"
         )
+    loops = len(program.unknowns.names) > 0 and tolerances.relative > LOOSE
+    bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
+    steep = bend if loops else ""
     if what == "steps":
         most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
         return (
@@ -104,12 +108,12 @@ def stuck(
     if what == "round-off":
         return (
             f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
-            "are subtracted from each other. Loosen the tolerance, or give its `nominal`"
+            f"are subtracted from each other. Loosen the tolerance, or give its `nominal`{steep}"
         )
     if what == "newton":
         return (
             f"{begin}: its equations could not be solved, however short the step; {value} is involved. Likely causes: a law that "
-            "jumps, an algebraic loop that loses its solution there, or a singular model"
+            f"jumps, an algebraic loop that loses its solution there, or a singular model{steep}"
         )
     return (
         f"{begin}: its step fell below round-off; {value} changes fastest. Likely causes: a jump in a law, a solution that "

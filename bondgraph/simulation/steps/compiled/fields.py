@@ -15,7 +15,8 @@ from ...watch.choice import WORST
 from .. import pair
 from ..factorise import is_large
 from ..methods import ENERGY, RADAU
-from ..radau import FIRST, STUBBORN, allowed_estimate, creeping_tolerance, newton_tolerance
+from ..radau import STUBBORN
+from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance
 from .factors import ComplexFactors, Factors, room_for
 
 if TYPE_CHECKING:

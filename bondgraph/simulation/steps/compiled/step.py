@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from ... import segments
 from .. import radau
 from .bending import after_bend, bends_of, first_bend
-from .dense import factorise, solve_complex, solve_real
+from .dense import factorise, factorise_real, solve_complex, solve_real
 from .holding import hold, put_multipliers
-from .sparse import ANEW, SINGULAR
+from .sparse import ANEW, FINE, SINGULAR
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
 SLOWEST, CREEPING = radau.SLOWEST, radau.CREEPING
+UNSOLVED, SOLVED, ROUNDED = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED
 SHORTER = radau.SHORTER
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 POWER = 0.25  # of the estimate, as steps go
@@ -71,7 +72,13 @@ def step(s: Stepper) -> int:
                 size *= share
                 continue
         if norm <= 1.0:
-            break
+            if not misses(s, end, size):
+                break
+            reason = NEWTON
+            if s.current != 0:
+                size *= 0.5
+            renew(s)
+            continue
         reason = ERROR
         wish = max(SMALLEST, safety * (factor(s, size, norm, POWER) if isfinite(norm) else 0.1))
         rejected += 1
@@ -124,7 +131,11 @@ def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejec
         s.stages[i] = s.z[i]
     s.last_size = size
     s.last_error = max(norm, 1e-2)
-    rates(s, end, s.state, s.rate)
+    if has_loops(s):
+        for i in range(n):
+            s.rate[i] = s.f[n + i]
+    else:
+        rates(s, end, s.state, s.rate)
     if s.closed.gaps > 0:
         for i in range(s.differential, n):
             s.rate[i] = 0.0
@@ -427,6 +438,43 @@ def share(s: Stepper) -> float:
         part = s.error[i] / (s.allowed_estimate * (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative))
         total += part * part
     return sqrt(total) / sqrt(float(s.n))
+
+
+def has_loops(s: Stepper) -> bool:
+    """Whether there are unknowns of algebraic loops; those of closing joints are none."""
+    return s.differential < s.n and s.closed.gaps == 0
+
+
+def misses(s: Stepper, end: float, size: float) -> bool:
+    """See `radau.Radau._misses`. The rates of the last iteration are still in `f`; those at the end come there, in the place of the second stage."""
+    n = s.n
+    if not has_loops(s):
+        return False
+    ahead = s.f[n:]
+    rates(s, end, s.new, ahead)
+    for i in range(n):
+        s.rest[i] = 0.0
+    for k in range(s.entry_count):
+        s.rest[s.rows[k]] += abs(s.jacobian[k] * s.new[s.columns[k]])
+    solved = True
+    for i in range(n):
+        s.w[i] = ahead[i] if i >= s.differential else 0.0
+        if not abs(s.w[i]) <= max(ROUNDED * s.rest[i], UNSOLVED * abs(s.f[2 * n + i])):
+            solved = False
+    if solved:
+        return False
+    current = s.current
+    renew_at(s, end, s.new)
+    s.current = current
+    s.factorisations += 1
+    s.factorised_size = size
+    if factorise_real(s, MU_REAL / size) != FINE:
+        return True
+    solve_real(s, s.w)
+    for i in range(s.differential, n):
+        if not abs(s.w[i]) * s.per_tolerance[i] <= SOLVED:
+            return True
+    return False
 
 
 def factor(s: Stepper, size: float, norm: float, power: float) -> float:
