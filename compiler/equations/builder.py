@@ -24,7 +24,7 @@ from ..graph.network import (
 )
 from ..graph.prune import adjustable
 from ..source import Span
-from .errors import Undetermined
+from .errors import NothingLeft, Undetermined
 from .naming import bond_names, port_name, unit_of
 from .system import (
     Argument,
@@ -321,8 +321,7 @@ class EquationBuilder:
             number = self._node_numbers[f"{reading.node}.{reading.port}"]
         node = self.graph.nodes[number]
         if isinstance(node, Junction):
-            bond = self.graph.incident[number][0]
-            variable = (self.efforts if reading.variable == "e" else self.flows)[bond]
+            variable = self._at_junction(number, node, reading)
         else:
             port = next(i for i, p in enumerate(node.ports) if p.name == reading.port)
             bond = self.bond_of[End(number, port)]
@@ -333,6 +332,15 @@ class EquationBuilder:
                 variable = self.variable(port_name(node, port, reading.variable), "computed", unit)
         self.readings[reading] = variable
         return variable
+
+    def _at_junction(self, number: int, node: Junction, reading: Reading) -> int:
+        """Of its first bond; zeros may have left none."""
+        bonds = self.graph.incident[number]
+        if bonds:
+            return (self.efforts if reading.variable == "e" else self.flows)[bonds[0]]
+        kind = "effort" if reading.variable == "e" else "flow"
+        self.diagnostics.append(NothingLeft(node.span, node.name, kind))
+        return self.variable(f"{node.name}.{reading.variable}", "computed", "1")
 
     def _output(self, name: str, definition: Bound | None, unit: str, span: Span) -> int:
         if name in self.quantities:

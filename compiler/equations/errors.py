@@ -47,3 +47,14 @@ class NotConservative(Diagnostic):
     over_second: str
     opposite: str
     where: str
+
+
+@dataclass(frozen=True, slots=True)
+class NothingLeft(Diagnostic):
+    """BG406."""
+
+    code = "BG406"
+    title = "Nothing is left at the junction `{node}`: all that hangs on it is zero, so its {variable} has no value"
+    advice = "Give one of them a value that is not zero, or leave out what reads `{node}`."
+    node: str
+    variable: str
