@@ -143,3 +143,21 @@ def test_where_rounding_of_a_stiff_matrix_would_tell_it_goes_by_steps(ratio: flo
     found = bondgraph.load(text).simulate(to=3.0, points=31)
     np.testing.assert_allclose(found["u"], np.exp(-found.time / 2), rtol=0, atol=1e-7 + 1 / ratio)
     assert ("Radau" in found.solver) == (ratio == 1e12)
+
+
+@pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
+def test_what_goes_by_steps_after_all_takes_a_bandwidth(target: str) -> None:
+    """Noise is no polynomial: the linear model is stepped through, and it is asked there what is faster. Nothing is."""
+    model = bondgraph.load(SECOND_ORDER.replace("F = push", "F = push + 0.01 N*noise(time, 20 ms, 7)"))
+    found, plain = (model.simulate(to=1.0, points=11, bandwidth=b, target=target) for b in (1.0, None))
+    assert found.solver.startswith("Dormand-Prince 8")
+    assert found.left_out is not None and not found.left_out.modes
+    assert (found.values == plain.values).all()
+
+
+@pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
+@pytest.mark.parametrize("atol", [0.0, -1.0, float("nan"), float("inf"), 1e-300])
+def test_an_absolute_tolerance_is_a_positive_number(target: str, atol: float) -> None:
+    """With none at all the first step had no length, and machine code went on for ever."""
+    with pytest.raises(bondgraph.UsageError, match=r"^atol = "):
+        bondgraph.load(SECOND_ORDER).simulate(to=1.0, atol=atol, target=target)

@@ -170,12 +170,10 @@ class Stepper:
         if self.history is not None:
             self.history.window = stretch.start, stretch.stop
         x = self.held(stretch.start, x, stretch.mode)
-        if self.leaving is not None and not self.linear and len(self.program.states.names):
-            x = self.leaving.begin(self, stretch, x)
-        while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
-            self.result.states[self.position] = x
-            self.position += 1
-        self.keep(stretch.start, x, stretch.mode, stretch.start)
+        first = self.position
+        if not self.linear:
+            x = self._without_ringing(stretch, x)
+        self._put_start(stretch, x, first)
         if not len(self.program.states.names):
             return without_states(self, stretch, x)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
@@ -193,7 +191,24 @@ class Stepper:
                 "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
                 "inputs a few thousand polynomials can follow; leave the solver to choose"
             )
+        if self.linear:  # but not to be solved exactly
+            x = self._without_ringing(stretch, x)
+            self._put_start(stretch, x, first)
         return self._by_steps(stretch, x)
+
+    def _put_start(self, stretch: Segment, x: Any, first: int) -> None:
+        """The state in which a stretch starts, at all reported instants from the first on that are no later."""
+        self.position = first
+        while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
+            self.result.states[self.position] = x
+            self.position += 1
+        self.keep(stretch.start, x, stretch.mode, stretch.start)
+
+    def _without_ringing(self, stretch: Segment, x: Any) -> Any:
+        """The state without what is faster than the bandwidth, if there is one."""
+        if self.leaving is None or not len(self.program.states.names):
+            return x
+        return self.leaving.begin(self, stretch, x)
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """One stretch by a method that chooses its steps."""
