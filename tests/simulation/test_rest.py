@@ -36,6 +36,13 @@ def test_a_hardening_spring_under_load() -> None:
     assert found["spring.x"] == pytest.approx(root, rel=1e-12) and found["mass.v"] == pytest.approx(0, abs=1e-12)
 
 
+def test_rates_that_are_no_numbers_are_told_by_name() -> None:
+    """Where the search begins, a law divides by what is zero: numpy's own error came through."""
+    text = "model A {\n  parameter m = 1 kg\n  I mass : p = m*v\n  I load : p = 1 kg*v\n  R drag : F = 2 [N*s/m]*v\n  C rope : F = 5 [N/m]*x\n  1 a, b\n  0 ab\n  a -> mass, drag\n  a -> ab -> b\n  ab -> rope\n  b -> load\n  output v = mass.p*rope.x/m\n}\n"
+    with pytest.raises((RunFailed, bondgraph.CompilationFailed), match=r"mass|`m`"):
+        bondgraph.load(text).modes(settings={"m": 0})
+
+
 def test_a_diode_behind_a_resistor_charges_a_capacitor() -> None:
     """In the end no current flows but the load's: through diode and resistors alike."""
     body = "  Se s : u = 5 V\n  R series : u = 10 ohm*i\n  R diode : i = 1 nA*(exp(u/26 mV) - 1)\n  C c : u = q/(100 uF)\n  R load : u = 1000 ohm*i\n  s -> 1(series, diode) -> 0(c, load)"

@@ -17,6 +17,7 @@ from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments import Segment
 from ..steps.factorise import is_large
+from ..watch.stuck import not_finite
 
 STEPS = 400
 GROWTH = 2.0
@@ -36,6 +37,12 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
         return state
     search = _search(program, constraints, inputs, first)
     x, slope, jacobian = search.at(np.array(state))
+    if not np.isfinite(slope).all():
+        raise not_finite(program, first.start, slope, x, first.mode)
+    if not np.isfinite(abs(jacobian).max()):
+        raise RunFailed(
+            f"at t = {first.start:.9g} s the rates have slopes that are not finite: no equilibrium is found"
+        )
     if not slope.any():
         return x
     if search.distance(slope, jacobian) <= CLOSE:
