@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 DEFAULT_RTOL = 1e-6
 RTOL = 1e-13, 0.1
+ATOL = 1e-200, 1e200  # in SI units: squares of numbers in parts of it must be numbers
 DEFAULT_POINTS = 501
 ENERGY_METHOD = "energy"  # the solver that asks for the stored energy
 MOST_CHOICES = 1000  # of states in one run
@@ -60,6 +61,8 @@ def check_wanted(wanted: Wanted) -> None:
         hertz(wanted.bandwidth)
     if wanted.rtol is not None:
         _checked("rtol", wanted.rtol, *RTOL)
+    if wanted.atol is not None:
+        _checked("atol", wanted.atol, *ATOL)
     if wanted.points is not None:
         _count(wanted.points)
 
@@ -124,6 +127,8 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
+    if atol is not None:
+        _checked("atol", atol, *ATOL)
     bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
     run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, solver, began, bandwidth)
     if start is not None:

@@ -331,7 +331,7 @@ class Radau:
 
         d0, d1 = size(self.state), size(self._rate)
         h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * max(d0, 1.0) / d1
-        h0 = min(h0, span)
+        h0 = min(h0, span) if np.isfinite(h0) else 1e-6 * span
         moved = self.state + h0 * np.where(problem.differential, self._rate, 0.0)
         d2 = size(self._function(self.time + h0, moved) - self._rate) / h0
         largest = max(d1, d2)
