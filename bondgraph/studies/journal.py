@@ -1,7 +1,7 @@
 """What of a study is done, in a file: each task's answers as soon as they are there, so that after a crash nothing is made twice.
 
 The file begins with a digest of all that the answers depend on: the text and what it imports, the question, the points, our own code. Behind
-it stand records: the number of the first point, the length, a hash, the answers. A record is written in one piece and synced; a tail that is
+it stand records: how many answers, the length, a hash, the answers by the numbers of their points. A record is written in one piece and synced; a tail that is
 not whole (the power went) is cut off. Answers are read back by an unpickler that knows arrays and our own nouns, and nothing else.
 """
 
@@ -12,7 +12,7 @@ import io
 import os
 import pickle
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import UsageError
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .sharing import Question
 
 SCHEMA = b"bondgraph-journal/1\n"
-_HEAD = struct.Struct("<QQ")  # first point, length
+_HEAD = struct.Struct("<QQ")  # answers, length
 _HASH = 32
 _PLAIN = {
     ("collections", "OrderedDict"),
@@ -73,10 +73,10 @@ class Journal:
         self._stream.truncate()
         return {i: x for i, x in found.items() if i < len(points)}
 
-    def add(self, first: int, answers: Sequence[Any]) -> None:
-        """The answers of a task, whole or not at all."""
-        body = pickle.dumps(list(answers), protocol=5)
-        head = _HEAD.pack(first, len(body))
+    def add(self, answers: Mapping[int, Any]) -> None:
+        """Some answers by the numbers of their points, whole or not at all."""
+        body = pickle.dumps(dict(answers), protocol=5)
+        head = _HEAD.pack(len(answers), len(body))
         self._write(head + hashlib.sha256(head + body).digest() + body)
 
     def close(self) -> None:
@@ -127,7 +127,7 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
     found: dict[int, Any] = {}
     at = begin
     while at + _HEAD.size + _HASH <= len(content):
-        first, length = _HEAD.unpack_from(content, at)
+        _, length = _HEAD.unpack_from(content, at)
         start = at + _HEAD.size + _HASH
         head, told, body = (
             content[at : at + _HEAD.size],
@@ -136,7 +136,10 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
         )
         if len(body) < length or hashlib.sha256(head + body).digest() != told:
             break
-        found |= dict(enumerate(_Known(io.BytesIO(body)).load(), first))
+        some = _Known(io.BytesIO(body)).load()
+        if not isinstance(some, dict):
+            raise pickle.UnpicklingError(type(some).__name__)
+        found |= some
         at = start + length
     return found, at
 

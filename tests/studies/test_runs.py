@@ -18,7 +18,7 @@ import pytest
 
 import bondgraph
 from bondgraph.prepared import chosen_target
-from bondgraph.studies import sharing
+from bondgraph.studies import sharing, workers
 from tests.compiling import MODELS
 
 TEXT = """
@@ -39,7 +39,7 @@ SETTINGS: list[dict[str, str | float]] = [{"m": 0.5 + 0.1 * i, "k": 80.0 + i, "p
 
 
 @contextmanager
-def workers(kind: str) -> Iterator[Executor | None]:
+def executor_of(kind: str) -> Iterator[Executor | None]:
     if kind == "own":
         yield None
         return
@@ -54,7 +54,7 @@ def test_each_is_what_it_is_by_itself(kind: str, target: str) -> None:
         pytest.skip("there is no LLVM, or it is hidden")
     if kind == "processes" and target == "numpy":
         pytest.skip("seconds")
-    with workers(kind) as executor:
+    with executor_of(kind) as executor:
         found = bondgraph.load(TEXT).simulate_many(SETTINGS, target=target, workers=2, executor=executor)
     assert len(found) == len(SETTINGS) and found.failures == {} and found.settings == tuple(SETTINGS)
     assert found["x"].shape == (11, 51) and found.unit("x") == "m" and len(found.time) == 51
@@ -123,8 +123,7 @@ def test_whoever_has_threads_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> N
     other = threading.Thread(target=stop.wait)
     other.start()
     try:
-        with sharing._others(2) as (own, copied):
-            assert isinstance(own, ThreadPoolExecutor) and not copied
+        assert not workers.can_be_copied()
     finally:
         stop.set()
         other.join()
