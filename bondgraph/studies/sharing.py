@@ -32,8 +32,9 @@ MOST_KEPT = 8  # models that a worker keeps ready
 WRONG = (RunFailed, CompilationFailed, UsageError)  # at a point, part of its answer
 Progress = Callable[[int, int], None]
 
-_MODELS: dict[str, Model] = {}  # ready in this process, and in copies of it
-_FIRST = threading.Lock()
+_MODELS: dict[str, Model] = {}  # ready in this process
+_OWNERS: dict[str, int] = {}  # how many share out points of them from here
+_FIRST, _OWNING = threading.Lock(), threading.Lock()
 
 
 class Question(Protocol):
@@ -137,9 +138,11 @@ def _begun(task: Task) -> tuple[Model, list[Any]]:
 
     model = Model(task.source, task.model)
     found = [task.question.answer(model, task.points[0])]
-    while len(_MODELS) >= MOST_KEPT:
-        _MODELS.pop(next(iter(_MODELS)), None)
-    _MODELS[task.key] = model
+    with _OWNING:
+        kept = [key for key in _MODELS if key not in _OWNERS]
+        for key in kept[: max(0, len(kept) - MOST_KEPT + 1)]:
+            del _MODELS[key]
+        _MODELS[task.key] = model
     return model, found
 
 
@@ -153,17 +156,19 @@ def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
 
 @contextmanager
 def _ready(model: Model) -> Iterator[str]:
-    """The model under a key by which tasks find it."""
+    """The model under a key by which tasks find it in this process; as long as one of those who share out points of this text needs it."""
     key = key_of(model)
-    before = _MODELS.get(key)
-    _MODELS[key] = model
+    with _OWNING:
+        _OWNERS[key] = _OWNERS.get(key, 0) + 1
+        _MODELS.setdefault(key, model)
     try:
         yield key
     finally:
-        if before is None:
-            _MODELS.pop(key, None)
-        else:
-            _MODELS[key] = before
+        with _OWNING:
+            _OWNERS[key] -= 1
+            if not _OWNERS[key]:
+                del _OWNERS[key]
+                _MODELS.pop(key, None)
 
 
 def key_of(model: Model) -> str:

@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -236,6 +237,43 @@ except bondgraph.RunFailed as failed:
 """
     root = Path(bondgraph.__file__).parents[1]
     return subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True).stdout
+
+
+def test_two_who_share_out_the_same_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first to end leaves the other its model, and the last leaves nothing behind."""
+    monkeypatch.setattr(sharing, "_begun", None)  # nobody compiles it again
+    models, met, ended = [bondgraph.load(TEXT) for _ in range(2)], threading.Barrier(2), threading.Event()
+    found: dict[int, list[Any]] = {}
+
+    def share(number: int, points: int) -> None:
+        with ThreadPoolExecutor(1) as executor:
+            asked = _Meeting(met, ended, number)
+            found[number] = answers(models[number], asked, range(points), Sharing(executor=executor))
+        ended.set()
+
+    threads = [threading.Thread(target=share, args=given) for given in ((0, 2), (1, 300))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == {0: [0, 1], 1: [*range(300)]}
+    assert sharing._MODELS == {} and sharing._OWNERS == {}
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """Both begin, then the first ends; only then the other goes on."""
+
+    met: threading.Barrier = field(repr=False)
+    ended: threading.Event = field(repr=False)
+    number: int
+
+    def answer(self, model: Any, point: int) -> int:
+        if point == 0:
+            self.met.wait(60)
+        elif self.number == 1:
+            assert self.ended.wait(60)
+        return point
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
