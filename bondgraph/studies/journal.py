@@ -15,7 +15,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from ..errors import UsageError
+from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -25,6 +25,7 @@ SCHEMA = b"bondgraph-journal/1\n"
 _HEAD = struct.Struct("<QQ")  # answers, length
 _HASH = 32
 _PLAIN = {
+    *((home, name) for home in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")),  # of a text
     ("collections", "OrderedDict"),
     ("collections", "Counter"),
     ("builtins", "complex"),
@@ -75,7 +76,7 @@ class Journal:
 
     def add(self, answers: Mapping[int, Any]) -> None:
         """Some answers by the numbers of their points, whole or not at all."""
-        body = pickle.dumps(dict(answers), protocol=5)
+        body = pickle.dumps({i: _readable(answer) for i, answer in answers.items()}, protocol=5)
         head = _HEAD.pack(len(answers), len(body))
         self._write(head + hashlib.sha256(head + body).digest() + body)
 
@@ -144,11 +145,29 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
     return found, at
 
 
+def _readable(answer: Any) -> Any:
+    """An answer as it can be read again. What went wrong at a point may hold anything: then its words are kept."""
+    if not isinstance(answer, Exception):
+        return answer
+    try:
+        _Known(io.BytesIO(pickle.dumps(answer, protocol=5))).load()
+    except Exception:
+        return RunFailed(str(answer))
+    return answer
+
+
 class _Known(pickle.Unpickler):
     """Arrays and our own nouns: nothing that a file could be made to do."""
 
     def find_class(self, module: str, name: str) -> Any:
-        ours = module.split(".")[0] in ("bondgraph", "compiler") and name[:1].isupper() and name.isidentifier()
-        if not ours and (module, name) not in _PLAIN:
-            raise pickle.UnpicklingError(f"{module}.{name}")
-        return super().find_class(module, name)
+        if (module, name) in _PLAIN:
+            return super().find_class(module, name)
+        if _ours(module) and name[:1].isupper() and name.isidentifier():
+            found = super().find_class(module, name)
+            if isinstance(found, type) and _ours(found.__module__):  # not one that a module of ours only uses
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name}")
+
+
+def _ours(module: str) -> bool:
+    return module.split(".")[0] in ("bondgraph", "compiler")

@@ -162,6 +162,50 @@ def test_a_journal_runs_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.parametrize("name", ["subprocess.Popen", "bondgraph.studies.workers.ProcessPoolExecutor", "pathlib.os"])
+def test_a_journal_reads_no_other_nouns(name: str) -> None:
+    """Nor those that modules of ours use."""
+    import io
+
+    from bondgraph.studies.journal import _Known
+
+    module, _, noun = name.rpartition(".")
+    with pytest.raises(pickle.UnpicklingError):
+        _Known(io.BytesIO(f"c{module}\n{noun}\n.".encode())).load()
+
+
+def test_a_journal_of_what_does_not_compile_in_a_file(tmp_path: Path) -> None:
+    """What is told names the file."""
+    (tmp_path / "m.bg").write_text(
+        "model B {\n  parameter n = 2\n  Se pull : F = 1 N\n  1 top : translation\n  pull -> top\n"
+        "  for i in 1..n { R drag[i] : F = 2 [N*s/m]*v\n    top -> drag[i] }\n  output v = top.v\n}\n"
+    )
+    kept: list[list[str]] = []
+    for _ in range(2):
+        journal = Journal(tmp_path / "j")
+        many = bondgraph.load(tmp_path / "m.bg").simulate_many(
+            [{"n": 1.0}, {"n": 1.5}], to=1, points=11, workers=1, journal=journal
+        )
+        journal.close()
+        kept.append([str(x) for x in many])
+    assert kept[0] == kept[1] and str(tmp_path / "m.bg") in kept[0][1]
+    assert list(many.failures) == [1] and type(many.failures[1]) is bondgraph.CompilationFailed
+
+
+def test_what_no_journal_can_read_is_kept_in_words(tmp_path: Path) -> None:
+    class Strange(Exception):
+        """Of nobody's module."""
+
+    journal = Journal(tmp_path / "j")
+    journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    journal.add({3: Strange("it was strange"), 4: {"square": 16.0}})
+    journal.close()
+    journal = Journal(tmp_path / "j")
+    found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    journal.close()
+    assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "it was strange" and found[4] == {"square": 16.0}
+
+
 def test_one_at_a_time(tmp_path: Path) -> None:
     pytest.importorskip("fcntl")
     first = Journal(tmp_path / "j")
