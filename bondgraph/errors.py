@@ -41,6 +41,10 @@ class RunBroken(Exception):
         self.result = result
 
 
+class PointBroken(RunFailed):
+    """The same at one of many points, which did not end the others."""
+
+
 class RateNotFinite(RunFailed):
     """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
 

@@ -16,7 +16,6 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..door import CompilationFailed
 from ..errors import RunFailed, UsageError
 from .workers import Answers, made
 
@@ -29,7 +28,6 @@ MOST_AT_ONCE = 64  # points of one task
 AHEAD = 3  # tasks that are a worker's share of what is left
 MOST_KEPT = 8  # models that a worker keeps ready
 
-WRONG = (RunFailed, CompilationFailed, UsageError)  # at a point, part of its answer
 Progress = Callable[[int, int], None]
 
 _MODELS: dict[str, Model] = {}  # ready in this process
