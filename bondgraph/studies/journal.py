@@ -76,7 +76,7 @@ class Journal:
 
     def add(self, answers: Mapping[int, Any]) -> None:
         """Some answers by the numbers of their points, whole or not at all."""
-        body = pickle.dumps({i: _readable(answer) for i, answer in answers.items()}, protocol=5)
+        body = _packed({i: _readable(answer) for i, answer in answers.items()})
         head = _HEAD.pack(len(answers), len(body))
         self._write(head + hashlib.sha256(head + body).digest() + body)
 
@@ -145,12 +145,21 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
     return found, at
 
 
+def _packed(what: Any) -> bytes:
+    """As classes say themselves. What others have told pickle for all of this process, as Dask does for exceptions, would not be read."""
+    stream = io.BytesIO()
+    pickler = pickle.Pickler(stream, protocol=5)
+    pickler.dispatch_table = {}
+    pickler.dump(what)
+    return stream.getvalue()
+
+
 def _readable(answer: Any) -> Any:
     """An answer as it can be read again. What went wrong at a point may hold anything: then its words are kept."""
     if not isinstance(answer, Exception):
         return answer
     try:
-        _Known(io.BytesIO(pickle.dumps(answer, protocol=5))).load()
+        _Known(io.BytesIO(_packed(answer))).load()
     except Exception:
         return RunFailed(str(answer))
     return answer

@@ -192,6 +192,19 @@ def test_a_journal_of_what_does_not_compile_in_a_file(tmp_path: Path) -> None:
     assert list(many.failures) == [1] and type(many.failures[1]) is bondgraph.CompilationFailed
 
 
+def test_what_others_tell_pickle_is_not_in_a_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask changes how exceptions go from process to process, for all of them."""
+    import copyreg
+
+    monkeypatch.setitem(copyreg.dispatch_table, bondgraph.RunFailed, lambda failed: (eval, ("1",)))
+    for _ in range(2):
+        journal = Journal(tmp_path / "j")
+        found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+        journal.add({3: bondgraph.RunFailed("at t = 1 s")})
+        journal.close()
+    assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "at t = 1 s"
+
+
 def test_what_no_journal_can_read_is_kept_in_words(tmp_path: Path) -> None:
     class Strange(Exception):
         """Of nobody's module."""
