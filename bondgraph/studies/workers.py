@@ -92,7 +92,7 @@ class _Others:
 
     def begin(self, count: int) -> None:
         """Start `count` of them."""
-        with _undisturbed():
+        with _undisturbed(), _all_or_none():
             for _ in range(AHEAD * count):
                 self.executor.submit(self.ask).add_done_callback(self._told)
         self.asked = AHEAD * count
@@ -192,8 +192,9 @@ def can_be_copied() -> bool:
 @contextmanager
 def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
     """Workers beside this process, which have ended when it is left."""
-    executor: Executor = ThreadPoolExecutor(count)
-    if copied:
+    if not copied:
+        executor: Executor = ThreadPoolExecutor(count)
+    else:
         import multiprocessing
 
         executor = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _begun_as_copy, (points,))
@@ -219,8 +220,33 @@ def _report() -> Answers:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """While workers begin."""
-    with warnings.catch_warnings():
-        # a copy of a process whose only threads are those of its linear algebra, which expects it
-        warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
+    """While workers begin. Ctrl-C comes afterwards: of one that is half begun nobody would know that it is to be ended."""
+    pressed: list[int] = []
+    before = signal.getsignal(signal.SIGINT) if threading.current_thread() is threading.main_thread() else None
+    if before is not None:  # None: it does not come here, or is not ours to hold back
+        signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+    try:
+        with warnings.catch_warnings():
+            # a copy of a process whose only threads are those of its linear algebra, which expects it
+            warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
+            yield
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGINT, before)
+    if pressed:
+        signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _all_or_none() -> Iterator[None]:
+    """If not all processes can be made, those that are there are ended: an executor does not end what it has not begun as a whole."""
+    import multiprocessing
+
+    before = set(multiprocessing.active_children())
+    try:
         yield
+    except OSError:
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()
+            process.join()
+        raise

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +21,7 @@ from bondgraph.studies.sharing import Sharing, answers
 from bondgraph.studies.workers import Points
 from tests.studies.test_sharing import TEXT
 
+only_linux = pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
 LONG = 60.0  # s, after which a point that waits fails
 CONTEXT = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
 
@@ -112,3 +115,75 @@ def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pyt
 
 def test_each_point_is_made_once(kind: str) -> None:
     assert found(lambda point, here: point**2, 3000, 3) == [i**2 for i in range(3000)]
+
+
+def run(code: str) -> str:
+    """What a process of its own prints, which has no threads; it has to end by itself."""
+    begin = (
+        "import os, signal\nimport multiprocessing as mp\nimport bondgraph\nfrom tests.studies.test_workers import *\n"
+    )
+    root = Path(bondgraph.__file__).parents[1]
+    return subprocess.run(
+        [sys.executable, "-c", begin + code], cwd=root, capture_output=True, text=True, check=True, timeout=LONG
+    ).stdout
+
+
+@only_linux
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_ctrl_c_while_others_are_started(number: int) -> None:
+    """When the first, second or third of three is made: none is left over, and the interpreter can end."""
+    assert (
+        run(f"""
+import multiprocessing.popen_fork as started
+plain, begun = started.Popen._launch, []
+def launch(self, what):
+    plain(self, what)
+    begun.append(1)
+    if len(begun) == {number}:
+        os.kill(os.getpid(), signal.SIGINT)
+started.Popen._launch = launch
+signal.signal(signal.SIGINT, signal.default_int_handler)
+try:
+    found(lambda point, here: point, 20, 4)
+except KeyboardInterrupt as pressed:
+    print(pressed, mp.active_children())
+print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+""")
+        == "interrupted when 1 of 20 were done []\nTrue\n"
+    )
+
+
+@only_linux
+def test_where_not_all_can_be_started() -> None:
+    """What was started is ended."""
+    assert (
+        run("""
+import multiprocessing.popen_fork as started
+plain, begun = started.Popen._launch, []
+def launch(self, what):
+    if len(begun) == 2:
+        raise BlockingIOError("no more processes")
+    plain(self, what)
+    begun.append(1)
+started.Popen._launch = launch
+try:
+    found(lambda point, here: point, 20, 4)
+except BlockingIOError as problem:
+    print(problem, len(begun), mp.active_children())
+""")
+        == "no more processes 2 []\n"
+    )
+
+
+@only_linux
+def test_within_a_worker_of_others() -> None:
+    """One of `multiprocessing.Pool` must not have processes of its own."""
+    assert (
+        run("""
+def call(count):
+    return found(lambda point, here: (point, os.getpid() == mp.current_process().pid), 20, count)
+with mp.get_context("fork").Pool(1) as pool:
+    print(pool.map(call, [1, 2, None]) == [[(i, True) for i in range(20)]] * 3)
+""")
+        == "True\n"
+    )
