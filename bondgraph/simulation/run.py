@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import index
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -401,9 +402,13 @@ def _number(where: str, text: str, unit: str) -> float | None:
 
 
 def _count(points: int) -> int:
-    if points < 2 or points > 10_000_000:
+    try:
+        count = index(points)
+    except TypeError:
+        count = 0
+    if not 2 <= count <= 10_000_000:
         raise UsageError("--points is a whole number from 2 to 10 000 000")
-    return points
+    return count
 
 
 def _checked(name: str, value: float, low: float, high: float) -> float:

@@ -36,7 +36,7 @@ class Failed:
 def why(problem: Exception) -> str:
     """What went wrong, in one line."""
     if isinstance(problem, CompilationFailed):
-        return "; ".join(f"{d.code} {d.title}" for d in problem.diagnostics) or "the model does not compile"
+        return "; ".join(f"{d.code} {d.sentence}" for d in problem.diagnostics) or "the model does not compile"
     return str(problem)
 
 

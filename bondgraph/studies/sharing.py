@@ -14,6 +14,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
+from operator import index
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import RunFailed, UsageError
@@ -65,9 +66,15 @@ class Sharing:
 
     def checked(self) -> Sharing:
         """With an executor of the standard interface. Raises `UsageError`."""
-        if self.workers is not None and self.workers < 1:
-            raise UsageError(f"workers = {self.workers}: at least one is needed")
-        return Sharing(self.workers, standard(self.executor), self.progress, self.journal)
+        workers = self.workers
+        if workers is not None:
+            try:
+                workers = index(workers)
+            except TypeError:
+                raise UsageError(f"workers = {workers!r}: a whole number is needed") from None
+            if workers < 1:
+                raise UsageError(f"workers = {workers}: at least one is needed")
+        return Sharing(workers, standard(self.executor), self.progress, self.journal)
 
 
 def standard(executor: Any) -> Executor | None:

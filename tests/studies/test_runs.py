@@ -90,7 +90,18 @@ def test_what_fails_stays_with_its_settings(count: int) -> None:
 
 def test_what_is_wrong_in_all_is_told_at_once() -> None:
     model = bondgraph.load(TEXT)
-    for wrong in ({"rtol": 2.0}, {"to": "3 kg"}, {"points": 1}, {"workers": 0}, {"target": "nothing"}):
+    for wrong in (
+        {"rtol": 2.0},
+        {"to": "3 kg"},
+        {"points": 1},
+        {"workers": 0},
+        {"target": "nothing"},
+        {"workers": 1.5},
+        {"workers": "2"},
+        {"workers": float("nan")},
+        {"points": 2.5},
+        {"points": "11"},
+    ):
         with pytest.raises(bondgraph.UsageError):
             model.simulate_many(SETTINGS, **wrong)  # type: ignore[arg-type]
 

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.errors import MissingPackage, PointBroken, RunBroken
+from bondgraph.errors import (
+    MissingPackage,
+    NotLossless,
+    PointBroken,
+    RateNotFinite,
+    RunBroken,
+    RunInterrupted,
+    StepsCollapsed,
+)
 from bondgraph.simulation import run
 from bondgraph.studies import asked, runs
 from tests.studies.test_runs import SETTINGS, TEXT
@@ -107,3 +115,26 @@ def test_a_failure_that_is_kept_holds_nothing_else() -> None:
         with pytest.raises(bondgraph.RunFailed) as caught:
             found[0]
     assert len(caught.traceback) == 2  # of the last time alone
+
+
+def test_all_that_goes_wrong_in_runs_goes_from_process_to_process() -> None:
+    """With what it says besides its words."""
+    result, state = bondgraph.load(TEXT).simulate(), np.array([1.0, 2.0])
+    for problem in (
+        RunInterrupted("interrupted at t = 1 s", result), RunBroken("broken", result), RateNotFinite("no number", 1.0, state),
+        StepsCollapsed("none", 1.0, state, ((2.0, state),), None), NotLossless(1.0, state, None), PointBroken("a defect"),
+    ):  # fmt: skip
+        problem.result = result
+        again: Any = pickle.loads(pickle.dumps(problem))
+        assert type(again) is type(problem) and str(again) == str(problem)
+        np.testing.assert_array_equal(again.result.values, result.values)
+        if isinstance(problem, RateNotFinite | StepsCollapsed | NotLossless):
+            assert again.time == 1.0 and (again.state == state).all()
+
+
+def test_why_a_point_does_not_compile_is_a_whole_sentence() -> None:
+    for given in ({"k": "1 kg"}, {"no_such": 1.0}):
+        with pytest.raises(bondgraph.CompilationFailed) as caught:
+            bondgraph.load(TEXT).simulate(settings=given)  # type: ignore[arg-type]
+        told = asked.why(caught.value)
+        assert told == "; ".join(f"{d.code} {d.sentence}" for d in caught.value.diagnostics) and "{" not in told
