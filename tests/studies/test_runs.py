@@ -106,6 +106,24 @@ def test_what_is_wrong_in_all_is_told_at_once() -> None:
             model.simulate_many(SETTINGS, **wrong)  # type: ignore[arg-type]
 
 
+def test_threads_that_share_a_model_may_forget_what_another_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What one has made it has, though others have just put it away."""
+    from bondgraph.model import compiled
+
+    class Racing(dict[object, object]):
+        """Another thread is always first."""
+
+        def pop(self, key: object, *default: object) -> object:
+            super().pop(key, None)
+            return super().pop(key, *default)
+
+    things = Racing({i: i for i in range(compiled.MOST_KEPT)})
+    compiled._kept(things, "new", "thing")
+    assert len(things) == compiled.MOST_KEPT and things["new"] == "thing" and 0 not in things
+    monkeypatch.setattr(compiled, "_kept", lambda things, key, thing: things.clear())
+    assert len(bondgraph.load(TEXT).simulate_many(SETTINGS, workers=1)) == len(SETTINGS)
+
+
 def test_nothing_to_run() -> None:
     found = bondgraph.load(TEXT).simulate_many([])
     assert len(found) == 0 and list(found) == []
