@@ -71,7 +71,7 @@ class Ensemble:
         if not isinstance(key, str):
             found = self.outcomes[key]
             if isinstance(found, Exception):
-                raise found
+                raise found.with_traceback(None)  # it may have been raised before
             return found
         import numpy as np
 

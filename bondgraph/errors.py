@@ -32,6 +32,9 @@ class RunInterrupted(KeyboardInterrupt):
         super().__init__(what)
         self.result = result
 
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Any, ...]]:
+        return type(self), (str(self), self.result)
+
 
 class RunBroken(Exception):
     """Something of ours, or of the machine, gave way in the middle of a run; `result` is what was computed up to then."""
@@ -41,6 +44,10 @@ class RunBroken(Exception):
         self.result = result
 
 
+class PointBroken(RunFailed):
+    """The same at one of many points, which did not end the others."""
+
+
 class RateNotFinite(RunFailed):
     """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
 
@@ -48,8 +55,12 @@ class RateNotFinite(RunFailed):
         super().__init__(what)
         self.time, self.state, self.mode = time, state, mode
 
-    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[Any, ...]]:
-        return type(self), (str(self), self.time, self.state, self.mode)  # as it goes from one process to another
+    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[Any, ...], dict[str, Any]]:
+        return (
+            type(self),
+            (str(self), self.time, self.state, self.mode),
+            self.__dict__,
+        )  # as it goes from one process to another
 
 
 class StepsCollapsed(RunFailed):
@@ -59,8 +70,8 @@ class StepsCollapsed(RunFailed):
         super().__init__(what)
         self.time, self.state, self.ahead, self.mode = time, state, ahead, mode
 
-    def __reduce__(self) -> tuple[type[StepsCollapsed], tuple[Any, ...]]:
-        return type(self), (str(self), self.time, self.state, self.ahead, self.mode)
+    def __reduce__(self) -> tuple[type[StepsCollapsed], tuple[Any, ...], dict[str, Any]]:
+        return type(self), (str(self), self.time, self.state, self.ahead, self.mode), self.__dict__
 
 
 class MissingPackage(ImportError):
@@ -80,3 +91,6 @@ class NotLossless(RunFailed):
     def __init__(self, time: float, state: Any, mode: Any) -> None:
         super().__init__(f"at t = {time:.9g} s the model gains or loses energy")
         self.time, self.state, self.mode = time, state, mode
+
+    def __reduce__(self) -> tuple[type[NotLossless], tuple[Any, ...], dict[str, Any]]:
+        return type(self), (self.time, self.state, self.mode), self.__dict__

@@ -169,7 +169,7 @@ class Model(Shown, Analysed):
         The model is compiled once. What goes wrong in a run is kept with it; the others go on. `workers`: how many at once (default: as many
         as there are cores), or an `executor` of your own, of the interface of `concurrent.futures`, or a Dask client. `progress` is told how many are
         done, and of how many; `journal` keeps what is done in a file, from which the same call goes on after a crash.
-        Raises `UsageError` for what no run can be made with.
+        Raises `UsageError` for what no run can be made with, `RunBroken` if a defect broke all.
         """
         from ..simulation.run import Wanted
         from ..studies.runs import simulate_many

@@ -46,15 +46,16 @@ class Compiled:
         """The compiler's stages for one scene (default: no experiment)."""
         scene = scene if scene is not None else door.Scene(self.model, None)
         key = (scene, everything)
-        if key not in self._compilations:
+        compilation = self._compilations.get(key)
+        if compilation is None:
             compilation = door.Compilation(self.source, scene, LIBRARY, everything)
-            if self._compilations:  # the text is parsed once
-                compilation.__dict__["tree"] = next(iter(self._compilations.values())).tree
+            for other in list(self._compilations.values())[:1]:  # the text is parsed once
+                compilation.__dict__["tree"] = other.tree
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
             if like is not None and "_built" in like.__dict__:  # and opened once
                 compilation.__dict__["_built"] = like.__dict__["_built"]
             _kept(self._compilations, key, compilation)
-        return self._compilations[key]
+        return compilation
 
     @property
     def compiled(self) -> int:
@@ -71,10 +72,11 @@ class Compiled:
         from ..prepared import Prepared
 
         key = (scene, everything, target)
-        if key not in self._prepared:
+        made = self._prepared.get(key)
+        if made is None:
             made = Prepared(self.source, scene, everything, target, lambda: self.compilation(scene, everything))
             _kept(self._prepared, key, made)
-        return self._prepared[key]
+        return made
 
     @cached_property
     def name(self) -> str:
@@ -148,9 +150,9 @@ class Compiled:
 
 
 def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
-    """Keep something by its key, and of all only the latest."""
-    while len(things) >= MOST_KEPT:
-        things.pop(next(iter(things)))
+    """Keep something by its key, and of all only the latest. Threads that share a model may do so at once."""
+    for old in list(things)[: max(0, len(things) - MOST_KEPT + 1)]:
+        things.pop(old, None)
     things[key] = thing
 
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import index
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -266,11 +267,14 @@ class Run:
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where something has no value
             end = legs[-1].end(self.stop)
+        time = self.instants[: len(values)]
+        if 2 * len(time) < len(self.instants):  # of a run that broke off: the others need not be kept
+            time = time.copy()
         balance = _balance(legs) if self.energy else None
         lacking = _left_out(legs, balance)
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
-            program.name, plan.experiment, self.instants[: len(values)], columns, values, plan.report, _solver(program, legs),
+            program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
             balance, _warnings(legs), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *told, *_impulses(legs)])),
@@ -403,9 +407,13 @@ def _number(where: str, text: str, unit: str) -> float | None:
 
 
 def _count(points: int) -> int:
-    if points < 2 or points > 10_000_000:
+    try:
+        count = index(points)
+    except TypeError:
+        count = 0
+    if not 2 <= count <= 10_000_000:
         raise UsageError("--points is a whole number from 2 to 10 000 000")
-    return points
+    return count
 
 
 def _checked(name: str, value: float, low: float, high: float) -> float:

@@ -15,8 +15,9 @@ from ..door import Analysis, CompilationFailed, Differentiating, Study, Varying
 from ..errors import RunFailed
 from ..simulation.run import Wanted, simulate
 from ..simulation.settings import compiled_in
-from .sharing import WRONG, Sharing
+from .sharing import Sharing
 from .steps import differentiated, made_of, varied
+from .wrong import kept
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -35,7 +36,7 @@ class Failed:
 def why(problem: Exception) -> str:
     """What went wrong, in one line."""
     if isinstance(problem, CompilationFailed):
-        return "; ".join(f"{d.code} {d.title}" for d in problem.diagnostics) or "the model does not compile"
+        return "; ".join(f"{d.code} {d.sentence}" for d in problem.diagnostics) or "the model does not compile"
     return str(problem)
 
 
@@ -68,8 +69,8 @@ class Numbers:
         """At one point. What goes wrong there is part of the answer."""
         try:
             return self._numbers(model, {**dict(self.settings), **point})
-        except WRONG as problem:
-            return Failed(why(problem))
+        except Exception as problem:
+            return Failed(why(kept(problem)))
 
     def _numbers(self, model: Model, settings: Settings) -> dict[str, float]:
         found: dict[str, float] = {}
@@ -105,8 +106,8 @@ class Whole:
         """At one point; what goes wrong there is raised where the answers are put together."""
         try:
             return self.made(model, point, Sharing(workers=1))
-        except WRONG as problem:
-            return problem
+        except Exception as problem:
+            return kept(problem)
 
     def made(self, model: Model, point: Mapping[str, float], sharing: Sharing) -> Point:
         """At one point; `sharing`: who makes the points of a study with chance in it."""

@@ -12,6 +12,7 @@ from ..door import Varying
 from ..simulation.run import Wanted
 from .asked import Settings, Whole, compilation_notes, why
 from .sharing import Question, Sharing, answers
+from .wrong import check_some_stand
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -51,9 +52,10 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
 def made(model: Model, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
     """The points of a grid; those that failed say why. Raises what went wrong in the first if it went wrong in all."""
     found: list[Any] = answers(model, asked, grid, sharing)
+    check_some_stand(found)
     problems = [x for x in found if isinstance(x, Exception)]
     if problems and len(problems) == len(found):
-        raise problems[0]
+        raise problems[0].with_traceback(None)
     return tuple(
         Point(at, failure=why(x)) if isinstance(x, Exception) else x for at, x in zip(grid, found, strict=True)
     )

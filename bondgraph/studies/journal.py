@@ -1,7 +1,7 @@
 """What of a study is done, in a file: each task's answers as soon as they are there, so that after a crash nothing is made twice.
 
 The file begins with a digest of all that the answers depend on: the text and what it imports, the question, the points, our own code. Behind
-it stand records: the number of the first point, the length, a hash, the answers. A record is written in one piece and synced; a tail that is
+it stand records: how many answers, the length, a hash, the answers by the numbers of their points. A record is written in one piece and synced; a tail that is
 not whole (the power went) is cut off. Answers are read back by an unpickler that knows arrays and our own nouns, and nothing else.
 """
 
@@ -12,19 +12,20 @@ import io
 import os
 import pickle
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from ..errors import UsageError
+from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
     from ..model import Model
     from .sharing import Question
 
 SCHEMA = b"bondgraph-journal/1\n"
-_HEAD = struct.Struct("<QQ")  # first point, length
+_HEAD = struct.Struct("<QQ")  # answers, length
 _HASH = 32
 _PLAIN = {
+    *((home, name) for home in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")),  # of a text
     ("collections", "OrderedDict"),
     ("collections", "Counter"),
     ("builtins", "complex"),
@@ -73,10 +74,10 @@ class Journal:
         self._stream.truncate()
         return {i: x for i, x in found.items() if i < len(points)}
 
-    def add(self, first: int, answers: Sequence[Any]) -> None:
-        """The answers of a task, whole or not at all."""
-        body = pickle.dumps(list(answers), protocol=5)
-        head = _HEAD.pack(first, len(body))
+    def add(self, answers: Mapping[int, Any]) -> None:
+        """Some answers by the numbers of their points, whole or not at all."""
+        body = _packed({i: _readable(answer) for i, answer in answers.items()})
+        head = _HEAD.pack(len(answers), len(body))
         self._write(head + hashlib.sha256(head + body).digest() + body)
 
     def close(self) -> None:
@@ -127,7 +128,7 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
     found: dict[int, Any] = {}
     at = begin
     while at + _HEAD.size + _HASH <= len(content):
-        first, length = _HEAD.unpack_from(content, at)
+        _, length = _HEAD.unpack_from(content, at)
         start = at + _HEAD.size + _HASH
         head, told, body = (
             content[at : at + _HEAD.size],
@@ -136,16 +137,46 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
         )
         if len(body) < length or hashlib.sha256(head + body).digest() != told:
             break
-        found |= dict(enumerate(_Known(io.BytesIO(body)).load(), first))
+        some = _Known(io.BytesIO(body)).load()
+        if not isinstance(some, dict):
+            raise pickle.UnpicklingError(type(some).__name__)
+        found |= some
         at = start + length
     return found, at
+
+
+def _packed(what: Any) -> bytes:
+    """As classes say themselves. What others have told pickle for all of this process, as Dask does for exceptions, would not be read."""
+    stream = io.BytesIO()
+    pickler = pickle.Pickler(stream, protocol=5)
+    pickler.dispatch_table = {}
+    pickler.dump(what)
+    return stream.getvalue()
+
+
+def _readable(answer: Any) -> Any:
+    """An answer as it can be read again. What went wrong at a point may hold anything: then its words are kept."""
+    if not isinstance(answer, Exception):
+        return answer
+    try:
+        _Known(io.BytesIO(_packed(answer))).load()
+    except Exception:
+        return RunFailed(str(answer))
+    return answer
 
 
 class _Known(pickle.Unpickler):
     """Arrays and our own nouns: nothing that a file could be made to do."""
 
     def find_class(self, module: str, name: str) -> Any:
-        ours = module.split(".")[0] in ("bondgraph", "compiler") and name[:1].isupper() and name.isidentifier()
-        if not ours and (module, name) not in _PLAIN:
-            raise pickle.UnpicklingError(f"{module}.{name}")
-        return super().find_class(module, name)
+        if (module, name) in _PLAIN:
+            return super().find_class(module, name)
+        if _ours(module) and name[:1].isupper() and name.isidentifier():
+            found = super().find_class(module, name)
+            if isinstance(found, type) and _ours(found.__module__):  # not one that a module of ours only uses
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name}")
+
+
+def _ours(module: str) -> bool:
+    return module.split(".")[0] in ("bondgraph", "compiler")

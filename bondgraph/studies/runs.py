@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from ..ensembles import Ensemble
 from ..results import Result
 from ..simulation.run import Wanted, check_wanted, simulate
-from .sharing import WRONG, Sharing, answers
+from .sharing import Sharing, answers
+from .wrong import check_some_stand, kept
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -27,15 +28,17 @@ class Run:
         """What goes wrong in a run stays with it."""
         try:
             return simulate(model, self.experiment, point, self.outputs, self.wanted)
-        except WRONG as problem:
-            return problem
+        except Exception as problem:
+            return kept(problem)
 
 
 def simulate_many(
     model: Model, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: Wanted,
     sharing: Sharing,
 ) -> Ensemble:  # fmt: skip
-    """Run a model with each of several settings. Raises `UsageError` for what is wrong in all."""
+    """Run a model with each of several settings. Raises `UsageError` for what is wrong in all, `RunBroken` for a defect in all."""
     check_wanted(wanted)
     points = tuple(dict(s) for s in settings)
-    return Ensemble(points, tuple(answers(model, Run(experiment, outputs, wanted), points, sharing)))
+    found = answers(model, Run(experiment, outputs, wanted), points, sharing)
+    check_some_stand(found)
+    return Ensemble(points, tuple(found))

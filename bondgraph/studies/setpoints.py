@@ -18,7 +18,8 @@ from ..errors import UsageError
 from .asked import Settings
 from .experiment import made
 from .measured import OF_MODES, SIGMA, read_columns
-from .sharing import WRONG, Sharing
+from .sharing import Sharing
+from .wrong import kept
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -39,8 +40,8 @@ class Held:
         given = {**dict(self.settings), **{n: v for n, v in point.items() if n not in wanted}}
         try:
             return Point(point, analyses=(("invert", model.invert(wanted, self.inputs, self.experiment, given)),))
-        except WRONG as problem:
-            return problem
+        except Exception as problem:
+            return kept(problem)
 
 
 def invert_file(

@@ -1,36 +1,24 @@
 """Many points of one model, shared out among workers: those of this machine, of an executor, or of a Dask cluster.
 
 A question is asked at every point by itself, so that answers do not depend on who found them, or with how many others. A task carries the
-text of the model; a worker compiles it once. With workers of our own this process is one of them, so that its share of the answers goes
-nowhere; the others are copies of it, which has compiled already, where a process can be copied as it stands (Linux, no other threads in
-it), else threads.
+text of the model; a worker compiles it once. Workers of our own have it already (`workers.py`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import signal
 import sys
 import threading
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from itertools import islice
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+from operator import index
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..door import CompilationFailed
 from ..errors import RunFailed, UsageError
+from .workers import Answers, made
 
 if TYPE_CHECKING:
     from ..door import Source
@@ -38,14 +26,14 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # points of one task
-AHEAD = 3  # tasks that a worker of our own has: it is at one, and need not wait for the next
+AHEAD = 3  # tasks that are a worker's share of what is left
 MOST_KEPT = 8  # models that a worker keeps ready
 
-WRONG = (RunFailed, CompilationFailed, UsageError)  # at a point, part of its answer
 Progress = Callable[[int, int], None]
 
-_MODELS: dict[str, Model] = {}  # ready in this process, and in copies of it
-_FIRST = threading.Lock()
+_MODELS: dict[str, Model] = {}  # ready in this process
+_OWNERS: dict[str, int] = {}  # how many share out points of them from here
+_FIRST, _OWNING = threading.Lock(), threading.Lock()
 
 
 class Question(Protocol):
@@ -59,7 +47,7 @@ class Task:
     """Some points: the first of them has the number `first`."""
 
     key: str
-    source: Source | None  # None where the worker is a copy of this process, which has the model
+    source: Source
     model: str | None
     question: Question
     first: int
@@ -78,9 +66,15 @@ class Sharing:
 
     def checked(self) -> Sharing:
         """With an executor of the standard interface. Raises `UsageError`."""
-        if self.workers is not None and self.workers < 1:
-            raise UsageError(f"workers = {self.workers}: at least one is needed")
-        return Sharing(self.workers, standard(self.executor), self.progress, self.journal)
+        workers = self.workers
+        if workers is not None:
+            try:
+                workers = index(workers)
+            except TypeError:
+                raise UsageError(f"workers = {workers!r}: a whole number is needed") from None
+            if workers < 1:
+                raise UsageError(f"workers = {workers}: at least one is needed")
+        return Sharing(workers, standard(self.executor), self.progress, self.journal)
 
 
 def standard(executor: Any) -> Executor | None:
@@ -98,22 +92,37 @@ def standard(executor: Any) -> Executor | None:
 def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sharing) -> list[Any]:
     """The answer at each point, in order. Raises `UsageError` for what is wrong with the sharing, `RunFailed` where workers died."""
     sharing = sharing.checked()
-    found: dict[int, Any] = {} if sharing.journal is None else sharing.journal.begun(model, question, points)
+    found: Answers = {} if sharing.journal is None else sharing.journal.begun(model, question, points)
     total = len(points)
     if sharing.progress is not None and found:
         sharing.progress(len(found), total)
-    with _ready(model) as key:
-        whole = Task(key, None, model.model, question, 0, tuple(points))
-        try:
-            for first, some in _shared_out(whole, model.source, _gaps(found, total), sharing):
-                found |= dict(enumerate(some, first))
+    try:
+        with closing(_reports(model, question, points, found, sharing)) as reports:
+            for some in reports:
+                found |= some
                 if sharing.journal is not None:
-                    sharing.journal.add(first, some)
+                    sharing.journal.add(some)
                 if sharing.progress is not None:
                     sharing.progress(len(found), total)
-        except KeyboardInterrupt:  # of one run, which is nobody's concern, or between them
-            raise KeyboardInterrupt(f"interrupted when {len(found)} of {total} were done") from None
+    except KeyboardInterrupt:  # of one run, which is nobody's concern, or between them
+        raise KeyboardInterrupt(f"interrupted when {len(found)} of {total} were done") from None
     return [found[i] for i in range(total)]
+
+
+def _reports(
+    model: Model, question: Question, points: Sequence[Any], found: Answers, sharing: Sharing
+) -> Generator[Answers]:
+    """Answers at the points that have none, as they are there."""
+    missing = [i for i in range(len(points)) if i not in found]
+    if not missing:
+        return
+    count = cores() if sharing.workers is None else sharing.workers
+    if sharing.executor is None:
+        yield from made(model, question, points, missing, count)
+        return
+    with _ready(model) as key:
+        whole = Task(key, model.source, model.model, question, 0, tuple(points))
+        yield from _through(sharing.executor, whole, _pieces(_gaps(found, len(points)), len(missing), count))
 
 
 def work(task: Task) -> list[Any]:
@@ -132,12 +141,13 @@ def _begun(task: Task) -> tuple[Model, list[Any]]:
     """A worker's own model, and the first answer, after which it is compiled."""
     from ..model import Model
 
-    assert task.source is not None
     model = Model(task.source, task.model)
     found = [task.question.answer(model, task.points[0])]
-    while len(_MODELS) >= MOST_KEPT:
-        _MODELS.pop(next(iter(_MODELS)), None)
-    _MODELS[task.key] = model
+    with _OWNING:
+        kept = [key for key in _MODELS if key not in _OWNERS]
+        for key in kept[: max(0, len(kept) - MOST_KEPT + 1)]:
+            del _MODELS[key]
+        _MODELS[task.key] = model
     return model, found
 
 
@@ -151,17 +161,19 @@ def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
 
 @contextmanager
 def _ready(model: Model) -> Iterator[str]:
-    """The model under a key by which tasks find it."""
+    """The model under a key by which tasks find it in this process; as long as one of those who share out points of this text needs it."""
     key = key_of(model)
-    before = _MODELS.get(key)
-    _MODELS[key] = model
+    with _OWNING:
+        _OWNERS[key] = _OWNERS.get(key, 0) + 1
+        _MODELS.setdefault(key, model)
     try:
         yield key
     finally:
-        if before is None:
-            _MODELS.pop(key, None)
-        else:
-            _MODELS[key] = before
+        with _OWNING:
+            _OWNERS[key] -= 1
+            if not _OWNERS[key]:
+                del _OWNERS[key]
+                _MODELS.pop(key, None)
 
 
 def key_of(model: Model) -> str:
@@ -171,39 +183,13 @@ def key_of(model: Model) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def _shared_out(
-    whole: Task, source: Source, gaps: list[tuple[int, int]], sharing: Sharing
-) -> Iterator[tuple[int, list[Any]]]:
-    """The first number and the answers of each task, as they are done. With workers of our own the first point is made here: then the
-    program is there."""
-    left = sum(end - begin for begin, end in gaps)
-    if not left:
-        return
-    count = cores() if sharing.workers is None else sharing.workers
-    if sharing.executor is not None:
-        yield from _through(sharing.executor, whole, _pieces(gaps, left, count), source)
-        return
-    begin, end = gaps[0]
-    yield begin, work(_part(whole, begin, begin + 1, None))
-    gaps = [(begin + 1, end), *gaps[1:]]
-    left -= 1
-    count = min(count, left)
-    if count <= 1:
-        for begin, end in _pieces(gaps, left, 1):
-            yield begin, work(_part(whole, begin, end, None))
-        return
-    with _others(count - 1) as (others, copied):
-        own = None if copied else source
-        yield from _through(others, whole, _pieces(gaps, left, count), own, AHEAD * (count - 1))
-
-
 def cores() -> int:
     """How many cores this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[int, int]]:
-    """Where tasks begin and end. All that a worker has ahead is its share of what is left, at most, so that nobody waits long for the last."""
+    """Where tasks begin and end. Some of them are a worker's share of what is left, at most, so that nobody waits long for the last."""
     found = []
     for begin, end in gaps:
         while begin < end:
@@ -214,26 +200,14 @@ def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[in
     return found
 
 
-def _part(whole: Task, begin: int, end: int, source: Source | None) -> Task:
-    return Task(whole.key, source, whole.model, whole.question, begin, whole.points[begin:end])
-
-
-def _through(
-    executor: Executor, whole: Task, pieces: list[tuple[int, int]], source: Source | None, most: int | None = None
-) -> Iterator[tuple[int, list[Any]]]:
-    """`most`: so many tasks are with the executor, and of the others this process makes one after the other itself; None: all are."""
-    tasks = iter([_part(whole, begin, end, source) for begin, end in pieces])
+def _through(executor: Executor, whole: Task, pieces: list[tuple[int, int]]) -> Iterator[Answers]:
+    """The answers of each task, as they are done."""
     waiting: dict[Future[list[Any]], int] = {}
     try:
-        while True:
-            _hand_out(executor, tasks, waiting, most)
-            own = next(tasks, None)
-            if own is not None:
-                yield own.first, work(own)
-            elif not waiting:
-                return
-            for done in wait(waiting, None if own is None else 0, FIRST_COMPLETED).done:
-                yield waiting.pop(done), done.result()
+        for begin, end in pieces:
+            waiting[executor.submit(work, replace(whole, first=begin, points=whole.points[begin:end]))] = begin
+        for done in as_completed(list(waiting)):
+            yield dict(enumerate(done.result(), waiting.pop(done)))
     except BrokenExecutor as broken:
         raise RunFailed(
             f"a worker died ({broken}); with a journal, the same call goes on with what is missing"
@@ -241,36 +215,3 @@ def _through(
     finally:
         for future in waiting:
             future.cancel()
-
-
-def _hand_out(
-    executor: Executor, tasks: Iterator[Task], waiting: dict[Future[list[Any]], int], most: int | None
-) -> None:
-    """The next tasks, until so many are waited for."""
-    with warnings.catch_warnings():
-        # a copy of a process whose only threads are those of its linear algebra, which expects it
-        warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
-        for task in islice(tasks, None if most is None else most - len(waiting)):
-            waiting[executor.submit(work, task)] = task.first
-
-
-def _leave_interruptions() -> None:
-    """Ctrl-C is for the process that shares out the work; it ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-@contextmanager
-def _others(count: int) -> Iterator[tuple[Executor, bool]]:
-    """Workers beside this process, and whether they are copies of it."""
-    others: Executor
-    copied = sys.platform == "linux" and threading.active_count() == 1
-    if copied:
-        import multiprocessing
-
-        others = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _leave_interruptions)
-    else:
-        others = ThreadPoolExecutor(count)
-    try:
-        yield others, copied
-    finally:
-        others.shutdown(cancel_futures=True)

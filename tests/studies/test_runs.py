@@ -18,7 +18,7 @@ import pytest
 
 import bondgraph
 from bondgraph.prepared import chosen_target
-from bondgraph.studies import sharing
+from bondgraph.studies import sharing, workers
 from tests.compiling import MODELS
 
 TEXT = """
@@ -39,7 +39,7 @@ SETTINGS: list[dict[str, str | float]] = [{"m": 0.5 + 0.1 * i, "k": 80.0 + i, "p
 
 
 @contextmanager
-def workers(kind: str) -> Iterator[Executor | None]:
+def executor_of(kind: str) -> Iterator[Executor | None]:
     if kind == "own":
         yield None
         return
@@ -54,7 +54,7 @@ def test_each_is_what_it_is_by_itself(kind: str, target: str) -> None:
         pytest.skip("there is no LLVM, or it is hidden")
     if kind == "processes" and target == "numpy":
         pytest.skip("seconds")
-    with workers(kind) as executor:
+    with executor_of(kind) as executor:
         found = bondgraph.load(TEXT).simulate_many(SETTINGS, target=target, workers=2, executor=executor)
     assert len(found) == len(SETTINGS) and found.failures == {} and found.settings == tuple(SETTINGS)
     assert found["x"].shape == (11, 51) and found.unit("x") == "m" and len(found.time) == 51
@@ -90,9 +90,38 @@ def test_what_fails_stays_with_its_settings(count: int) -> None:
 
 def test_what_is_wrong_in_all_is_told_at_once() -> None:
     model = bondgraph.load(TEXT)
-    for wrong in ({"rtol": 2.0}, {"to": "3 kg"}, {"points": 1}, {"workers": 0}, {"target": "nothing"}):
+    for wrong in (
+        {"rtol": 2.0},
+        {"to": "3 kg"},
+        {"points": 1},
+        {"workers": 0},
+        {"target": "nothing"},
+        {"workers": 1.5},
+        {"workers": "2"},
+        {"workers": float("nan")},
+        {"points": 2.5},
+        {"points": "11"},
+    ):
         with pytest.raises(bondgraph.UsageError):
             model.simulate_many(SETTINGS, **wrong)  # type: ignore[arg-type]
+
+
+def test_threads_that_share_a_model_may_forget_what_another_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What one has made it has, though others have just put it away."""
+    from bondgraph.model import compiled
+
+    class Racing(dict[object, object]):
+        """Another thread is always first."""
+
+        def pop(self, key: object, *default: object) -> object:
+            super().pop(key, None)
+            return super().pop(key, *default)
+
+    things = Racing({i: i for i in range(compiled.MOST_KEPT)})
+    compiled._kept(things, "new", "thing")
+    assert len(things) == compiled.MOST_KEPT and things["new"] == "thing" and 0 not in things
+    monkeypatch.setattr(compiled, "_kept", lambda things, key, thing: things.clear())
+    assert len(bondgraph.load(TEXT).simulate_many(SETTINGS, workers=1)) == len(SETTINGS)
 
 
 def test_nothing_to_run() -> None:
@@ -123,8 +152,7 @@ def test_whoever_has_threads_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> N
     other = threading.Thread(target=stop.wait)
     other.start()
     try:
-        with sharing._others(2) as (own, copied):
-            assert isinstance(own, ThreadPoolExecutor) and not copied
+        assert not workers.can_be_copied()
     finally:
         stop.set()
         other.join()

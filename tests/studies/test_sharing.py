@@ -7,6 +7,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -161,6 +162,63 @@ def test_a_journal_runs_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.parametrize("name", ["subprocess.Popen", "bondgraph.studies.workers.ProcessPoolExecutor", "pathlib.os"])
+def test_a_journal_reads_no_other_nouns(name: str) -> None:
+    """Nor those that modules of ours use."""
+    import io
+
+    from bondgraph.studies.journal import _Known
+
+    module, _, noun = name.rpartition(".")
+    with pytest.raises(pickle.UnpicklingError):
+        _Known(io.BytesIO(f"c{module}\n{noun}\n.".encode())).load()
+
+
+def test_a_journal_of_what_does_not_compile_in_a_file(tmp_path: Path) -> None:
+    """What is told names the file."""
+    (tmp_path / "m.bg").write_text(
+        "model B {\n  parameter n = 2\n  Se pull : F = 1 N\n  1 top : translation\n  pull -> top\n"
+        "  for i in 1..n { R drag[i] : F = 2 [N*s/m]*v\n    top -> drag[i] }\n  output v = top.v\n}\n"
+    )
+    kept: list[list[str]] = []
+    for _ in range(2):
+        journal = Journal(tmp_path / "j")
+        many = bondgraph.load(tmp_path / "m.bg").simulate_many(
+            [{"n": 1.0}, {"n": 1.5}], to=1, points=11, workers=1, journal=journal
+        )
+        journal.close()
+        kept.append([str(x) for x in many])
+    assert kept[0] == kept[1] and str(tmp_path / "m.bg") in kept[0][1]
+    assert list(many.failures) == [1] and type(many.failures[1]) is bondgraph.CompilationFailed
+
+
+def test_what_others_tell_pickle_is_not_in_a_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask changes how exceptions go from process to process, for all of them."""
+    import copyreg
+
+    monkeypatch.setitem(copyreg.dispatch_table, bondgraph.RunFailed, lambda failed: (eval, ("1",)))
+    for _ in range(2):
+        journal = Journal(tmp_path / "j")
+        found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+        journal.add({3: bondgraph.RunFailed("at t = 1 s")})
+        journal.close()
+    assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "at t = 1 s"
+
+
+def test_what_no_journal_can_read_is_kept_in_words(tmp_path: Path) -> None:
+    class Strange(Exception):
+        """Of nobody's module."""
+
+    journal = Journal(tmp_path / "j")
+    journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    journal.add({3: Strange("it was strange"), 4: {"square": 16.0}})
+    journal.close()
+    journal = Journal(tmp_path / "j")
+    found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    journal.close()
+    assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "it was strange" and found[4] == {"square": 16.0}
+
+
 def test_one_at_a_time(tmp_path: Path) -> None:
     pytest.importorskip("fcntl")
     first = Journal(tmp_path / "j")
@@ -236,6 +294,43 @@ except bondgraph.RunFailed as failed:
 """
     root = Path(bondgraph.__file__).parents[1]
     return subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True).stdout
+
+
+def test_two_who_share_out_the_same_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first to end leaves the other its model, and the last leaves nothing behind."""
+    monkeypatch.setattr(sharing, "_begun", None)  # nobody compiles it again
+    models, met, ended = [bondgraph.load(TEXT) for _ in range(2)], threading.Barrier(2), threading.Event()
+    found: dict[int, list[Any]] = {}
+
+    def share(number: int, points: int) -> None:
+        with ThreadPoolExecutor(1) as executor:
+            asked = _Meeting(met, ended, number)
+            found[number] = answers(models[number], asked, range(points), Sharing(executor=executor))
+        ended.set()
+
+    threads = [threading.Thread(target=share, args=given) for given in ((0, 2), (1, 300))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == {0: [0, 1], 1: [*range(300)]}
+    assert sharing._MODELS == {} and sharing._OWNERS == {}
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """Both begin, then the first ends; only then the other goes on."""
+
+    met: threading.Barrier = field(repr=False)
+    ended: threading.Event = field(repr=False)
+    number: int
+
+    def answer(self, model: Any, point: int) -> int:
+        if point == 0:
+            self.met.wait(60)
+        elif self.number == 1:
+            assert self.ended.wait(60)
+        return point
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
