@@ -49,7 +49,11 @@ class Leaving:
         self.bandwidth, self.span, self.restart = bandwidth, span, restart
         self.flow: Flow | None = None
         self.removals: list[Removal] = []
-        self.faster, self.fastest = 0, 0.0  # modes, and the rate of the fastest of all, 1/s
+        self.faster = 0  # modes that ring faster
+        self.fastest, self.decay = (
+            0.0,
+            0.0,
+        )  # the rates of the fastest motion within the circle, and beyond it of what does not ring, 1/s
         self.reasons: dict[str, float] = {}  # why what is faster was not left out, and when first
         self.above = 0.0  # Hz: how fast what drives the model changes, if that is faster
         self.pause = AFTER  # steps of a piece, after which it is looked at
@@ -114,10 +118,12 @@ class Leaving:
         if isinstance(at, str):
             return at
         self.faster = max(self.faster, int((at.values.imag >= 0).sum()))
-        self.fastest = max(self.fastest, float(np.abs(at.values).max(initial=at.slowest)))
+        self.fastest = max(self.fastest, at.slowest)
+        self.decay = float(np.abs(at.decays).max(initial=self.decay))
         if not at.grows(self.span):
             return None
-        rate = at.values[np.argmax(at.values.real)]
+        rates = np.append(at.values, at.decays)
+        rate = rates[np.argmax(rates.real)]
         return f"a motion of {told_hertz(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
     def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:

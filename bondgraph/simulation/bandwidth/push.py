@@ -67,7 +67,7 @@ def _bound(flow: Flow, ringing: Ringing) -> float:
     turns; both carried from state to state as far as that motion does in a turn, or in the run."""
     way, splits, shapes = ringing.way, ringing.splits, ringing.shapes
     span = way.times[-1] - way.times[0]
-    gap = min(np.abs(at.values).min() - at.slowest for at in splits)
+    gap = min(at.gap for at in splits)
     others = np.concatenate([at.others for at in splits])
     if gap <= 0 or not len(others):
         return np.inf

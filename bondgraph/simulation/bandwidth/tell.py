@@ -77,6 +77,8 @@ def _reason(leaving: Leaving, leg: Leg) -> str:
     if leaving.faster:
         count = f"{leaving.faster} modes are" if leaving.faster > 1 else "one mode is"
         found = f"{count} faster, and none rings by more than the tolerance"
+    elif leaving.decay:
+        found = f"nothing that is faster rings, as what does so in {1 / leaving.decay:.3g} s decays without a turn"
     else:
         fastest = told_hertz(leaving.fastest / (2 * np.pi))
         found = f"nothing in it is faster, as its fastest motion is one of {fastest}"
