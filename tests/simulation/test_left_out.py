@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.results import read_result
 
 # A heavy and a light mass (506 Hz) with what a damper between them dissipates.
 HEAT = """model Heat {
@@ -82,3 +89,120 @@ def test_a_decay_that_gets_faster_than_the_bandwidth() -> None:
     plain, filtered = (bondgraph.load(text).simulate().left_out for text in (PUSHED, FILTERED))
     assert plain is not None and filtered is not None and filtered.reason == ""
     assert plain.kept["xa"] > 1e-5 and filtered.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
+
+
+# ---------------------------------------------------------------- a ringing on its way
+# Beside the ringing something quiet gets faster than the bandwidth, from 3 Hz to 300 Hz.
+BESIDE = PUSHED.replace(
+    "output xa",
+    "signal q1 = integral(q2, 0 m), q2 = integral(-(20 [1/s] + 1980 [1/s]*smoothstep5(time, 0.1 s, 0.6 s))^2*q1, 0 [m/s])\n  output quiet = q1, xa",
+)
+# A stiffness that changes in time, by which the frequency of 506 Hz goes to `part` of it.
+SOFTENS = """model Softens {
+  parameter part = 0.1, k3 = 1e6 [N/m^3], r = 0 [N*s/m]
+  signal gap = integral(b.v - a.v, 1 mm)
+  signal k = 1e5 [N/m]*(1 - (1 - part^2)*smoothstep5(time, 0.2 s, 1.8 s))
+  1 a, b
+  I ma : p = 1 kg*v
+  I mb : p = 10 [g]*v
+  C wall : F = 100 [N/m]*x + 1000 [N/m^3]*x^3
+  MSe one : F = k*gap + k3*gap^3
+  MSe other : F = -k*gap - k3*gap^3
+  R d : F = r*v
+  one -> a -> ma, wall
+  0 ab
+  a -> ab -> 1(d)
+  ab -> b
+  other -> b -> mb
+  output xa = wall.x, s = gap
+  experiment off { start wall.x = 20 mm; simulate 0 .. 2 s; bandwidth 60 Hz }
+}"""
+# The damping changes its sign with the place of a slow mass, so that the ringing decays, then grows.
+GROWS = """model Grows {
+  1 a, b
+  0 ab
+  I ma : p = 1 kg*v
+  I mb : p = 10 [g]*v
+  C wall : F = 40 [N/m]*x + 10 [N/m^3]*x^3
+  C link : F = 1e5 [N/m]*x + 1e6 [N/m^3]*x^3
+  signal r = 0.25 [N*s/m]*(wall.x/(50 mm))
+  MR d : F = r*v
+  a -> ma, wall
+  a -> ab -> 1(link, d)
+  ab -> b -> mb
+  output xa = wall.x, s = link.x
+  experiment off { start link.x = 0.1 mm; start wall.x = 15 mm; start ma.v = -0.3 [m/s]; simulate 0 .. 0.5 s; bandwidth 60 Hz }
+}"""
+
+
+def test_modes_that_get_faster_beside_it() -> None:
+    """What is told of a ringing is no less where more is faster than the bandwidth later on."""
+    plain, beside = (bondgraph.load(text).simulate().left_out for text in (PUSHED, BESIDE))
+    assert plain is not None and beside is not None
+    assert plain.kept["xa"] > 1e-5 and beside.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
+
+
+def test_a_ringing_that_gets_slower_than_the_bandwidth() -> None:
+    """It is followed as long as it is recognised, also below the bandwidth."""
+    model = bondgraph.load(SOFTENS)
+    found, full = model.simulate(rtol=1e-8), model.simulate(rtol=1e-10, bandwidth="1 THz")
+    told = found.left_out
+    assert told is not None and told.kept["xa"] > 0
+    assert told.outputs["s"] == pytest.approx(np.abs(full["s"] - found["s"]).max(), rel=0.3)
+
+
+def test_what_is_not_known_is_told(tmp_path: Path) -> None:
+    """A stiffness that vanishes leaves no mode: what the ringing does then is not known, and not 0."""
+    found = bondgraph.load(SOFTENS).simulate(settings={"part": 0.0, "k3": 0.0})
+    told = found.left_out
+    assert told is not None and math.isnan(told.kept["xa"]) and told.outputs["s"] > 1e-3
+    assert "what it does to the motion that is kept is not known" in str(told)
+    assert "what rings is not told from what is kept" in told.reason
+    text = json.dumps(found.to_json(), allow_nan=False)
+    assert json.loads(text)["bandwidth"]["kept"]["xa"] is None
+    found.to_npz(tmp_path / "r.npz")
+    assert read_result(tmp_path / "r.npz").left_out == told
+
+
+@pytest.mark.machine_code
+def test_a_ringing_that_grows_later() -> None:
+    """It is 40 times larger at the end, which is told with the instant since when."""
+    model = bondgraph.load(GROWS)
+    found, full = (
+        model.simulate(points=5001),
+        model.simulate(points=5001, rtol=1e-10, bandwidth="1 THz", solver="explicit"),
+    )
+    told = found.left_out
+    assert told is not None
+    assert told.outputs["s"] == pytest.approx(np.abs(full["s"] - found["s"]).max(), rel=0.3)
+    said = re.search(r"what was left out grows from t = ([0-9.]+) s on, to ([0-9.]+) times as much", str(told))
+    slow = found["xa"]
+    turns = float(found.time[np.flatnonzero((slow[1:] < 0) & (slow[:-1] >= 0))[0]])
+    assert said is not None and float(said[1]) == pytest.approx(turns, abs=0.03) and 20 < float(said[2]) < 100
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("damping", [0.05, 1.0, 5.0])
+def test_a_ringing_that_decays_pushes_no_longer(damping: float) -> None:
+    """Its energy is turned into heat, wherever that is known, and it pushes as long as it is there."""
+    model = bondgraph.load(HEAT)
+    found, full = (
+        model.simulate(settings={"r": damping}),
+        model.simulate(settings={"r": damping}, rtol=1e-10, bandwidth="1 THz"),
+    )
+    told = found.left_out
+    assert told is not None and told.instants[0] == 0.0
+    lacks = full["heat"][-1] - found["heat"][-1]
+    assert told.kept["heat"] == pytest.approx(lacks, rel=0.5)
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("damping", [0.2, 1.0, 5.0])
+def test_what_a_decaying_ringing_does(damping: float) -> None:
+    model = bondgraph.load(PUSHED)
+    settings = {"r": damping}
+    found = model.simulate(settings=settings, rtol=1e-9)
+    full = model.simulate(settings=settings, rtol=1e-11, solver="explicit", bandwidth="1 THz")
+    told, late = found.left_out, found.time > 3 * 0.02 / damping  # when nothing rings any more
+    lacks = np.abs(full["xa"] - found["xa"])[late].max()
+    assert told is not None and lacks / 3 < told.kept["xa"] < 3 * lacks

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 LARGEST = 200  # states up to which all eigenvectors are computed
 TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length
 RINGS = 1.0  # of its decay: what turns by less does not ring
+PART = 0.2  # of a known mode in one that belongs to it
 STEADY = 1e-8  # of its rate: what rounding may make a motion grow by
 GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be left out
 
@@ -176,8 +177,9 @@ class Flow:
             return ["its modes are not found"] * len(times)
 
 
-def split(matrices: Any, rate: float) -> list[Split | str]:
-    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. Raises `LinAlgError`."""
+def split(matrices: Any, rate: float, known: tuple[Any, Any] | None = None) -> list[Split | str]:
+    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. `known`: right and left vectors of modes that are told
+    from what is kept wherever their eigenvalues went. Raises `LinAlgError`."""
     values, right = np.linalg.eig(matrices)
     try:
         inverses: Any = np.linalg.inv(right)
@@ -190,14 +192,22 @@ def split(matrices: Any, rate: float) -> list[Split | str]:
     ):
         beyond = size > rate
         rings = beyond & (np.abs(value.imag) >= RINGS * np.abs(value.real))
+        if known is not None and fine:
+            rings |= _partners(value, np.abs((inverse @ known[0]) * (known[1] @ vectors).T).max(axis=1) > PART)
         chosen = np.flatnonzero(rings)
         dual = inverse[chosen] if fine or not len(chosen) else _dual(matrix, value[chosen], vectors[:, chosen])
         if dual is None:
             found.append("its fast motions hang together in one that has no modes")
             continue
         fast, right_of = value[chosen].astype(complex), vectors[:, chosen].astype(complex)
-        found.append(Split(matrix, fast, right_of, dual.astype(complex), value[~beyond], value[beyond & ~rings]))
+        kept = ~rings
+        found.append(Split(matrix, fast, right_of, dual.astype(complex), value[kept & ~beyond], value[kept & beyond]))
     return found
+
+
+def _partners(values: Any, chosen: Any) -> Any:
+    """The chosen eigenvalues and their conjugates."""
+    return chosen | (values[:, None] == values[chosen].conj()).any(axis=1)
 
 
 def _dual(matrix: Any, fast: Any, right: Any) -> Any:

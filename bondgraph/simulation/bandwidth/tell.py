@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -36,26 +37,35 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
         return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, leg))
     modes = {m: None for removal in removals[:MOST] for m in _modes(flow, removal)}
     found = LeftOut(
-        bandwidth, leaving.faster, tuple(modes), tuple(r.time for r in removals), reason="; ".join(_reasons(leaving))
+        bandwidth, leaving.faster, tuple(modes), tuple(float(r.time) for r in removals)
     )
+    names, reasons = program.outputs.names, _reasons(leaving)
+    lacking, changed = np.full((2, len(names)), np.nan)
     try:
-        lacking, changed = _estimated(removals, flow, leg)
+        lacking, changed, why = _estimated(removals, flow, leg)
+        reasons.extend(why)
     except (RunFailed, np.linalg.LinAlgError) as failed:
-        return replace(found, reason="; ".join([*_reasons(leaving), f"what that does is not known: {failed}"]))
-    names = program.outputs.names
-    return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed))
+        reasons.append(f"the ringing cannot be followed: {failed}")
+    return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed), reason="; ".join(reasons))
 
 
-def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any]:
-    """The amplitude of the ringing in the outputs, and what it does to what is kept; of each the largest (outputs,)."""
+def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any, list[str]]:
+    """The amplitude of the ringing in the outputs, and what it does to what is kept, of each the largest (outputs,); what else there is to say."""
     lacking, changed = np.zeros((2, len(flow.program.outputs.names)))
+    reasons: list[str] = []
     pieces = leg.trajectory.pieces or leg.stretches
     for removal in sorted(removals, key=_extent)[-MOST:]:
         way = way_of(removal, leg.instants, leg.trajectory.states, pieces)
         ringing = followed(flow, removal, way)
         lacking = np.hypot(lacking, amplitudes(flow, ringing))  # their phases know nothing of each other
         changed = changed + kept(flow, way, ringing)
-    return lacking, changed
+        grows = ringing.grows()
+        if grows is not None:
+            since, times = grows
+            reasons.append(f"what was left out grows from t = {since:.6g} s on, to {times:.3g} times as much")
+        if ringing.lost is not None:
+            reasons.append(f"after t = {ringing.lost:.6g} s what rings is not told from what is kept")
+    return lacking, changed, reasons
 
 
 def _extent(removal: Removal) -> float:
@@ -63,7 +73,8 @@ def _extent(removal: Removal) -> float:
 
 
 def _finite(names: Sequence[str], values: Any) -> dict[str, float]:
-    return {n: float(v) for n, v in zip(names, values, strict=True) if np.isfinite(v)}
+    """What is not finite is not known."""
+    return {n: float(v) if np.isfinite(v) else math.nan for n, v in zip(names, values, strict=True)}
 
 
 def _reason(leaving: Leaving, leg: Leg) -> str:
