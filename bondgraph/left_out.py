@@ -26,10 +26,11 @@ class LeftOut:
     """What was left out of a run with a bandwidth in Hz.
 
     `faster`: how many modes ring faster (what decays without a turn is none of them); `modes`: those that rang and were left out, at
-    `instants` in s. `outputs`: the amplitude of this in each output (SI), the largest of the run. `kept`: by how much what is kept lacks
-    what the ringing does to it, in each output (SI); 0 if that is surely below the tolerance of the run, NaN (null in JSON) if it is
-    not known, and `reason` says why. `energy`: in J, if the run has a balance. `reason`: why nothing, or not all, was left out; "" if there is nothing to tell. All but the bandwidth are estimates of modes
-    that change slowly.
+    `instants` in s. `outputs`: the amplitude of this in each output (SI), the largest of the run; of one that goes with the square (a power)
+    the largest that it lacks. `kept`: by how much what is kept lacks what the ringing does to it, in each output (SI); 0 if that is surely
+    below the tolerance of the run, NaN (null in JSON) if it is not known, and `reason` says why. `energy`: in J, if the run has a balance.
+    `reason`: why nothing, or not all, was left out; "" if there is nothing to tell. All but the bandwidth are estimates of modes that
+    change slowly.
     """
 
     bandwidth: float

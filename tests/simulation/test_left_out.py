@@ -206,3 +206,18 @@ def test_what_a_decaying_ringing_does(damping: float) -> None:
     told, late = found.left_out, found.time > 3 * 0.02 / damping  # when nothing rings any more
     lacks = np.abs(full["xa"] - found["xa"])[late].max()
     assert told is not None and lacks / 3 < told.kept["xa"] < 3 * lacks
+
+
+# ---------------------------------------------------------------- in the outputs
+@pytest.mark.machine_code
+@pytest.mark.parametrize("damping", [0.05, 1.0, 10.0])
+def test_outputs_that_go_with_the_square(damping: float) -> None:
+    """A power and a stored energy: all of what is dissipated or stored by what rings."""
+    model = bondgraph.load(HEAT.replace("output xa", "output stored = link.F*link.x/2, xa"))
+    asked = {"settings": {"r": damping}, "points": 20001, "to": 0.2}
+    found, full = model.simulate(**asked), model.simulate(**asked, rtol=1e-10, bandwidth="1 THz")
+    told = found.left_out
+    assert told is not None
+    for name in ("power", "stored"):
+        lacks = np.abs(full[name] - found[name]).max()
+        assert lacks / 2 < told.outputs[name] < 2 * lacks

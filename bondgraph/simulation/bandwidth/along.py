@@ -27,6 +27,7 @@ HALVINGS = 8  # more places where modes are not recognised from one to the next
 SMALL = 1e-4  # of the largest: modes that ring by less are of no account
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
 KNOWN = 0.5  # of a mode in all of those at the next place, if it is to be followed there
+EIGHTHS = np.exp(0.25j * np.pi * np.arange(3))  # of a turn
 INSTANTS = 32  # at which eigenvalues are computed where decays change on the way
 STEADY = 0.1  # of itself, or powers of e in the run: a change of a decay that needs no more than the places
 TINY = 1e-300
@@ -222,9 +223,13 @@ def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
 
 
 def amplitudes(flow: Flow, ringing: Ringing) -> Any:
-    """In each output (outputs,): the largest at the places, all modes at their largest at once."""
+    """In each output (outputs,): the largest at the places, all modes at their largest at once. Of an output that is not linear (a power) the even
+    part is added: the largest that it gets by a mode whatever its phase, if it goes with the square."""
     shapes = ringing.largest.transpose(0, 2, 1)  # (k, p, n)
-    ways = np.concatenate([shapes.real, shapes.imag, -shapes.real, -shapes.imag], axis=1)
-    values = ringing.way.outputs(flow, ways).reshape(len(shapes), 4, shapes.shape[1], -1)
-    moved = 0.5 * (values[:, :2] - values[:, 2:])
-    return np.hypot(moved[:, 0], moved[:, 1]).sum(axis=1).max(axis=0)
+    count, modes, n = shapes.shape
+    ways = (shapes[:, None] * EIGHTHS[:, None, None]).real.reshape(count, -1, n)
+    values = ringing.way.outputs(flow, np.concatenate([np.zeros((count, 1, n)), ways, -ways], axis=1))
+    moved, back = (values[:, 1:] - values[:, :1]).reshape(count, 2, 3, modes, -1).transpose(1, 2, 0, 3, 4)
+    odd, even = 0.5 * (moved - back), 0.5 * (moved + back)
+    mean, swing, beside = 0.5 * (even[0] + even[2]), 0.5 * (even[0] - even[2]), even[1] - 0.5 * (even[0] + even[2])
+    return (np.hypot(odd[0], odd[2]) + np.abs(mean) + np.hypot(swing, beside)).sum(axis=1).max(axis=0)

@@ -36,9 +36,7 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
     if flow is None or not removals:
         return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, leg))
     modes = {m: None for removal in removals[:MOST] for m in _modes(flow, removal)}
-    found = LeftOut(
-        bandwidth, leaving.faster, tuple(modes), tuple(float(r.time) for r in removals)
-    )
+    found = LeftOut(bandwidth, leaving.faster, tuple(modes), tuple(float(r.time) for r in removals))
     names, reasons = program.outputs.names, _reasons(leaving)
     lacking, changed = np.full((2, len(names)), np.nan)
     try:
