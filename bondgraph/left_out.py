@@ -20,6 +20,10 @@ class FastMode:
     damping: float
     elements: tuple[str, ...]
 
+    def is_like(self, other: FastMode) -> bool:
+        """Whether it is told as the same mode at another instant: the same elements, and frequencies within one in a hundred."""
+        return self.elements == other.elements and abs(self.frequency - other.frequency) <= 0.01 * other.frequency
+
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
@@ -96,7 +100,8 @@ def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
     energies = [part.energy for part in (before, after) if part.energy is not None]
     reasons = dict.fromkeys(part.reason for part in (before, after) if part.reason)
     return LeftOut(
-        after.bandwidth, max(before.faster, after.faster), tuple(dict.fromkeys([*before.modes, *after.modes])),
+        after.bandwidth, max(before.faster, after.faster),
+        (*before.modes, *(m for m in after.modes if not any(m.is_like(old) for old in before.modes))),
         (*before.instants, *after.instants), _larger(before.outputs, after.outputs), _larger(before.kept, after.kept),
         sum(energies) if energies else None, "; ".join(reasons),
     )  # fmt: skip

@@ -221,3 +221,49 @@ def test_outputs_that_go_with_the_square(damping: float) -> None:
     for name in ("power", "stored"):
         lacks = np.abs(full[name] - found[name]).max()
         assert lacks / 2 < told.outputs[name] < 2 * lacks
+
+
+# ---------------------------------------------------------------- many of them
+# A force on the light mass that changes its sign again and again.
+SQUARE = """model Square {
+  parameter r = 0 [N*s/m], f = 19.777 [1/s]
+  input pull = 0 N
+  MSe hand : F = pull
+  1 a, b
+  0 ab
+  I ma : p = 1 kg*v
+  I mb : p = 10 [g]*v
+  C wall : F = 100 [N/m]*x + 1000 [N/m^3]*x^3
+  C link : F = 1e5 [N/m]*x + 1e7 [N/m^3]*x^3
+  R d : F = r*v
+  a -> ma, wall
+  a -> ab -> 1(link, d)
+  ab -> b -> mb
+  hand -> b
+  output xa = wall.x, s = link.x
+  experiment go { set pull = 1 N*(1 if sin(2*pi*f*time + 0.3) > 0 else -1); simulate 0 .. 3 s; bandwidth 60 Hz }
+}"""
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize(("frequency", "damping"), [(19.777, 0.0), (505.78 / 45, 0.0), (7.123, 5.0)])
+def test_a_ringing_that_is_set_off_again_and_again(frequency: float, damping: float) -> None:
+    """By up to 120 jumps, each of which adds to what is still there with its phase: in step, out of step, and when it is gone."""
+    model, asked = bondgraph.load(SQUARE), {"settings": {"f": frequency, "r": damping}, "points": 12001}
+    found, full = (
+        model.simulate(**asked, rtol=1e-8),
+        model.simulate(**asked, rtol=1e-9, solver="explicit", bandwidth="1 THz"),
+    )
+    told = found.left_out
+    assert told is not None and len(told.instants) > 40
+    lacks = np.abs(full["s"] - found["s"]).max()
+    assert lacks / 2.5 < told.outputs["s"] < 2.5 * lacks
+    assert [round(m.frequency) for m in told.modes] == [506]
+    assert "a mode at 505.8 Hz" in str(told)
+
+
+def test_where_it_was_looked_at_is_told() -> None:
+    """Beside a mass at rest on a spring that is not linear (0 Hz there)."""
+    model = bondgraph.load("plain model Still { signal x = integral(v, 0), v = integral(-x^3, 0) \n output a = x }")
+    told = model.simulate(to=1, bandwidth=10).left_out
+    assert told is not None and "its fastest motion is one of 0 Hz at t = 0 s where it was looked at" in told.reason

@@ -6,9 +6,10 @@ its own rate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ PLACES = (
     0.77,
     1.0,
 )  # of a run: where modes are computed, after its start; a slow motion that turns should not be met at one phase
+SHORT = 0.25  # of the run: a way for which its ends are enough
 HALVINGS = 8  # more places where modes are not recognised from one to the next
 SMALL = 1e-4  # of the largest: modes that ring by less are of no account
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
@@ -98,6 +100,17 @@ class Ringing:
         return np.array([found[nearest == k].max(axis=0) for k in range(len(self.way))])
 
     @cached_property
+    def phases(self) -> Any:
+        """Of the modes at the last of the instants (p,): what the imaginary parts of the eigenvalues add up to."""
+        turned = 0.5 * np.diff(self.instants)[:, None] * (self.rates[1:] + self.rates[:-1]).imag
+        return np.exp(1j * turned.sum(axis=0))
+
+    @property
+    def coming(self) -> Any:
+        """What rings at the last of the places, as complex amplitudes (n,)."""
+        return self.shapes[-1] @ (np.exp(np.clip(self.logarithms[-1], -700.0, LARGEST)) * self.phases)
+
+    @cached_property
     def largest(self) -> Any:
         """The shapes with their amplitudes at the places."""
         return self.shapes * self.peaks[:, None, :]
@@ -114,23 +127,39 @@ class Ringing:
         return float(self.instants[first]), float(np.exp(min(grown[last, mode], LARGEST)))
 
 
-def way_of(removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment]) -> Way:
-    """The reported instants after a removal, and that."""
-    chosen = np.flatnonzero(instants > removal.time)
-    numbers = np.searchsorted([p.start for p in pieces], instants[chosen], "left") - 1  # an end belongs to its piece
-    modes = several([removal.mode, *(p.mode for p in pieces)])[np.append(0, 1 + np.maximum(numbers, 0))]
-    return Way(np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]]), modes)
+def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Sequence[Segment]) -> Iterator[Way]:
+    """From each removal to the next one, or to the end: the reported instants between, and those of the removals."""
+    starts, modes = np.array([p.start for p in pieces]), several([p.mode for p in pieces])
+    for removal, after in zip_longest(removals, removals[1:]):
+        stop = np.inf if after is None else after.time
+        chosen = np.flatnonzero((instants > removal.time) & (instants < stop))
+        times, reached = [removal.time, *instants[chosen]], [removal.after[None], states[chosen]]
+        if after is not None and stop > removal.time:
+            times, reached = [*times, stop], [*reached, after.after[None]]
+        numbers = np.searchsorted(starts, times, "left") - 1  # an end belongs to its piece
+        numbers[0] = np.searchsorted(starts, removal.time, "right") - 1
+        yield Way(np.array(times), np.concatenate(reached), modes[np.maximum(numbers, 0)])
 
 
-def followed(flow: Flow, removal: Removal, way: Way) -> Ringing:
-    """The modes of a ringing at places from the start of a way to its end, or to where they are not recognised."""
+def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: Any = 0.0) -> Ringing:
+    """The modes of a ringing at places from the start of a way to its end, or to where they are not recognised. `part`: of the run that the way is;
+    `coming`: what already rang before, as complex amplitudes (n,)."""
     last = len(way) - 1
-    places = sorted({max(1, round(last * part)) for part in PLACES}) if last else []
-    at, removed = removal.found.split, removal.found.removed
-    shares = np.abs(at.dual @ removed) * np.linalg.norm(at.right, axis=0)
-    once = (at.values.imag >= 0) & (shares > SMALL * shares.max())  # of a conjugate pair one, twice as large
-    vectors, duals, values, shares = at.right[:, once], at.dual[once], at.values[once], shares[once] / shares.max()
-    amplitudes = duals @ removed * np.where(values.imag > 0, 2.0, 1.0)
+    parts = PLACES if part > SHORT else PLACES[-1:]
+    places = sorted({max(1, round(last * p)) for p in parts}) if last else []
+    at, change = (
+        removal.found.split,
+        2 * removal.found.removed + coming,
+    )  # of a conjugate pair one mode is taken, twice as large
+    shares = np.abs(at.dual @ change) * np.linalg.norm(at.right, axis=0)
+    once = (at.values.imag >= 0) & (shares > SMALL * shares[at.values.imag >= 0].max())
+    vectors, duals, values, shares = (
+        at.right[:, once],
+        at.dual[once],
+        at.values[once],
+        shares[once] / shares[once].max(),
+    )
+    amplitudes = duals @ change
     at_places = way[places]
     found = split(flow.matrices(at_places.times, at_places.modes, at_places.states), removal.rate) if places else []
     known: dict[int, Split | str | None] = dict(zip(places, found, strict=True))

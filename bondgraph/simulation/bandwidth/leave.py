@@ -49,6 +49,7 @@ class Leaving:
         self.bandwidth, self.span, self.restart = bandwidth, span, restart
         self.flow: Flow | None = None
         self.removals: list[Removal] = []
+        self.looks: list[float] = []  # when it was looked what is faster
         self.faster = 0  # modes that ring faster
         self.fastest, self.decay = (
             0.0,
@@ -98,6 +99,7 @@ class Leaving:
         """The slow motion there; None if nothing need be left out, a reason if it cannot."""
         flow = self.flow
         assert flow is not None
+        self.looks.append(time)
         (at,) = flow.splits(np.array([time]), x[None], one(mode), self.bandwidth)
         if isinstance(at, str) or not len(at.values):
             return self._told(at)

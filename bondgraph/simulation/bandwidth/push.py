@@ -6,6 +6,7 @@ times its action), and the slow motion answers by its own linear equations. Wher
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,14 +44,40 @@ class Fine:
     places: Any
 
 
-def kept(flow: Flow, way: Way, ringing: Ringing) -> Any:
-    """By how much what is kept lacks what the ringing does to it, the largest in each output (outputs,); 0 where that is
+def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
+    """By how much what is kept lacks what the ringing does to it, from one removal to the next; the largest in each output (outputs,), 0 where that is
     surely below the tolerance, NaN where it is not known."""
-    if ringing.lost is not None:
-        return np.full(len(flow.program.outputs.names), np.nan)
-    if len(ringing.splits) < 2 or _bound(flow, ringing) < UNSEEN:
-        return np.zeros(len(flow.program.outputs.names))
-    fine = _fine(flow, way, ringing)
+    largest = np.zeros(len(flow.program.outputs.names))
+    if any(ringing.lost is not None for _, ringing in ringings):
+        return largest + np.nan
+    ringings = [(way, ringing) for way, ringing in ringings if len(ringing.splits) > 1]
+    if not _seen(flow, ringings):
+        return largest
+    begin, stop = ringings[0][0].times[0], ringings[-1][0].times[-1]
+    held, later = np.zeros((2, flow.count))
+    for way, ringing in ringings:
+        fine = _fine(flow, way, ringing, float(stop - begin))
+        held = held + ringing.splits[0].slow @ (
+            later - fine.later[0].real.sum(axis=1)
+        )  # what is removed has none of it
+        found, lacks = _answer(flow, fine, ringing, held)
+        held, later = found, (fine.later[-1] @ ringing.phases).real
+        largest = np.maximum(largest, lacks)
+    return largest
+
+
+def _seen(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
+    """Whether the answer to all of them may be seen."""
+    bound = 0.0
+    for way, ringing in ringings:
+        bound += _bound(flow, ringing, float(ringings[-1][0].times[-1] - way.times[0]))
+        if not bound < UNSEEN:
+            return True
+    return False
+
+
+def _answer(flow: Flow, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, Any]:
+    """How far what is kept is pushed at the end (n,), and the most that the outputs show of it; `held`: how far at the start."""
     slow, static = (np.array([getattr(at, part) for at in ringing.splits])[fine.places] for part in ("slow", "inverse"))
     each = _pushes(flow, fine.way, fine.shapes + fine.later)
     pushes = each.sum(axis=1)
@@ -61,19 +88,19 @@ def kept(flow: Flow, way: Way, ringing: Ringing) -> Any:
     _, first, groups = np.unique(groups, return_index=True, return_inverse=True)
     through, mean = _propagators(answers[first])
     forced = lengths[:, 0] * (mean[groups] @ (slow @ _means(each, fine.sizes)[:, :, None]))[:, :, 0]
-    ways, found = list(through), [-slow[0] @ fine.later[0].real.sum(axis=1)]  # what is removed has none of it
+    ways, found = list(through), [held]
     for group, push in zip(groups.tolist(), forced, strict=True):
         found.append(ways[group] @ found[-1] + push)
     moved = np.zeros((len(found), 2, flow.count))
     moved[1:, 0] = found[1:]
     moved[1:, 0] -= (static @ pushes[1:, :, None])[:, :, 0]
     values = fine.way.outputs(flow, moved)
-    return np.abs(values[:, 0] - values[:, 1]).max(axis=0)
+    return found[-1], np.abs(values[:, 0] - values[:, 1]).max(axis=0)
 
 
-def _bound(flow: Flow, ringing: Ringing) -> float:
+def _bound(flow: Flow, ringing: Ringing, rest: float) -> float:
     """In units of the tolerance, from the places alone: pushes all of one sign for the whole run, and shapes that change as fast as the slow motion
-    turns; both carried from state to state as far as that motion does in a turn, or in the run."""
+    turns; both carried from state to state as far as that motion does in a turn, or in the `rest` of the run, in s."""
     way, splits, shapes = ringing.way, ringing.splits, ringing.largest
     span = way.times[-1] - way.times[0]
     gap = min(at.gap for at in splits)
@@ -87,21 +114,17 @@ def _bound(flow: Flow, ringing: Ringing) -> float:
     ways = np.abs(slow @ np.array([at.matrix for at in splits]) @ slow).max(axis=0)
     with np.errstate(all="ignore"):
         reached = pushed + turned
-        reached = np.maximum(reached, ways @ reached / max(np.abs(others).min(), 1 / span))
-        return float(
-            (
-                reached
-                * np.exp(max(0.0, others.real.max(), *(at.decays.real.max(initial=0.0) for at in splits)) * span)
-                / flow.allowed
-            ).max()
-        )
+        reached = np.maximum(reached, ways @ reached / max(np.abs(others).min(), 1 / rest))
+        growth = max(0.0, others.real.max(), *(at.decays.real.max(initial=0.0) for at in splits))
+        return float((reached * np.exp(growth * rest) / flow.allowed).max())
 
 
-def _fine(flow: Flow, way: Way, ringing: Ringing) -> Fine:
-    """At enough of the instants up to the last of the places, in intervals of one length but for the first."""
+def _fine(flow: Flow, way: Way, ringing: Ringing, run: float) -> Fine:
+    """At enough of the instants up to the last of the places, and while it rings; `run`: the length of the whole, in s."""
     last = int(np.searchsorted(way.times, ringing.way.times[-1]))
-    turns = ringing.splits[0].slowest * float(way.times[-1] - way.times[0]) / (2 * np.pi)
-    wanted = min(max(LEAST, round(IN_A_TURN * turns)), max(1, ROOM // flow.count**2))
+    span = float(way.times[-1] - way.times[0])
+    least, turns = int(np.ceil(LEAST * span / run)), ringing.splits[0].slowest * span / (2 * np.pi)
+    wanted = min(max(least, round(IN_A_TURN * turns)), max(1, ROOM // flow.count**2))
     sizes = ringing.sizes(way.times[: last + 1])
     alive = min(last, int(np.flatnonzero((sizes > np.exp(-ALIVE)).any(axis=1))[-1]) + 1)
     chosen = np.append(0, np.arange(last, 0, -max(1, -(-last // wanted)))[::-1])
