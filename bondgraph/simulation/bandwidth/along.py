@@ -6,6 +6,7 @@ its own rate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,17 +19,14 @@ from ..segments import Segment
 from .leave import Removal
 from .split import GROWN, Flow, Modes, Split, several, split
 
-PLACES = (
-    0.23,
-    0.49,
-    0.77,
-    1.0,
-)  # of a run: where modes are computed, after its start; a slow motion that turns should not be met at one phase
+# parts of a run at which modes are computed, after its start; no simple parts of a turn of the slow motion
+PLACES = (0.31, 0.67, 1.0)
 SHORT = 0.25  # of the run: a way for which its ends are enough
 HALVINGS = 8  # more places where modes are not recognised from one to the next
 SMALL = 1e-4  # of the largest: modes that ring by less are of no account
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
 KNOWN = 0.5  # of a mode in all of those at the next place, if it is to be followed there
+LOG_SMALL = math.log(SMALL)
 EIGHTHS = np.exp(0.25j * np.pi * np.arange(3))  # of a turn
 INSTANTS = 32  # at which eigenvalues are computed where decays change on the way
 STEADY = 0.1  # of itself, or powers of e in the run: a change of a decay that needs no more than the places
@@ -119,7 +117,7 @@ class Ringing:
         """Since when something of it grows by more than is left out, and how many times; None if nothing does."""
         logarithms = self.logarithms
         grown = logarithms - np.minimum.accumulate(logarithms, axis=0)
-        grown = np.where(logarithms > np.log(SMALL), grown, 0.0)
+        grown = np.where(logarithms > LOG_SMALL, grown, 0.0)
         last, mode = np.unravel_index(grown.argmax(), grown.shape)
         if grown[last, mode] <= GROWN:
             return None
@@ -132,13 +130,13 @@ def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Seq
     starts, modes = np.array([p.start for p in pieces]), several([p.mode for p in pieces])
     for removal, after in zip_longest(removals, removals[1:]):
         stop = np.inf if after is None else after.time
-        chosen = np.flatnonzero((instants > removal.time) & (instants < stop))
-        times, reached = [removal.time, *instants[chosen]], [removal.after[None], states[chosen]]
-        if after is not None and stop > removal.time:
-            times, reached = [*times, stop], [*reached, after.after[None]]
+        first, last = np.searchsorted(instants, removal.time, "right"), np.searchsorted(instants, stop, "left")
+        ends = [after] if after is not None and stop > removal.time else []
+        times = np.concatenate([[removal.time], instants[first:last], [r.time for r in ends]])
+        reached = [removal.after[None], states[first:last], *(r.after[None] for r in ends)]
         numbers = np.searchsorted(starts, times, "left") - 1  # an end belongs to its piece
         numbers[0] = np.searchsorted(starts, removal.time, "right") - 1
-        yield Way(np.array(times), np.concatenate(reached), modes[np.maximum(numbers, 0)])
+        yield Way(times, np.concatenate(reached), modes[np.maximum(numbers, 0)])
 
 
 def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: Any = 0.0) -> Ringing:
@@ -147,10 +145,8 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
     last = len(way) - 1
     parts = PLACES if part > SHORT else PLACES[-1:]
     places = sorted({max(1, round(last * p)) for p in parts}) if last else []
-    at, change = (
-        removal.found.split,
-        2 * removal.found.removed + coming,
-    )  # of a conjugate pair one mode is taken, twice as large
+    at = removal.found.split
+    change = 2 * removal.found.removed + coming  # of a conjugate pair one mode is taken, twice as large
     shares = np.abs(at.dual @ change) * np.linalg.norm(at.right, axis=0)
     once = (at.values.imag >= 0) & (shares > SMALL * shares[at.values.imag >= 0].max())
     vectors, duals, values, shares = (
@@ -168,8 +164,8 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
     sizes = np.log(shares)
     while ahead:
         to, span = ahead[-1], way.times[ahead[-1]] - way.times[reached[-1]]
-        gone = sizes + 0.5 * span * values.real < np.log(SMALL)
-        new, there = _recognised(flow, removal.rate, way[[to]], known.get(to), vectors, duals, gone)
+        gone = sizes + 0.5 * span * values.real < LOG_SMALL
+        new = _recognised(flow, removal.rate, way, to, known.get(to), vectors, duals, gone)
         if new is None and to - reached[-1] > 1 and len(known) < len(places) + HALVINGS:
             ahead.append((reached[-1] + to) // 2)
             known[ahead[-1]] = None
@@ -177,11 +173,9 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
         if new is None:
             lost = float(way.times[reached[-1]])
             break
-        before = values
+        before, unknown = values, gone & ~_found(new, vectors, duals) if gone.any() else gone
         vectors, duals, values = carried(vectors, duals, new)
-        values = np.where(
-            there, values, np.minimum(values.real, before.real) + 1j * values.imag
-        )  # what is gone decays on
+        values = np.where(unknown, before, values)  # what is gone and not recognised decays as it did
         sizes = sizes + 0.5 * span * (before + values).real
         reached.append(ahead.pop())
         splits.append(new)
@@ -193,26 +187,23 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
 
 
 def _recognised(
-    flow: Flow, rate: float, place: Way, usual: Split | str | None, vectors: Any, duals: Any, gone: Any
-) -> tuple[Split | None, Any]:
-    """The split at a place and which modes are found there, if all that still ring are: among its fast modes, or else wherever their eigenvalues went;
-    None if they are not."""
-
-    def found_in(at: Split) -> Any:
-        return np.abs(((at.dual @ vectors) * (duals @ at.right).T).sum(axis=0)) >= KNOWN
-
-    if isinstance(usual, Split):
-        found = found_in(usual)
-        if (gone | found).all():
-            return usual, found
+    flow: Flow, rate: float, way: Way, place: int, usual: Split | str | None, vectors: Any, duals: Any, gone: Any
+) -> Split | None:
+    """The split at a place of a way, if all modes that still ring are found there: among its fast modes, or else wherever their eigenvalues went."""
+    if isinstance(usual, Split) and (gone | _found(usual, vectors, duals)).all():
+        return usual
+    there = way[[place]]
     try:
-        (other,) = split(flow.matrices(place.times, place.modes, place.states), rate, (vectors, duals))
+        (other,) = split(flow.matrices(there.times, there.modes, there.states), rate, (vectors, duals))
     except np.linalg.LinAlgError:
-        return None, gone
-    if not isinstance(other, Split) or not len(other.values):
-        return None, gone
-    found = found_in(other)
-    return (other, found) if (gone | found).all() else (None, gone)
+        return None
+    fits = isinstance(other, Split) and len(other.values) and (gone | _found(other, vectors, duals)).all()
+    return other if fits and isinstance(other, Split) else None
+
+
+def _found(at: Split, vectors: Any, duals: Any) -> Any:
+    """Which modes lie among the fast ones of a split (p,)."""
+    return np.abs(((at.dual @ vectors) * (duals @ at.right).T).sum(axis=0)) >= KNOWN
 
 
 def _between(flow: Flow, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
