@@ -142,6 +142,7 @@ def test_modes_that_get_faster_beside_it() -> None:
     assert plain.kept["xa"] > 1e-5 and beside.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
 
 
+@pytest.mark.machine_code
 def test_a_ringing_that_gets_slower_than_the_bandwidth() -> None:
     """It is followed as long as it is recognised, also below the bandwidth."""
     model = bondgraph.load(SOFTENS)
