@@ -297,3 +297,18 @@ def test_what_is_required_is_asked_of_what_is_left_out() -> None:
     assert told.text == wanted.text == "the leaf yields"
     assert told.time == pytest.approx(wanted.time, rel=0.05)
     assert told.values[0][1] == pytest.approx(wanted.values[0][1], rel=1e-3)
+
+
+@pytest.mark.machine_code
+def test_a_ringing_that_goes_on_where_something_else_is_left_out() -> None:
+    """Below the bandwidth by then, so that it is none of the modes that are faster there; it gets larger as it gets slower still."""
+    text = SOFTENS.replace(
+        "output xa",
+        "signal q1 = integral(q2, 0 mm), q2 = integral(4e6 [1/s^2]*(1 mm*step(time - 1.65 s) - q1), 0 [m/s])\n  output quick = q1, xa",
+    )
+    model, asked = bondgraph.load(text), {"settings": {"part": 0.02}, "points": 4001}
+    found, full = model.simulate(**asked), model.simulate(**asked, rtol=1e-9, bandwidth="1 THz")
+    told = found.left_out
+    assert told is not None and any(1.64 < t < 1.66 for t in told.instants)
+    lacks = np.abs(full["s"] - found["s"]).max()
+    assert lacks / 1.5 < told.outputs["s"] < 1.5 * lacks

@@ -139,13 +139,16 @@ def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Seq
         yield Way(times, np.concatenate(reached), modes[np.maximum(numbers, 0)])
 
 
-def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: Any = 0.0) -> Ringing:
+def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None) -> Ringing:
     """The modes of a ringing at places from the start of a way to its end, or to where they are not recognised. `part`: of the run that the way is;
-    `coming`: what already rang before, as complex amplitudes (n,)."""
+    `before`: what rang until then, and rings on."""
     last = len(way) - 1
     parts = PLACES if part > SHORT else PLACES[-1:]
     places = sorted({max(1, round(last * p)) for p in parts}) if last else []
-    at = removal.found.split
+    at, coming, lost = removal.found.split, 0.0 if before is None else before.coming, None
+    if before is not None:
+        both = _with(removal, before)
+        at, lost = (at, float(removal.time)) if both is None else (both, None)
     change = 2 * removal.found.removed + coming  # of a conjugate pair one mode is taken, twice as large
     shares = np.abs(at.dual @ change) * np.linalg.norm(at.right, axis=0)
     once = (at.values.imag >= 0) & (shares > SMALL * shares[at.values.imag >= 0].max())
@@ -160,7 +163,7 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
     found = split(flow.matrices(at_places.times, at_places.modes, at_places.states), removal.rate) if places else []
     known: dict[int, Split | str | None] = dict(zip(places, found, strict=True))
     ahead = places[::-1]
-    reached, splits, shapes, rates, lost = [0], [at], [vectors * amplitudes], [values], None
+    reached, splits, shapes, rates = [0], [at], [vectors * amplitudes], [values]
     sizes = np.log(shares)
     while ahead:
         to, span = ahead[-1], way.times[ahead[-1]] - way.times[reached[-1]]
@@ -173,10 +176,10 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
         if new is None:
             lost = float(way.times[reached[-1]])
             break
-        before, unknown = values, gone & ~_found(new, vectors, duals) if gone.any() else gone
+        earlier, unknown = values, gone & ~_found(new, vectors, duals) if gone.any() else gone
         vectors, duals, values = carried(vectors, duals, new)
-        values = np.where(unknown, before, values)  # what is gone and not recognised decays as it did
-        sizes = sizes + 0.5 * span * (before + values).real
+        values = np.where(unknown, earlier, values)  # what is gone and not recognised decays as it did
+        sizes = sizes + 0.5 * span * (earlier + values).real
         reached.append(ahead.pop())
         splits.append(new)
         shapes.append(vectors * amplitudes)
@@ -184,6 +187,20 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, coming: 
     here = way[reached]
     instants, between = _between(flow, way[: reached[-1] + 1], here.times, np.array(rates))
     return Ringing(here, splits, np.array(shapes), np.array(rates), instants, between, lost)
+
+
+def _with(removal: Removal, before: Ringing) -> Split | None:
+    """The split at a removal, with what still rings from before among its fast modes; None if that is not found."""
+    at, coming, removed = removal.found.split, before.coming, removal.found.removed
+
+    def has(fast: Split) -> bool:
+        rest = coming - fast.right @ (fast.dual @ coming)
+        return bool(np.linalg.norm(rest) <= max(KNOWN * np.linalg.norm(coming), SMALL * np.linalg.norm(removed)))
+
+    if has(at):
+        return at
+    (other,) = split(at.matrix[None], removal.rate, (before.splits[-1].right, before.splits[-1].dual))
+    return other if isinstance(other, Split) and has(other) else None
 
 
 def _recognised(

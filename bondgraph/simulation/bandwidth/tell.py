@@ -51,10 +51,10 @@ def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, 
     reasons: list[str] = []
     pieces = leg.trajectory.pieces or leg.stretches
     ringings: list[tuple[Way, Ringing]] = []
-    whole, coming = float(leg.instants[-1] - removals[0].time), 0.0
+    whole, ringing = float(leg.instants[-1] - removals[0].time), None
     for removal, way in zip(removals, ways_of(removals, leg.instants, leg.trajectory.states, pieces), strict=True):
-        ringing = followed(flow, removal, way, (way.times[-1] - way.times[0]) / whole if whole > 0 else 1.0, coming)
-        lacking, coming = np.maximum(lacking, amplitudes(flow, ringing)), ringing.coming
+        ringing = followed(flow, removal, way, (way.times[-1] - way.times[0]) / whole if whole > 0 else 1.0, ringing)
+        lacking = np.maximum(lacking, amplitudes(flow, ringing))
         ringings.append((way, ringing))
         grows = ringing.grows()
         if grows is not None:
