@@ -20,15 +20,21 @@ class FastMode:
     damping: float
     elements: tuple[str, ...]
 
+    def is_like(self, other: FastMode) -> bool:
+        """Whether it is told as the same mode at another instant: the same elements, and frequencies within one in a hundred."""
+        return self.elements == other.elements and abs(self.frequency - other.frequency) <= 0.01 * other.frequency
+
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
     """What was left out of a run with a bandwidth in Hz.
 
-    `faster`: how many modes are faster; `modes`: those that rang and were left out, at `instants` in s. `outputs`: the amplitude of this in each output
-    (SI), the largest of the run. `kept`: by how much what is kept lacks what the ringing does to it, in each output (SI); 0 if that is surely below the
-    tolerance of the run. `energy`: in J, if the run has a balance. `reason`: why nothing, or not all, was left out; "" if there is nothing to tell. All
-    but the bandwidth are estimates of modes that change slowly.
+    `faster`: how many modes ring faster (what decays without a turn is none of them); `modes`: those that rang and were left out, at
+    `instants` in s. `outputs`: the amplitude of this in each output (SI), the largest of the run; of one that goes with the square (a power)
+    the largest that it lacks. `kept`: by how much what is kept lacks what the ringing does to it, in each output (SI); 0 if that is surely
+    below the tolerance of the run, NaN (null in JSON) if it is not known, and `reason` says why. `energy`: in J, if the run has a balance.
+    `reason`: why nothing, or not all, was left out; "" if there is nothing to tell. All but the bandwidth are estimates of modes that
+    change slowly.
     """
 
     bandwidth: float
@@ -54,13 +60,15 @@ class LeftOut:
         parts = [
             f"{head}{_modes(self.modes)} left out at t = {when}{f' ({count} times)' if count > NAMED else ''}{joules}"
         ]
-        parts.append(
-            f"the outputs lack a ringing of up to {_largest(self.outputs, units)}"
-            if any(self.outputs.values())
-            else "no output shows it"
-        )
-        if any(self.kept.values()):
+        if any(_known(self.outputs).values()):
+            parts.append(f"the outputs lack a ringing of up to {_largest(self.outputs, units)}")
+        else:
+            parts.append("no output shows it" if _all_known(self.outputs) else "what the outputs lack is not known")
+        if any(_known(self.kept).values()):
             parts.append(f"what it does to the motion that is kept is estimated at {_largest(self.kept, units)}")
+        if not _all_known(self.kept):
+            rest = " of the others" if any(_known(self.kept).values()) else ""
+            parts.append(f"what it does to the motion that is kept is not known{rest}")
         return "; ".join([*parts, *([self.reason] if self.reason else [])])
 
     def to_json(self) -> dict[str, Any]:
@@ -69,8 +77,8 @@ class LeftOut:
         told = {"frequency": self.bandwidth, "faster": self.faster, "modes": modes, "instants": list(self.instants)}
         return {
             **told,
-            "outputs": dict(self.outputs),
-            "kept": dict(self.kept),
+            "outputs": _told(self.outputs),
+            "kept": _told(self.kept),
             "energy": self.energy,
             "reason": self.reason or None,
         }
@@ -80,7 +88,7 @@ def read_left_out(told: Mapping[str, Any]) -> LeftOut:
     """From what `to_json` gives."""
     modes = tuple(FastMode(m["frequency"], m["damping"], tuple(m["elements"])) for m in told["modes"])
     return LeftOut(
-        told["frequency"], told["faster"], modes, tuple(told["instants"]), dict(told["outputs"]), dict(told["kept"]), told["energy"],
+        told["frequency"], told["faster"], modes, tuple(told["instants"]), _read(told["outputs"]), _read(told["kept"]), told["energy"],
         told["reason"] or "",
     )  # fmt: skip
 
@@ -92,7 +100,8 @@ def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
     energies = [part.energy for part in (before, after) if part.energy is not None]
     reasons = dict.fromkeys(part.reason for part in (before, after) if part.reason)
     return LeftOut(
-        after.bandwidth, max(before.faster, after.faster), tuple(dict.fromkeys([*before.modes, *after.modes])),
+        after.bandwidth, max(before.faster, after.faster),
+        (*before.modes, *(m for m in after.modes if not any(m.is_like(old) for old in before.modes))),
         (*before.instants, *after.instants), _larger(before.outputs, after.outputs), _larger(before.kept, after.kept),
         sum(energies) if energies else None, "; ".join(reasons),
     )  # fmt: skip
@@ -117,9 +126,29 @@ def _modes(modes: tuple[FastMode, ...]) -> str:
 
 
 def _largest(values: Mapping[str, float], units: Mapping[str, str]) -> str:
+    values = _known(values)
     names = sorted((n for n in values if values[n]), key=lambda n: -values[n])
     return ", ".join(f"{values[n]:.3g}{behind(units.get(n, '1'))} (`{n}`)" for n in names[:NAMED])
 
 
 def _larger(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
-    return {n: max(first.get(n, 0.0), second.get(n, 0.0)) for n in {**first, **second}}
+    """What is not known in one of them is not known."""
+    both = {n: (first.get(n, 0.0), second.get(n, 0.0)) for n in {**first, **second}}
+    return {n: math.nan if any(map(math.isnan, pair)) else max(pair) for n, pair in both.items()}
+
+
+def _known(values: Mapping[str, float]) -> dict[str, float]:
+    return {n: v for n, v in values.items() if not math.isnan(v)}
+
+
+def _all_known(values: Mapping[str, float]) -> bool:
+    return not any(map(math.isnan, values.values()))
+
+
+def _told(values: Mapping[str, float]) -> dict[str, float | None]:
+    """For JSON, which has no NaN."""
+    return {n: None if math.isnan(v) else v for n, v in values.items()}
+
+
+def _read(values: Mapping[str, float | None]) -> dict[str, float]:
+    return {n: math.nan if v is None else v for n, v in values.items()}

@@ -309,9 +309,9 @@ class Result:
                          elements: {name: {kind, stored, supplied, dissipated, residual}}}
             warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
             notes        what became known of the run on its way: sentences
-            bandwidth    if one was asked for: {frequency in Hz, faster: modes that are faster, modes: those that were left out [{frequency, damping,
-                         elements}], instants, outputs: {name: amplitude of what was left out}, kept: {name: its effect on what is kept},
-                         energy in J or null, reason: a sentence or null}
+            bandwidth    if one was asked for: {frequency in Hz, faster: modes that ring faster, modes: those that were left out [{frequency, damping,
+                         elements}], instants, outputs: {name: amplitude of what was left out}, kept: {name: its effect on what is kept,
+                         null if it is not known}, energy in J or null, reason: a sentence or null}
             stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.

@@ -6,19 +6,32 @@ its own rate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
 from ..segments import Segment
 from .leave import Removal
-from .split import Flow, Modes, Split, several, split
+from .split import GROWN, Flow, Modes, Split, several, split
 
-PLACES = 4  # of a run at which modes are computed, after its start
+# parts of a run at which modes are computed, after its start; no simple parts of a turn of the slow motion
+PLACES = (0.31, 0.67, 1.0)
+SHORT = 0.25  # of the run: a way for which its ends are enough
+HALVINGS = 8  # more places where modes are not recognised from one to the next
 SMALL = 1e-4  # of the largest: modes that ring by less are of no account
 ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
+KNOWN = 0.5  # of a mode in all of those at the next place, if it is to be followed there
+LOG_SMALL = math.log(SMALL)
+EIGHTHS = np.exp(0.25j * np.pi * np.arange(3))  # of a turn
+INSTANTS = 32  # at which eigenvalues are computed where decays change on the way
+STEADY = 0.1  # of itself, or powers of e in the run: a change of a decay that needs no more than the places
+TINY = 1e-300
+LARGEST = 40.0  # powers of e by which a ringing is told to grow
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,44 +61,186 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Ringing:
-    """`shapes` (k, n, p) are the complex amplitudes a of p modes at some places of a way, the sum of Re(a exp(i w t)), over the magnitudes of the flow;
-    `values` (k, p) their eigenvalues in 1/s."""
+    """`shapes` (k, n, p) are the complex amplitudes a of p modes at some places of a way as they are without growth or decay, over the magnitudes of
+    the flow; the ringing is the sum of Re(a exp(integral of the eigenvalue)). `values` (k, p): eigenvalues at the places; `instants` (f,) with
+    `rates` (f, p): at the places and between them, in 1/s. `lost`: where something that still rings is not recognised."""
 
     way: Way
     splits: Sequence[Split]
     shapes: Any
     values: Any
+    instants: Any
+    rates: Any
+    lost: float | None
+
+    @cached_property
+    def logarithms(self) -> Any:
+        """Of the amplitudes at the instants (f, p): what the real parts of the eigenvalues add up to."""
+        steps = 0.5 * np.diff(self.instants)[:, None] * (self.rates[1:] + self.rates[:-1]).real
+        return np.concatenate([np.zeros((1, self.rates.shape[1])), np.cumsum(steps, axis=0)])
+
+    def sizes(self, times: Any) -> Any:
+        """The amplitudes at rising times (k, p), 1 at the start."""
+        if len(self.instants) == 1:
+            return np.ones((len(times), self.rates.shape[1]))
+        at = np.clip(np.searchsorted(self.instants, times, "right") - 1, 0, len(self.instants) - 2)
+        into, real = (times - self.instants[at])[:, None], self.rates.real
+        slopes = np.diff(real, axis=0) / np.diff(self.instants)[:, None]
+        return np.exp(np.clip(self.logarithms[at] + into * (real[at] + 0.5 * into * slopes[at]), -700.0, LARGEST))
+
+    @cached_property
+    def peaks(self) -> Any:
+        """The largest amplitude at the instants nearest to each place (k, p)."""
+        found = np.exp(np.clip(self.logarithms, -700.0, LARGEST))
+        if len(self.instants) == len(self.way):
+            return found
+        nearest = np.abs(self.instants[:, None] - self.way.times).argmin(axis=1)
+        return np.array([found[nearest == k].max(axis=0) for k in range(len(self.way))])
+
+    @cached_property
+    def phases(self) -> Any:
+        """Of the modes at the last of the instants (p,): what the imaginary parts of the eigenvalues add up to."""
+        turned = 0.5 * np.diff(self.instants)[:, None] * (self.rates[1:] + self.rates[:-1]).imag
+        return np.exp(1j * turned.sum(axis=0))
+
+    @property
+    def coming(self) -> Any:
+        """What rings at the last of the places, as complex amplitudes (n,)."""
+        return self.shapes[-1] @ (np.exp(np.clip(self.logarithms[-1], -700.0, LARGEST)) * self.phases)
+
+    @cached_property
+    def largest(self) -> Any:
+        """The shapes with their amplitudes at the places."""
+        return self.shapes * self.peaks[:, None, :]
+
+    def grows(self) -> tuple[float, float] | None:
+        """Since when something of it grows by more than is left out, and how many times; None if nothing does."""
+        logarithms = self.logarithms
+        grown = logarithms - np.minimum.accumulate(logarithms, axis=0)
+        grown = np.where(logarithms > LOG_SMALL, grown, 0.0)
+        last, mode = np.unravel_index(grown.argmax(), grown.shape)
+        if grown[last, mode] <= GROWN:
+            return None
+        first = int(logarithms[: last + 1, mode].argmin())
+        return float(self.instants[first]), float(np.exp(min(grown[last, mode], LARGEST)))
 
 
-def way_of(removal: Removal, instants: Any, states: Any, pieces: Sequence[Segment]) -> Way:
-    """The reported instants after a removal, and that."""
-    chosen = np.flatnonzero(instants > removal.time)
-    numbers = np.searchsorted([p.start for p in pieces], instants[chosen], "left") - 1  # an end belongs to its piece
-    modes = several([removal.mode, *(p.mode for p in pieces)])[np.append(0, 1 + np.maximum(numbers, 0))]
-    return Way(np.append(removal.time, instants[chosen]), np.vstack([removal.after, states[chosen]]), modes)
+def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Sequence[Segment]) -> Iterator[Way]:
+    """From each removal to the next one, or to the end: the reported instants between, and those of the removals."""
+    starts, modes = np.array([p.start for p in pieces]), several([p.mode for p in pieces])
+    for removal, after in zip_longest(removals, removals[1:]):
+        stop = np.inf if after is None else after.time
+        first, last = np.searchsorted(instants, removal.time, "right"), np.searchsorted(instants, stop, "left")
+        ends = [after] if after is not None and stop > removal.time else []
+        times = np.concatenate([[removal.time], instants[first:last], [r.time for r in ends]])
+        reached = [removal.after[None], states[first:last], *(r.after[None] for r in ends)]
+        numbers = np.searchsorted(starts, times, "left") - 1  # an end belongs to its piece
+        numbers[0] = np.searchsorted(starts, removal.time, "right") - 1
+        yield Way(times, np.concatenate(reached), modes[np.maximum(numbers, 0)])
 
 
-def followed(flow: Flow, removal: Removal, way: Way) -> Ringing:
-    """The modes of a ringing at places from the start of a way to its end, or to where there are others."""
+def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None) -> Ringing:
+    """The modes of a ringing at places from the start of a way to its end, or to where they are not recognised. `part`: of the run that the way is;
+    `before`: what rang until then, and rings on."""
     last = len(way) - 1
-    places = [last * k // PLACES for k in range(1, PLACES + 1)] if last >= PLACES else list(range(1, last + 1))
-    at, removed = removal.found.split, removal.found.removed
-    shares = np.abs(at.dual @ removed) * np.linalg.norm(at.right, axis=0)
-    once = (at.values.imag >= 0) & (shares > SMALL * shares.max())  # of a conjugate pair one, twice as large
-    vectors, duals, values, decay = at.right[:, once], at.dual[once], at.values[once], np.zeros(once.sum())
-    amplitudes = duals @ removed * np.where(values.imag > 0, 2.0, 1.0)
-    splits, shapes, rates = [at], [vectors * amplitudes], [values]
-    there = way[places]
-    found = split(flow.matrices(there.times, there.modes, there.states), removal.rate) if places else []
-    for span, new in zip(np.diff(way.times[[0, *places]]), found, strict=True):
-        if isinstance(new, str) or len(new.values) != len(at.values):
+    parts = PLACES if part > SHORT else PLACES[-1:]
+    places = sorted({max(1, round(last * p)) for p in parts}) if last else []
+    at, coming, lost = removal.found.split, 0.0 if before is None else before.coming, None
+    if before is not None:
+        both = _with(removal, before)
+        at, lost = (at, float(removal.time)) if both is None else (both, None)
+    change = 2 * removal.found.removed + coming  # of a conjugate pair one mode is taken, twice as large
+    shares = np.abs(at.dual @ change) * np.linalg.norm(at.right, axis=0)
+    once = (at.values.imag >= 0) & (shares > SMALL * shares[at.values.imag >= 0].max())
+    vectors, duals, values, shares = (
+        at.right[:, once],
+        at.dual[once],
+        at.values[once],
+        shares[once] / shares[once].max(),
+    )
+    amplitudes = duals @ change
+    at_places = way[places]
+    found = split(flow.matrices(at_places.times, at_places.modes, at_places.states), removal.rate) if places else []
+    known: dict[int, Split | str | None] = dict(zip(places, found, strict=True))
+    ahead = places[::-1]
+    reached, splits, shapes, rates = [0], [at], [vectors * amplitudes], [values]
+    sizes = np.log(shares)
+    while ahead:
+        to, span = ahead[-1], way.times[ahead[-1]] - way.times[reached[-1]]
+        gone = sizes + 0.5 * span * values.real < LOG_SMALL
+        new = _recognised(flow, removal.rate, way, to, known.get(to), vectors, duals, gone)
+        if new is None and to - reached[-1] > 1 and len(known) < len(places) + HALVINGS:
+            ahead.append((reached[-1] + to) // 2)
+            known[ahead[-1]] = None
+            continue
+        if new is None:
+            lost = float(way.times[reached[-1]])
             break
+        earlier, unknown = values, gone & ~_found(new, vectors, duals) if gone.any() else gone
         vectors, duals, values = carried(vectors, duals, new)
-        decay = decay + 0.5 * span * (rates[-1].real + values.real)
+        values = np.where(unknown, earlier, values)  # what is gone and not recognised decays as it did
+        sizes = sizes + 0.5 * span * (earlier + values).real
+        reached.append(ahead.pop())
         splits.append(new)
-        shapes.append(vectors * (amplitudes * np.exp(np.minimum(decay, 0.0))))
+        shapes.append(vectors * amplitudes)
         rates.append(values)
-    return Ringing(way[[0, *places][: len(splits)]], splits, np.array(shapes), np.array(rates))
+    here = way[reached]
+    instants, between = _between(flow, way[: reached[-1] + 1], here.times, np.array(rates))
+    return Ringing(here, splits, np.array(shapes), np.array(rates), instants, between, lost)
+
+
+def _with(removal: Removal, before: Ringing) -> Split | None:
+    """The split at a removal, with what still rings from before among its fast modes; None if that is not found."""
+    at, coming, removed = removal.found.split, before.coming, removal.found.removed
+
+    def has(fast: Split) -> bool:
+        rest = coming - fast.right @ (fast.dual @ coming)
+        return bool(np.linalg.norm(rest) <= max(KNOWN * np.linalg.norm(coming), SMALL * np.linalg.norm(removed)))
+
+    if has(at):
+        return at
+    (other,) = split(at.matrix[None], removal.rate, (before.splits[-1].right, before.splits[-1].dual))
+    return other if isinstance(other, Split) and has(other) else None
+
+
+def _recognised(
+    flow: Flow, rate: float, way: Way, place: int, usual: Split | str | None, vectors: Any, duals: Any, gone: Any
+) -> Split | None:
+    """The split at a place of a way, if all modes that still ring are found there: among its fast modes, or else wherever their eigenvalues went."""
+    if isinstance(usual, Split) and (gone | _found(usual, vectors, duals)).all():
+        return usual
+    there = way[[place]]
+    try:
+        (other,) = split(flow.matrices(there.times, there.modes, there.states), rate, (vectors, duals))
+    except np.linalg.LinAlgError:
+        return None
+    fits = isinstance(other, Split) and len(other.values) and (gone | _found(other, vectors, duals)).all()
+    return other if fits and isinstance(other, Split) else None
+
+
+def _found(at: Split, vectors: Any, duals: Any) -> Any:
+    """Which modes lie among the fast ones of a split (p,)."""
+    return np.abs(((at.dual @ vectors) * (duals @ at.right).T).sum(axis=0)) >= KNOWN
+
+
+def _between(flow: Flow, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
+    """Instants from the start to the last of the places, and the eigenvalues there (f, p): more of them where decays change on the way."""
+    apart, span = np.ptp(rates.real, axis=0), places[-1] - places[0]
+    if not (apart > STEADY * np.maximum(np.abs(rates.real).max(axis=0), 1 / max(span, TINY))).any() or len(way) <= len(
+        places
+    ):
+        return places, rates
+    chosen = np.union1d(np.linspace(0, len(way) - 1, INSTANTS).astype(int), np.searchsorted(way.times, places))
+    there = way[chosen]
+    near = np.array(
+        [np.interp(there.times, places, part) for part in np.concatenate([rates.real, rates.imag], axis=1).T]
+    )
+    near = (near[: rates.shape[1]] + 1j * near[rates.shape[1] :]).T
+    values = np.linalg.eigvals(flow.matrices(there.times, there.modes, there.states))
+    nearest = np.abs(values[:, None, :] - near[:, :, None]).argmin(axis=2)
+    found = np.take_along_axis(values, nearest, axis=1).astype(complex)
+    found[np.searchsorted(there.times, places)] = rates
+    return there.times, found
 
 
 def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
@@ -105,9 +260,13 @@ def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
 
 
 def amplitudes(flow: Flow, ringing: Ringing) -> Any:
-    """In each output (outputs,): the largest at the places, all modes at their largest at once."""
-    shapes = ringing.shapes.transpose(0, 2, 1)  # (k, p, n)
-    ways = np.concatenate([shapes.real, shapes.imag, -shapes.real, -shapes.imag], axis=1)
-    values = ringing.way.outputs(flow, ways).reshape(len(shapes), 4, shapes.shape[1], -1)
-    moved = 0.5 * (values[:, :2] - values[:, 2:])
-    return np.hypot(moved[:, 0], moved[:, 1]).sum(axis=1).max(axis=0)
+    """In each output (outputs,): the largest at the places, all modes at their largest at once. Of an output that is not linear (a power) the even
+    part is added: the largest that it gets by a mode whatever its phase, if it goes with the square."""
+    shapes = ringing.largest.transpose(0, 2, 1)  # (k, p, n)
+    count, modes, n = shapes.shape
+    ways = (shapes[:, None] * EIGHTHS[:, None, None]).real.reshape(count, -1, n)
+    values = ringing.way.outputs(flow, np.concatenate([np.zeros((count, 1, n)), ways, -ways], axis=1))
+    moved, back = (values[:, 1:] - values[:, :1]).reshape(count, 2, 3, modes, -1).transpose(1, 2, 0, 3, 4)
+    odd, even = 0.5 * (moved - back), 0.5 * (moved + back)
+    mean, swing, beside = 0.5 * (even[0] + even[2]), 0.5 * (even[0] - even[2]), even[1] - 0.5 * (even[0] + even[2])
+    return (np.hypot(odd[0], odd[2]) + np.abs(mean) + np.hypot(swing, beside)).sum(axis=1).max(axis=0)

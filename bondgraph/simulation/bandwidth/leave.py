@@ -6,11 +6,13 @@ The steps themselves know nothing of that: after the removal they hold the toler
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import RunFailed
 from ...left_out import told_hertz
 from ..segments import Segment
 from .inputs import content
@@ -27,6 +29,7 @@ LEFT, LEFT_LATER = (
 )  # of what would be removed may be left, or it is no ringing but driven; the latter where nothing begins anew
 AFTER = 50  # steps, after which it is looked whether they are short
 LOUD = 0.3  # of a state's magnitude: a ringing that a look ahead should not have seen
+IN_A_TURN = 65  # instants at which what is required is asked of what was removed
 SHORT = 0.02  # of a period of the bandwidth
 
 
@@ -49,7 +52,12 @@ class Leaving:
         self.bandwidth, self.span, self.restart = bandwidth, span, restart
         self.flow: Flow | None = None
         self.removals: list[Removal] = []
-        self.faster, self.fastest = 0, 0.0  # modes, and the rate of the fastest of all, 1/s
+        self.looks: list[float] = []  # when it was looked what is faster
+        self.faster = 0  # modes that ring faster
+        self.fastest, self.decay = (
+            0.0,
+            0.0,
+        )  # the rates of the fastest motion within the circle, and beyond it of what does not ring, 1/s
         self.reasons: dict[str, float] = {}  # why what is faster was not left out, and when first
         self.above = 0.0  # Hz: how fast what drives the model changes, if that is faster
         self.pause = AFTER  # steps of a piece, after which it is looked at
@@ -74,6 +82,8 @@ class Leaving:
             self.restart(after)
             stepper.look_anew()
         self.removals.append(Removal(stretch.start, stretch.mode, x, after, found, 2 * np.pi * self.bandwidth))
+        if any(note.kind != "table" for note in stepper.program.limits):
+            _ask(stepper, self.flow.magnitude, self.removals[-1])
         return after
 
     def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
@@ -94,6 +104,7 @@ class Leaving:
         """The slow motion there; None if nothing need be left out, a reason if it cannot."""
         flow = self.flow
         assert flow is not None
+        self.looks.append(time)
         (at,) = flow.splits(np.array([time]), x[None], one(mode), self.bandwidth)
         if isinstance(at, str) or not len(at.values):
             return self._told(at)
@@ -114,10 +125,12 @@ class Leaving:
         if isinstance(at, str):
             return at
         self.faster = max(self.faster, int((at.values.imag >= 0).sum()))
-        self.fastest = max(self.fastest, float(np.abs(at.values).max(initial=at.slowest)))
+        self.fastest = max(self.fastest, at.slowest)
+        self.decay = float(np.abs(at.decays).max(initial=self.decay))
         if not at.grows(self.span):
             return None
-        rate = at.values[np.argmax(at.values.real)]
+        rates = np.append(at.values, at.decays)
+        rate = rates[np.argmax(rates.real)]
         return f"a motion of {told_hertz(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
     def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:
@@ -125,6 +138,21 @@ class Leaving:
         assert self.flow is not None
         states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
         return stepper.held(stretch.start, states, stretch.mode)
+
+
+def _ask(stepper: Stepper, magnitude: Any, removal: Removal) -> None:
+    """Ask the first turn of what was removed for what the model requires; nothing comes of it where loops have no solution."""
+    at, count = removal.found.split, len(removal.found.removed)
+    parts = (at.right * (at.dual @ removal.found.removed)).T * magnitude
+    turn = 2 * np.pi / float(np.abs(at.values.imag).min())
+
+    def state_at(times: Any) -> Any:
+        states = np.tile(removal.after, (len(times), 1))
+        states[:, :count] += (np.exp((times - removal.time)[:, None] * at.values) @ parts).real
+        return stepper.held_all(times, states, removal.mode)
+
+    with suppress(RunFailed):
+        stepper.watch.look(removal.time + np.linspace(0.0, turn, IN_A_TURN), removal.mode, state_at, tables=False)
 
 
 def _size(flow: Flow, change: Any) -> float:

@@ -6,6 +6,7 @@ times its action), and the slow motion answers by its own linear equations. Wher
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,74 +22,114 @@ ALIKE_ENOUGH = (
     0.01  # by which the answer within an interval may differ from that in the first of several that are taken for one
 )
 UNSEEN = 0.3  # of the tolerance: where the bound says less, nothing is computed
+EVEN, STEEP = (
+    1e-4,
+    3.0,
+)  # powers of e within an interval: below, a push changes linearly; above, that of the larger end is taken
+ALIVE = 4.0  # powers of e by which a ringing decays until it pushes nothing
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
 TERMS = 8  # of the series of an exponential, where what it is of is below 1
 
 
 @dataclass(frozen=True, eq=False)
 class Fine:
-    """A ringing at all of some instants: `shapes` as at the places, `later`, alike, what they get by changing on the way; `matrices` (k, n, n);
-    `places` (k - 1,): which place each interval belongs to."""
+    """A ringing at all of some instants: `shapes` as they are there, `later`, alike, what they get by changing on the way; `sizes` (k, p): their
+    amplitudes in parts of the first; `matrices` (k, n, n); `places` (k - 1,): which place each interval belongs to."""
 
     way: Way
     matrices: Any
     shapes: Any
     later: Any
+    sizes: Any
     places: Any
 
 
-def kept(flow: Flow, way: Way, ringing: Ringing) -> Any:
-    """By how much what is kept lacks what the ringing does to it, the largest in each output (outputs,); 0 where that is
-    surely below the tolerance."""
-    if len(ringing.splits) < 2 or _bound(flow, ringing) < UNSEEN:
-        return np.zeros(len(flow.program.outputs.names))
-    fine = _fine(flow, way, ringing)
+def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
+    """By how much what is kept lacks what the ringing does to it, from one removal to the next; the largest in each output (outputs,), 0 where that is
+    surely below the tolerance, NaN where it is not known."""
+    largest = np.zeros(len(flow.program.outputs.names))
+    if any(ringing.lost is not None for _, ringing in ringings):
+        return largest + np.nan
+    ringings = [(way, ringing) for way, ringing in ringings if len(ringing.splits) > 1]
+    if not _seen(flow, ringings):
+        return largest
+    begin, stop = ringings[0][0].times[0], ringings[-1][0].times[-1]
+    held, later = np.zeros((2, flow.count))
+    for way, ringing in ringings:
+        fine = _fine(flow, way, ringing, float(stop - begin))
+        held = held + ringing.splits[0].slow @ (
+            later - fine.later[0].real.sum(axis=1)
+        )  # what is removed has none of it
+        found, lacks = _answer(flow, fine, ringing, held)
+        held, later = found, (fine.later[-1] @ ringing.phases).real
+        largest = np.maximum(largest, lacks)
+    return largest
+
+
+def _seen(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
+    """Whether the answer to all of them may be seen."""
+    bound = 0.0
+    for way, ringing in ringings:
+        bound += _bound(flow, ringing, float(ringings[-1][0].times[-1] - way.times[0]))
+        if not bound < UNSEEN:
+            return True
+    return False
+
+
+def _answer(flow: Flow, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, Any]:
+    """How far what is kept is pushed at the end (n,), and the most that the outputs show of it; `held`: how far at the start."""
     slow, static = (np.array([getattr(at, part) for at in ringing.splits])[fine.places] for part in ("slow", "inverse"))
-    pushes = _pushes(flow, fine.way, fine.shapes + fine.later)
+    each = _pushes(flow, fine.way, fine.shapes + fine.later)
+    pushes = each.sum(axis=1)
     lengths = np.diff(fine.way.times)[:, None, None]
     answers = slow @ (0.5 * lengths * (fine.matrices[:-1] + fine.matrices[1:])) @ slow
     changes = np.abs(np.diff(answers, axis=0)).sum(axis=2).max(axis=1)
     groups = np.floor(np.cumsum(np.append(0.0, changes)) / ALIKE_ENOUGH).astype(int)
     _, first, groups = np.unique(groups, return_index=True, return_inverse=True)
     through, mean = _propagators(answers[first])
-    forced = lengths[:, 0] * (mean[groups] @ (slow @ (0.5 * (pushes[:-1] + pushes[1:]))[:, :, None]))[:, :, 0]
-    ways, found = list(through), [-slow[0] @ fine.later[0].real.sum(axis=1)]  # what is removed has none of it
+    forced = lengths[:, 0] * (mean[groups] @ (slow @ _means(each, fine.sizes)[:, :, None]))[:, :, 0]
+    ways, found = list(through), [held]
     for group, push in zip(groups.tolist(), forced, strict=True):
         found.append(ways[group] @ found[-1] + push)
     moved = np.zeros((len(found), 2, flow.count))
     moved[1:, 0] = found[1:]
     moved[1:, 0] -= (static @ pushes[1:, :, None])[:, :, 0]
     values = fine.way.outputs(flow, moved)
-    return np.abs(values[:, 0] - values[:, 1]).max(axis=0)
+    return found[-1], np.abs(values[:, 0] - values[:, 1]).max(axis=0)
 
 
-def _bound(flow: Flow, ringing: Ringing) -> float:
+def _bound(flow: Flow, ringing: Ringing, rest: float) -> float:
     """In units of the tolerance, from the places alone: pushes all of one sign for the whole run, and shapes that change as fast as the slow motion
-    turns; both carried from state to state as far as that motion does in a turn, or in the run."""
-    way, splits, shapes = ringing.way, ringing.splits, ringing.shapes
+    turns; both carried from state to state as far as that motion does in a turn, or in the `rest` of the run, in s."""
+    way, splits, shapes = ringing.way, ringing.splits, ringing.largest
     span = way.times[-1] - way.times[0]
-    gap = min(np.abs(at.values).min() - at.slowest for at in splits)
+    gap = min(at.gap for at in splits)
     others = np.concatenate([at.others for at in splits])
     if gap <= 0 or not len(others):
         return np.inf
     slow, static = np.array([at.slow for at in splits]), np.array([at.inverse for at in splits])
-    pushes = _pushes(flow, way, shapes)[..., None]
+    pushes = _pushes(flow, way, shapes).sum(axis=1)[..., None]
     pushed = (span * np.abs(slow @ pushes) + np.abs(static @ pushes)).max(axis=0)[:, 0]
     turned = np.abs(slow[:, None] @ shapes).max(axis=(0, 1)).sum(axis=1) * np.abs(others).max() / gap
     ways = np.abs(slow @ np.array([at.matrix for at in splits]) @ slow).max(axis=0)
     with np.errstate(all="ignore"):
         reached = pushed + turned
-        reached = np.maximum(reached, ways @ reached / max(np.abs(others).min(), 1 / span))
-        return float((reached * np.exp(max(0.0, others.real.max()) * span) / flow.allowed).max())
+        reached = np.maximum(reached, ways @ reached / max(np.abs(others).min(), 1 / rest))
+        growth = max(0.0, others.real.max(), *(at.decays.real.max(initial=0.0) for at in splits))
+        return float((reached * np.exp(growth * rest) / flow.allowed).max())
 
 
-def _fine(flow: Flow, way: Way, ringing: Ringing) -> Fine:
-    """At enough of the instants up to the last of the places, in intervals of one length but for the first."""
+def _fine(flow: Flow, way: Way, ringing: Ringing, run: float) -> Fine:
+    """At enough of the instants up to the last of the places, and while it rings; `run`: the length of the whole, in s."""
     last = int(np.searchsorted(way.times, ringing.way.times[-1]))
-    turns = ringing.splits[0].slowest * float(way.times[-1] - way.times[0]) / (2 * np.pi)
-    wanted = min(max(LEAST, round(IN_A_TURN * turns)), max(1, ROOM // flow.count**2))
+    span = float(way.times[-1] - way.times[0])
+    least, turns = int(np.ceil(LEAST * span / run)), ringing.splits[0].slowest * span / (2 * np.pi)
+    wanted = min(max(least, round(IN_A_TURN * turns)), max(1, ROOM // flow.count**2))
+    sizes = ringing.sizes(way.times[: last + 1])
+    alive = min(last, int(np.flatnonzero((sizes > np.exp(-ALIVE)).any(axis=1))[-1]) + 1)
     chosen = np.append(0, np.arange(last, 0, -max(1, -(-last // wanted)))[::-1])
-    way = way[chosen]
+    chosen = np.union1d(chosen, np.arange(0, alive, max(1, -(-alive // wanted))))
+    way, sizes = way[chosen], sizes[chosen]
     matrices = flow.matrices(way.times, way.modes, way.states)
     resolvents = _resolvents(ringing)
     shapes = _between(way, matrices, ringing, resolvents)
@@ -97,7 +138,7 @@ def _fine(flow: Flow, way: Way, ringing: Ringing) -> Fine:
     later = np.empty_like(changes)
     for k, resolvent in enumerate(resolvents[:-1]):
         later[places == k] = -_through(resolvent, changes[places == k])
-    return Fine(way, matrices, shapes, later, places[:-1])
+    return Fine(way, matrices, shapes * sizes[:, None, :], later * sizes[:, None, :], sizes, places[:-1])
 
 
 def _resolvents(ringing: Ringing) -> Any:
@@ -131,12 +172,25 @@ def _through(resolvents: Any, changes: Any) -> Any:
 
 
 def _pushes(flow: Flow, way: Way, shapes: Any) -> Any:
-    """The mean of the rates over the phases of the ringing, less those without it (k, n)."""
+    """The mean of the rates over the phases of each mode, less those without it (k, p, n)."""
     count, n, modes = shapes.shape
     ways = (shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
     moved = np.concatenate([np.zeros((count, 1, n)), ways], axis=1)
     rates = flow.rates(*way.moved(flow, moved)).reshape(count, -1, n)
-    return (rates[:, 1:] - rates[:, :1]).mean(axis=1) * modes
+    return (rates[:, 1:] - rates[:, :1]).reshape(count, modes, 4, n).mean(axis=2)
+
+
+def _means(pushes: Any, sizes: Any) -> Any:
+    """The means of the pushes of all modes within the intervals between instants (k - 1, n): they go with the square of the amplitudes, which grow or
+    decay exponentially there; the rest changes linearly."""
+    decays = 2 * (np.log(sizes[:-1]) - np.log(sizes[1:]))[:, :, None]
+    first, last = pushes[:-1], pushes[1:]
+    x = np.where(np.abs(decays) > EVEN, np.clip(decays, -STEEP, STEEP), 1.0)
+    both = (x + np.expm1(-x)) / x**2 * first + (np.expm1(x) - x) / x**2 * last
+    both = np.where(np.abs(decays) > EVEN, both, 0.5 * (first + last))
+    y = np.where(np.abs(decays) > STEEP, np.abs(decays), 1.0)  # the smaller one is lost in rounding
+    one = -np.expm1(-y) / y * np.where(decays > 0, first, last)
+    return np.where(np.abs(decays) > STEEP, one, both).sum(axis=1)
 
 
 def _propagators(matrices: Any) -> tuple[Any, Any]:

@@ -1,7 +1,9 @@
 """Where a run stands: which of its motions are faster than the bandwidth, and how a state splits into those and the others.
 
-The fast motions are the invariant subspace of the eigenvalues beyond the circle of the bandwidth, of the Jacobian with the unknowns of
-loops eliminated. Its projector needs the fast eigenvectors alone, right and left ones: what is slow may have Jordan blocks (rigid motion).
+The fast motions are the invariant subspace of the eigenvalues beyond the circle of the bandwidth that ring, of the Jacobian with the unknowns of
+loops eliminated: those that turn by at least as much as they decay (abs(Im) >= abs(Re), a damping of 0.71; the next turn of such a motion is smaller
+by more than 500). What decays faster than that shortens no steps but those in which it does, and is followed. The projector needs the fast eigenvectors
+alone, right and left ones: what is kept may have Jordan blocks (rigid motion).
 """
 
 from __future__ import annotations
@@ -20,23 +22,27 @@ if TYPE_CHECKING:
 
 LARGEST = 200  # states up to which all eigenvectors are computed
 TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length
+RINGS = 1.0  # of its decay: what turns by less does not ring
+PART = 0.2  # of a known mode in one that belongs to it
 STEADY = 1e-8  # of its rate: what rounding may make a motion grow by
 GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be left out
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """n states over their magnitudes, m fast eigenvalues. `matrix` (n, n); `values` (m,) in 1/s; `right` (n, m), `dual` (m, n) with dual right = 1."""
+    """n states over their magnitudes, m fast eigenvalues. `matrix` (n, n); `values` (m,) in 1/s; `right` (n, m), `dual` (m, n) with dual right = 1.
+    The n - m eigenvalues of what is kept: `others` within the circle of the bandwidth, `decays` beyond it, which do not ring."""
 
     matrix: Any
     values: Any
     right: Any
     dual: Any
-    others: Any  # the n - m eigenvalues of what is kept, 1/s
+    others: Any
+    decays: Any
 
     @property
     def slowest(self) -> float:
-        """The rate of the fastest motion that is kept, 1/s."""
+        """The rate of the fastest motion within the circle, 1/s."""
         return float(np.abs(self.others).max(initial=0.0))
 
     @cached_property
@@ -54,9 +60,15 @@ class Split:
         return (self.right / self.values @ self.dual).real
 
     def grows(self, span: float) -> bool:
-        """Whether a fast motion grows within so many seconds."""
-        real = self.values.real
-        return bool((real > np.maximum(GROWN / span, STEADY * np.abs(self.values))).any())
+        """Whether a motion beyond the circle grows within so many seconds."""
+        values = np.append(self.values, self.decays)
+        return bool((values.real > np.maximum(GROWN / span, STEADY * np.abs(values))).any())
+
+    @property
+    def gap(self) -> float:
+        """How near an eigenvalue of what is kept comes to one of the fast ones, 1/s."""
+        kept = np.append(self.others, self.decays)
+        return float(np.abs(self.values[:, None] - kept).min(initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +177,9 @@ class Flow:
             return ["its modes are not found"] * len(times)
 
 
-def split(matrices: Any, rate: float) -> list[Split | str]:
-    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. Raises `LinAlgError`."""
+def split(matrices: Any, rate: float, known: tuple[Any, Any] | None = None) -> list[Split | str]:
+    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. `known`: right and left vectors of modes that are told
+    from what is kept wherever their eigenvalues went. Raises `LinAlgError`."""
     values, right = np.linalg.eig(matrices)
     try:
         inverses: Any = np.linalg.inv(right)
@@ -177,20 +190,30 @@ def split(matrices: Any, rate: float) -> list[Split | str]:
     for matrix, value, size, vectors, inverse, fine in zip(
         matrices, values, sizes, right, inverses, small, strict=True
     ):
-        chosen = np.flatnonzero(size > rate)
-        dual = inverse[chosen] if fine or not len(chosen) else _dual(matrix, vectors[:, chosen])
+        beyond = size > rate
+        rings = beyond & (np.abs(value.imag) >= RINGS * np.abs(value.real))
+        if known is not None and fine:
+            rings |= _partners(value, np.abs((inverse @ known[0]) * (known[1] @ vectors).T).max(axis=1) > PART)
+        chosen = np.flatnonzero(rings)
+        dual = inverse[chosen] if fine or not len(chosen) else _dual(matrix, value[chosen], vectors[:, chosen])
         if dual is None:
             found.append("its fast motions hang together in one that has no modes")
             continue
-        fast, others = value[chosen].astype(complex), value[size <= rate]
-        found.append(Split(matrix, fast, vectors[:, chosen].astype(complex), dual, others))
+        fast, right_of = value[chosen].astype(complex), vectors[:, chosen].astype(complex)
+        kept = ~rings
+        found.append(Split(matrix, fast, right_of, dual.astype(complex), value[kept & ~beyond], value[kept & beyond]))
     return found
 
 
-def _dual(matrix: Any, right: Any) -> Any:
-    """The left vectors that belong to the fast right ones, where what is slow has no modes (rigid motion); None if what is fast has none."""
+def _partners(values: Any, chosen: Any) -> Any:
+    """The chosen eigenvalues and their conjugates."""
+    return chosen | (values[:, None] == values[chosen].conj()).any(axis=1)
+
+
+def _dual(matrix: Any, fast: Any, right: Any) -> Any:
+    """The left vectors that belong to the fast values and right vectors, where what is kept has no modes (rigid motion); None if what is fast has none."""
     values, left = np.linalg.eig(matrix.T)
-    left = left[:, np.argsort(-np.abs(values), kind="stable")[: right.shape[1]]].T
+    left = left[:, np.argsort(np.abs(values[:, None] - fast).min(axis=1), kind="stable")[: len(fast)]].T
     products = left @ right
     if np.linalg.svd(products, compute_uv=False).min() < TOLD_APART:
         return None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,16 +12,15 @@ import numpy as np
 from ...errors import RunFailed
 from ...left_out import FastMode, LeftOut, told_hertz
 from ..watch.crawling import elements_of
-from .along import amplitudes, followed, way_of
+from .along import ALIKE, Ringing, Way, amplitudes, followed, ways_of
 from .leave import Leaving, Removal
 from .push import kept
-from .split import Flow
+from .split import STEADY, Flow
 
 if TYPE_CHECKING:
     from ..leg import Leg
 
 SHARE = 0.01  # of the largest: modes of which more was removed are named
-MOST = 20  # removals whose later ringing is estimated, the largest ones
 
 
 def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
@@ -34,36 +34,40 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
     removals = [r for r in leaving.removals if end is None or r.time <= end.time]
     if flow is None or not removals:
         return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, leg))
-    modes = {m: None for removal in removals[:MOST] for m in _modes(flow, removal)}
-    found = LeftOut(
-        bandwidth, leaving.faster, tuple(modes), tuple(r.time for r in removals), reason="; ".join(_reasons(leaving))
-    )
+    found = LeftOut(bandwidth, leaving.faster, _modes(flow, removals), tuple(float(r.time) for r in removals))
+    names, reasons = program.outputs.names, _reasons(leaving)
+    lacking, changed = np.full((2, len(names)), np.nan)
     try:
-        lacking, changed = _estimated(removals, flow, leg)
+        lacking, changed, why = _estimated(removals, flow, leg)
+        reasons.extend(why)
     except (RunFailed, np.linalg.LinAlgError) as failed:
-        return replace(found, reason="; ".join([*_reasons(leaving), f"what that does is not known: {failed}"]))
-    names = program.outputs.names
-    return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed))
+        reasons.append(f"the ringing cannot be followed: {failed}")
+    return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed), reason="; ".join(reasons))
 
 
-def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any]:
-    """The amplitude of the ringing in the outputs, and what it does to what is kept; of each the largest (outputs,)."""
-    lacking, changed = np.zeros((2, len(flow.program.outputs.names)))
+def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any, list[str]]:
+    """The amplitude of the ringing in the outputs, and what it does to what is kept, of each the largest (outputs,); what else there is to say."""
+    lacking = np.zeros(len(flow.program.outputs.names))
+    reasons: list[str] = []
     pieces = leg.trajectory.pieces or leg.stretches
-    for removal in sorted(removals, key=_extent)[-MOST:]:
-        way = way_of(removal, leg.instants, leg.trajectory.states, pieces)
-        ringing = followed(flow, removal, way)
-        lacking = np.hypot(lacking, amplitudes(flow, ringing))  # their phases know nothing of each other
-        changed = changed + kept(flow, way, ringing)
-    return lacking, changed
-
-
-def _extent(removal: Removal) -> float:
-    return float(np.linalg.norm(removal.found.removed))
+    ringings: list[tuple[Way, Ringing]] = []
+    whole, ringing = float(leg.instants[-1] - removals[0].time), None
+    for removal, way in zip(removals, ways_of(removals, leg.instants, leg.trajectory.states, pieces), strict=True):
+        ringing = followed(flow, removal, way, (way.times[-1] - way.times[0]) / whole if whole > 0 else 1.0, ringing)
+        lacking = np.maximum(lacking, amplitudes(flow, ringing))
+        ringings.append((way, ringing))
+        grows = ringing.grows()
+        if grows is not None:
+            since, times = grows
+            reasons.append(f"what was left out grows from t = {since:.6g} s on, to {times:.3g} times as much")
+        if ringing.lost is not None:
+            reasons.append(f"after t = {ringing.lost:.6g} s what rings is not told from what is kept")
+    return lacking, kept(flow, ringings), list(dict.fromkeys(reasons))
 
 
 def _finite(names: Sequence[str], values: Any) -> dict[str, float]:
-    return {n: float(v) for n, v in zip(names, values, strict=True) if np.isfinite(v)}
+    """What is not finite is not known."""
+    return {n: float(v) if np.isfinite(v) else math.nan for n, v in zip(names, values, strict=True)}
 
 
 def _reason(leaving: Leaving, leg: Leg) -> str:
@@ -77,9 +81,16 @@ def _reason(leaving: Leaving, leg: Leg) -> str:
     if leaving.faster:
         count = f"{leaving.faster} modes are" if leaving.faster > 1 else "one mode is"
         found = f"{count} faster, and none rings by more than the tolerance"
+    elif leaving.decay:
+        found = f"nothing that is faster rings, as what does so in {1 / leaving.decay:.3g} s decays without a turn"
     else:
-        fastest = told_hertz(leaving.fastest / (2 * np.pi))
-        found = f"nothing in it is faster, as its fastest motion is one of {fastest}"
+        fastest, looks = told_hertz(leaving.fastest / (2 * np.pi)), leaving.looks
+        where = (
+            f"at t = {looks[0]:.6g} s"
+            if len(looks) == 1
+            else f"at the {len(looks)} instants from t = {looks[0]:.6g} s on"
+        )
+        found = f"nothing in it is faster, as its fastest motion is one of {fastest} {where} where it was looked at"
     return "; ".join([found, *_reasons(leaving)])
 
 
@@ -90,25 +101,38 @@ def _reasons(leaving: Leaving) -> list[str]:
     return told
 
 
-def _modes(flow: Flow, removal: Removal) -> list[FastMode]:
-    """The modes that rang, slowest first."""
-    at = removal.found.split
-    shares = np.abs(at.dual @ removal.found.removed) * np.linalg.norm(at.right, axis=0)
-    chosen = [
-        i
-        for i in np.argsort(np.abs(at.values), kind="stable")
-        if at.values[i].imag >= 0 and shares[i] > SHARE * shares.max()
-    ]
-    names = flow.program.states.names
-    made = []
-    for i in chosen:
-        rate = at.values[i]
-        frequency = float(f"{abs(rate) / (2 * np.pi):.6g}")
-        made.append(
-            FastMode(
-                frequency,
-                float(f"{-rate.real / abs(rate):.3g}"),
-                elements_of(names, np.abs(at.right[:, i] * at.dual[i])),
+@dataclass(eq=False)
+class _Known:
+    """A mode that was left out, with its right and left vectors where it was so last."""
+
+    told: FastMode
+    right: Any
+    left: Any
+
+    def is_in(self, right: Any, left: Any) -> bool:
+        return bool(abs((left @ self.right) * (self.left @ right)) > ALIKE)
+
+
+def _modes(flow: Flow, removals: Sequence[Removal]) -> tuple[FastMode, ...]:
+    """The modes that rang, those of one removal slowest first; one that was left out several times is told as it was first."""
+    names, known = flow.program.states.names, list[_Known]()
+    for removal in removals:
+        at, before = removal.found.split, list(known)  # modes of one removal are not the same
+        shares = np.abs(at.dual @ removal.found.removed) * np.linalg.norm(at.right, axis=0)
+        for i in np.argsort(np.abs(at.values), kind="stable"):
+            right, left, rate = at.right[:, i], at.dual[i], at.values[i]
+            if rate.imag < 0 or shares[i] <= SHARE * shares.max():
+                continue
+            damping = -rate.real / abs(rate)
+            told = FastMode(
+                float(f"{abs(rate) / (2 * np.pi):.6g}"),
+                float(f"{damping:.3g}") if abs(damping) > STEADY else 0.0,
+                elements_of(names, np.abs(right * left)),
             )
-        )
-    return made
+            old = next((k for k in before if k.is_in(right, left) or k.told.is_like(told)), None)
+            if old is None:
+                known.append(_Known(told, right, left))
+            else:
+                before.remove(old)
+                old.right, old.left = right, left
+    return tuple(k.told for k in known)

@@ -37,8 +37,9 @@ class Watch:
         """What has been left, in the order of time."""
         return tuple(sorted(self.left.values(), key=lambda item: item.time))
 
-    def look(self, times: Any, mode: Any, state_at: StateAt) -> None:
-        """Look at rising instants of one smooth stretch; before the first of them all was well, or it is where a run begins.
+    def look(self, times: Any, mode: Any, state_at: StateAt, tables: bool = True) -> None:
+        """Look at rising instants of one smooth stretch; before the first of them all was well, or it is where a run begins. `tables`: whether at
+        their ranges too.
 
         Raises `RunFailed` for a table that is asked outside of its range.
         """
@@ -47,7 +48,7 @@ class Watch:
         truth = self._holds(times, state_at(times), mode)
         found = []
         for number in np.flatnonzero(~truth.all(axis=0)):
-            if int(number) not in self.left:
+            if int(number) not in self.left and (tables or self.program.limits[number].kind != "table"):
                 first = int(np.argmin(truth[:, number]))
                 before = times[first - 1] if first else times[first]
                 found.append(
