@@ -7,14 +7,16 @@ given to nobody who may not come to it. Answers come in reports: of some points 
 
 from __future__ import annotations
 
+import ctypes
 import mmap
+import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import SimpleQueue
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -197,7 +199,9 @@ def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
     else:
         import multiprocessing
 
-        executor = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _begun_as_copy, (points,))
+        executor = ProcessPoolExecutor(
+            count, multiprocessing.get_context("fork"), _begun_as_copy, (points, os.getpid())
+        )
     try:
         yield executor
     finally:
@@ -208,9 +212,13 @@ def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
 _COPY: list[Points] = []  # in a copy of a process: what it works at
 
 
-def _begun_as_copy(points: Points) -> None:
-    """Ctrl-C is for the process that was copied; it ends the others."""
+def _begun_as_copy(points: Points, parent: int) -> None:
+    """Ctrl-C is for the process that was copied; it ends the others. Where it is killed, they end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(1, int(signal.SIGKILL))  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        os._exit(1)
     _COPY[:] = [points]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -207,6 +208,20 @@ except BlockingIOError as problem:
 """)
         == "no more processes 2 []\n"
     )
+
+
+@only_linux
+def test_workers_end_with_this_process() -> None:
+    """None waits for work of one that was killed, and holds what is printed open."""
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        run("""
+def call(point, here):
+    if here and point:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return point
+found(call, 100, 3)
+""")
+    assert caught.value.returncode == -signal.SIGKILL
 
 
 @only_linux
