@@ -76,7 +76,7 @@ class Points:
         """The answers at some points; none if no point is left."""
         found: Answers = {}
         until = perf_counter() + OFTEN
-        while len(found) < MOST_TOLD and perf_counter() < until:
+        while not found or (len(found) < MOST_TOLD and perf_counter() < until):
             number = self.taken()
             if number is None:
                 break
@@ -147,6 +147,7 @@ def made(
             others.begin(count - 1)
             yield from _reports(shared, others)
         except BrokenExecutor as broken:
+            shared.stop()
             yield from others.last()
             raise RunFailed(
                 f"a worker died ({broken}); with a journal, the same call goes on with what is missing"
@@ -253,7 +254,7 @@ def _all_or_none() -> Iterator[None]:
     before = set(multiprocessing.active_children())
     try:
         yield
-    except OSError:
+    except (OSError, RuntimeError):  # of processes, of threads
         for process in set(multiprocessing.active_children()) - before:
             process.terminate()
             process.join()

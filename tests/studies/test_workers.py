@@ -114,6 +114,13 @@ def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pyt
     assert told == [*range(1, 21)]
 
 
+def test_a_report_has_an_answer_as_long_as_there_are_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However late it is: one without ends the work of whoever gives it."""
+    monkeypatch.setattr(workers, "OFTEN", 0.0)
+    shared = Points(bondgraph.load(TEXT), Asked(lambda point, here: point), range(3), range(3), False)
+    assert [shared.report() for _ in range(5)] == [{0: 0}, {1: 1}, {2: 2}, {}, {}]
+
+
 def test_each_point_is_made_once(kind: str) -> None:
     assert found(lambda point, here: point**2, 3000, 3) == [i**2 for i in range(3000)]
 
