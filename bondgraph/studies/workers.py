@@ -7,14 +7,16 @@ given to nobody who may not come to it. Answers come in reports: of some points 
 
 from __future__ import annotations
 
+import ctypes
 import mmap
+import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import SimpleQueue
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -74,7 +76,7 @@ class Points:
         """The answers at some points; none if no point is left."""
         found: Answers = {}
         until = perf_counter() + OFTEN
-        while len(found) < MOST_TOLD and perf_counter() < until:
+        while not found or (len(found) < MOST_TOLD and perf_counter() < until):
             number = self.taken()
             if number is None:
                 break
@@ -145,6 +147,7 @@ def made(
             others.begin(count - 1)
             yield from _reports(shared, others)
         except BrokenExecutor as broken:
+            shared.stop()
             yield from others.last()
             raise RunFailed(
                 f"a worker died ({broken}); with a journal, the same call goes on with what is missing"
@@ -197,7 +200,9 @@ def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
     else:
         import multiprocessing
 
-        executor = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), _begun_as_copy, (points,))
+        executor = ProcessPoolExecutor(
+            count, multiprocessing.get_context("fork"), _begun_as_copy, (points, os.getpid())
+        )
     try:
         yield executor
     finally:
@@ -208,9 +213,13 @@ def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
 _COPY: list[Points] = []  # in a copy of a process: what it works at
 
 
-def _begun_as_copy(points: Points) -> None:
-    """Ctrl-C is for the process that was copied; it ends the others."""
+def _begun_as_copy(points: Points, parent: int) -> None:
+    """Ctrl-C is for the process that was copied; it ends the others. Where it is killed, they end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(1, int(signal.SIGKILL))  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        os._exit(1)
     _COPY[:] = [points]
 
 
@@ -245,7 +254,7 @@ def _all_or_none() -> Iterator[None]:
     before = set(multiprocessing.active_children())
     try:
         yield
-    except OSError:
+    except (OSError, RuntimeError):  # of processes, of threads
         for process in set(multiprocessing.active_children()) - before:
             process.terminate()
             process.join()

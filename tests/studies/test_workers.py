@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -113,6 +114,13 @@ def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pyt
     assert told == [*range(1, 21)]
 
 
+def test_a_report_has_an_answer_as_long_as_there_are_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However late it is: one without ends the work of whoever gives it."""
+    monkeypatch.setattr(workers, "OFTEN", 0.0)
+    shared = Points(bondgraph.load(TEXT), Asked(lambda point, here: point), range(3), range(3), False)
+    assert [shared.report() for _ in range(5)] == [{0: 0}, {1: 1}, {2: 2}, {}, {}]
+
+
 def test_each_point_is_made_once(kind: str) -> None:
     assert found(lambda point, here: point**2, 3000, 3) == [i**2 for i in range(3000)]
 
@@ -207,6 +215,20 @@ except BlockingIOError as problem:
 """)
         == "no more processes 2 []\n"
     )
+
+
+@only_linux
+def test_workers_end_with_this_process() -> None:
+    """None waits for work of one that was killed, and holds what is printed open."""
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        run("""
+def call(point, here):
+    if here and point:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return point
+found(call, 100, 3)
+""")
+    assert caught.value.returncode == -signal.SIGKILL
 
 
 @only_linux
