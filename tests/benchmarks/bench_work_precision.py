@@ -17,7 +17,7 @@ import queue
 import statistics
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +29,8 @@ from tests.benchmarks.peers import Done
 from tests.benchmarks.scenes import POINTS, SCENES, Scene
 
 RESULTS = Path(__file__).parent / "results"
-AGAIN, QUICK = 7, 0.4  # runs of which the median counts, as long as together they take less, s
+AGAIN, QUICK = 7, 0.4  # runs in a row, as long as together they take less, s
+ROUNDS = 3  # through all tolerances: what disturbs the machine for a moment must not be all that the median is of
 PATIENCE = 90.0  # s for a whole curve of a peer
 OURS, WHOLE = "bondgraph: steps", "bondgraph: whole run"
 NAMED = "bondgraph: steps, Rodas5P"  # by name, beside Radau
@@ -129,41 +130,54 @@ def run_at(
     scene: Scene, tolerances: Sequence[float], right: Reference, clock: Clock, solver: str | None = None
 ) -> tuple[Curve, Curve]:
     """Of the steps alone, where they are made in machine code, and of whole runs."""
-    model, alone, all_of_it = scene.load(), Curve(), Curve()
-    for rtol in tolerances:
-        steps, whole, found = [], [], None
-        while not whole or (len(whole) < AGAIN and sum(whole) < QUICK):
-            clock.total = 0.0
-            began = time.thread_time()
-            found = model.simulate(to=scene.stop, points=POINTS, rtol=rtol, settings=scene.settings, solver=solver)
-            whole.append(time.thread_time() - began)
-            steps.append(clock.total)
-        assert found is not None
-        error = right.error(np.stack([found[n] for n in scene.states], axis=-1))
-        note = f"{found.steps} steps, {found.solver}"
-        if any(steps):
-            alone.append(Point(f"rtol {rtol:g}", error, statistics.median(steps), note))
-        all_of_it.append(Point(f"rtol {rtol:g}", error, statistics.median(whole), note))
-    return alone, all_of_it
+    model = scene.load()
+    alone: dict[float, Point] = {}
+    all_of_it: dict[float, Point] = {}
+    steps: dict[float, list[float]] = {}
+    solvers: dict[float, str] = {}
+
+    def run(rtol: float) -> Done:
+        clock.total = 0.0
+        began = time.thread_time()
+        found = model.simulate(to=scene.stop, points=POINTS, rtol=rtol, settings=scene.settings, solver=solver)
+        seconds = time.thread_time() - began
+        steps.setdefault(rtol, []).append(clock.total)
+        solvers[rtol] = found.solver
+        return Done(np.stack([found[n] for n in scene.states], axis=-1), seconds, found.steps)
+
+    for rtol, done, whole in in_rounds(run, tolerances):
+        error, note = right.error(done.values), f"{done.steps} steps, {solvers[rtol]}"
+        if any(steps[rtol]):
+            alone[rtol] = Point(f"rtol {rtol:g}", error, statistics.median(steps[rtol]), note)
+        all_of_it[rtol] = Point(f"rtol {rtol:g}", error, whole, note)
+    return list(alone.values()), list(all_of_it.values())
+
+
+def in_rounds(run: Callable[[float], Done], tolerances: Sequence[float]) -> Iterator[tuple[float, Done, float]]:
+    """Runs at each tolerance, round after round: what the last of them found, and the median of all their seconds so far."""
+    taken: dict[float, list[float]] = {rtol: [] for rtol in tolerances}
+    for _ in range(ROUNDS):
+        for rtol, seconds in taken.items():
+            if sum(seconds) >= QUICK:
+                continue
+            began = len(seconds)
+            while len(seconds) == began or (len(seconds) < began + AGAIN and sum(seconds) < QUICK):
+                done = run(rtol)
+                seconds.append(done.seconds)
+            yield rtol, done, statistics.median(seconds)
 
 
 def curve(make: Callable[[], Any], tolerances: Sequence[float], right: Reference, tell: Any) -> None:
-    """Points of a peer, told one by one; in a process of its own, as it may crash or never end."""
+    """Points of a peer, told one by one, and again as its median gets surer; in a process of its own, as it may crash or never end."""
     try:
         run = make()
         if run is None:
             tell.put("none")
             return
-        for rtol in tolerances:
-            taken: list[float] = []
-            done: Done | None = None
-            while not taken or (len(taken) < AGAIN and sum(taken) < QUICK):
-                done = run(rtol)
-                taken.append(done.seconds)
-            assert done is not None
+        for rtol, done, seconds in in_rounds(run, tolerances):
             note = f"{done.steps} steps" if done.steps else ""
             error = right.error(done.values)
-            tell.put(Point(f"rtol {rtol:g}", error, statistics.median(taken), note if error < math.inf else STUCK))
+            tell.put(Point(f"rtol {rtol:g}", error, seconds, note if error < math.inf else STUCK))
     except Exception as failed:
         tell.put(f"{type(failed).__name__}: {' '.join(str(failed).split())[:120]}")
     tell.put(None)
@@ -175,7 +189,7 @@ def in_process(make: Callable[[], Any], tolerances: Sequence[float], right: Refe
     tell = context.Queue()
     child = context.Process(target=curve, args=(make, tolerances, right, tell))
     child.start()
-    found: Curve = []
+    found: dict[str, Point] = {}
     word, until = "", time.monotonic() + PATIENCE
     while True:
         try:
@@ -190,10 +204,10 @@ def in_process(make: Callable[[], Any], tolerances: Sequence[float], right: Refe
         if isinstance(item, str):
             word = item
         else:
-            found.append(item)
+            found[item.setting] = item
     child.terminate()
     child.join()
-    return found, word
+    return list(found.values()), word
 
 
 PEERS: dict[str, Callable[[Scene, Any], Any]] = {
