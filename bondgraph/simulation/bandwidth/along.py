@@ -152,19 +152,14 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: 
     change = 2 * removal.found.removed + coming  # of a conjugate pair one mode is taken, twice as large
     shares = np.abs(at.dual @ change) * np.linalg.norm(at.right, axis=0)
     once = (at.values.imag >= 0) & (shares > SMALL * shares[at.values.imag >= 0].max())
-    vectors, duals, values, shares = (
-        at.right[:, once],
-        at.dual[once],
-        at.values[once],
-        shares[once] / shares[once].max(),
-    )
+    vectors, duals, values = at.right[:, once], at.dual[once], at.values[once]
+    sizes = np.log(shares[once] / shares[once].max())
     amplitudes = duals @ change
     at_places = way[places]
     found = split(flow.matrices(at_places.times, at_places.modes, at_places.states), removal.rate) if places else []
     known: dict[int, Split | str | None] = dict(zip(places, found, strict=True))
     ahead = places[::-1]
     reached, splits, shapes, rates = [0], [at], [vectors * amplitudes], [values]
-    sizes = np.log(shares)
     while ahead:
         to, span = ahead[-1], way.times[ahead[-1]] - way.times[reached[-1]]
         gone = sizes + 0.5 * span * values.real < LOG_SMALL

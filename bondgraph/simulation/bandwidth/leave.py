@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from ..stretch.stepper import Solver, Stepper
 
 SEEN = 1.0  # of the tolerance: a ringing above that shortens steps
-LEFT, LEFT_LATER = (
-    0.3,
-    0.01,
-)  # of what would be removed may be left, or it is no ringing but driven; the latter where nothing begins anew
+# Of what would be removed, so much may be left, or it is no ringing but driven; the latter where nothing begins anew.
+LEFT, LEFT_LATER = 0.3, 0.01
 AFTER = 50  # steps, after which it is looked whether they are short
 LOUD = 0.3  # of a state's magnitude: a ringing that a look ahead should not have seen
 IN_A_TURN = 65  # instants at which what is required is asked of what was removed
@@ -54,10 +52,8 @@ class Leaving:
         self.removals: list[Removal] = []
         self.looks: list[float] = []  # when it was looked what is faster
         self.faster = 0  # modes that ring faster
-        self.fastest, self.decay = (
-            0.0,
-            0.0,
-        )  # the rates of the fastest motion within the circle, and beyond it of what does not ring, 1/s
+        self.fastest = 0.0  # the rate of the fastest motion within the circle, 1/s
+        self.decay = 0.0  # that of what is beyond it and does not ring
         self.reasons: dict[str, float] = {}  # why what is faster was not left out, and when first
         self.above = 0.0  # Hz: how fast what drives the model changes, if that is faster
         self.pause = AFTER  # steps of a piece, after which it is looked at

@@ -18,14 +18,11 @@ from .split import Flow
 IN_A_TURN, LEAST = 3, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
 ROOM = 2_000_000  # numbers in their matrices
 APART = 0.01  # of its rate: modes nearer to one are taken together with it
-ALIKE_ENOUGH = (
-    0.01  # by which the answer within an interval may differ from that in the first of several that are taken for one
-)
+# By so much the answer within an interval may differ from that in the first of several that are taken for one.
+ALIKE_ENOUGH = 0.01
 UNSEEN = 0.3  # of the tolerance: where the bound says less, nothing is computed
-EVEN, STEEP = (
-    1e-4,
-    3.0,
-)  # powers of e within an interval: below, a push changes linearly; above, that of the larger end is taken
+# Powers of e within an interval: below, a push changes linearly; above, that of the larger end is taken.
+EVEN, STEEP = 1e-4, 3.0
 ALIVE = 4.0  # powers of e by which a ringing decays until it pushes nothing
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
 TERMS = 8  # of the series of an exponential, where what it is of is below 1
@@ -57,9 +54,8 @@ def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
     held, later = np.zeros((2, flow.count))
     for way, ringing in ringings:
         fine = _fine(flow, way, ringing, float(stop - begin))
-        held = held + ringing.splits[0].slow @ (
-            later - fine.later[0].real.sum(axis=1)
-        )  # what is removed has none of it
+        removed = fine.later[0].real.sum(axis=1)  # has none of it
+        held = held + ringing.splits[0].slow @ (later - removed)
         found, lacks = _answer(flow, fine, ringing, held)
         held, later = found, (fine.later[-1] @ ringing.phases).real
         largest = np.maximum(largest, lacks)
