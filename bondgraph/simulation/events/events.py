@@ -27,6 +27,8 @@ SHORT = 1e-12  # of the time: instants that are closer than this
 MOST_AT_ONCE = 60  # events that are closer than that
 MOST_ROUNDS = 100  # of events that one another cause at one instant
 LEFT = 3  # times in a row that a condition fails right after its event: then it is expected to
+SHRUNK = 1e-2  # of the longest interval between its events: a shorter one tells that they pile up
+LATE = 32  # units in the last place of a time: what a root moves in it cannot be told from zero
 CLOSE = 1e-9  # of its size: how well what is set must hold
 
 
@@ -152,9 +154,11 @@ class Events:
             key = self.keys[i]
             if not self.on[key]:
                 self.left[key] = self.left.get(key, 0) + 1
-            elif self.left.get(key, 0) >= LEFT and len(self.log) > LEFT:
-                raise RunFailed(self._piled(time, [h for h in self.log if i in h.events][-LEFT:]))
             else:
+                if self.left.get(key, 0) >= LEFT:
+                    own = [h for h in self.log if i in h.events]
+                    if _shrinks(np.diff([h.time for h in own])):
+                        raise RunFailed(self._piled(time, own[-LEFT:]))
                 self.left[key] = 0
 
     def rising(self, at: Moment) -> bool:
@@ -231,7 +235,7 @@ class Events:
         return truth
 
     def _noise(self, at: Moment, roots: Any) -> Any:
-        """How far from zero rounding may leave each root: by its slopes, in units of the magnitudes."""
+        """How far from zero rounding may leave each root: of the states, in units of their magnitudes, and of the instant, along the flow."""
         share = 1e-7
         n = len(at.state)
         times = np.full(n + 1, at.time)
@@ -240,7 +244,20 @@ class Events:
         states[:] = at.state
         states.reshape(-1)[: n * n : n + 1] += share * np.maximum(self.magnitude, np.abs(at.state))
         change = np.abs(self.roots(times, states, at.mode) - roots)
-        return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0)
+        return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0) + self._late(at, roots)
+
+    def _late(self, at: Moment, roots: Any) -> Any:
+        """By how much the flow moves each root while time is later by what an instant is located to; unknowns of loops stay."""
+        flow = self._flow(at)
+        if flow is None:
+            return 0.0
+        first, whole = flow
+        late = LATE * float(np.spacing(max(abs(at.time), 1e-300)))
+        span = max(1e-7 * whole, late)
+        state = np.array(at.state)
+        state[: self.count] += span * first
+        moved = np.abs(self.roots(at.time + span, state, at.mode) - roots) * (late / span)
+        return np.where(np.isfinite(moved), moved, 0.0)
 
     def _flow(self, at: Moment) -> tuple[Any, float] | None:
         """The rates of the states, and how long the flow takes to move one by its magnitude, or the run."""
@@ -330,7 +347,7 @@ class Events:
     def _piled(self, time: float, last: Sequence[Happening]) -> str:
         events = dict.fromkeys(i for h in last for i in h.events)
         conditions = dict.fromkeys(i for h in last for i in h.conditions)
-        what = self._listed([self.hybrid.events[i] for i in events]) if events else self._conditions(conditions)
+        what = self._listed([self.hybrid.events[i] for i in events]) if events else self.listed_conditions(conditions)
         return (
             f"at t = {time:.9g} s {what} {'act' if events else 'change'} again and again in no time, {len(last)} times within "
             f"{last[-1].time - last[0].time:.3g} s: end it by a `mode` that an event sets where little is left, "
@@ -339,12 +356,12 @@ class Events:
 
     def _sliding(self, time: float, conditions: Any) -> str:
         return (
-            f"at t = {time:.9g} s {self._conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
+            f"at t = {time:.9g} s {self.listed_conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
             "back to the other, and the model slides along between them. Give it a law for that: a `mode` that sticks "
             "and the events that set it, a hysteresis, or a smooth law (tanh) in place of the jump"
         )
 
-    def _conditions(self, numbers: Any) -> str:
+    def listed_conditions(self, numbers: Any) -> str:
         notes = [self.hybrid.conditions[i] for i in numbers]
         listed = dict.fromkeys(f"`{n.owner}` ({_place(n.span)})" for n in notes)
         return f"the condition{'s' * (len(listed) > 1)} in {', '.join(listed)}"
@@ -352,6 +369,12 @@ class Events:
     @staticmethod
     def _listed(events: Sequence[EventNote]) -> str:
         return " and ".join(dict.fromkeys(f"`{e}` ({_place(e.span)})" for e in events))
+
+
+def _shrinks(intervals: Any) -> bool:
+    """Whether intervals between events get shorter from one to the next, and have become much shorter than they were."""
+    last = intervals[-LEFT:]
+    return len(last) == LEFT and bool((np.diff(last) < 0).all()) and last[-1] < SHRUNK * intervals.max()
 
 
 def _place(span: Any) -> str:

@@ -1,7 +1,8 @@
-"""Where a condition flips within a step: signs of the roots on places of the dense output, then finer ones, then narrowed down to rounding.
+"""Where a condition flips within a step: all zeros of the indicators along its dense output, then the first one narrowed down to rounding.
 
-Between two places where a root has one sign it may still touch zero and come back: where its distance from zero is least, a
-parabola through three places tells where to look once more.
+An indicator is followed by a polynomial on a part of the step, which is halved until the polynomial has converged, or is farther from zero than it
+can err. Zeros and least distances of the polynomial tell where the indicator itself is to be looked at; a least distance that its error could hide
+is looked at on smaller parts.
 """
 
 from __future__ import annotations
@@ -12,16 +13,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import RunFailed
+from .interpolants import EXACT, FINER, ON_GRID, SHARES, Interpolants
 from .zeros import narrowed
 
 if TYPE_CHECKING:
     from .events import Events
 
-PLACES = 12  # of a step
-FINER = 256  # places between two of these, where it costs no loop to be solved
 WIDTH = 4  # units in the last place of a time: where narrowing ends
 LEAST = 1e-300  # distance from a flip that counts: no flip has a sign of its own
-PEAKS = 2  # times that a least distance is looked at again
+SMALLEST = (
+    2.0**-26
+)  # of what is searched: the smallest part, on which a jump or a kink of an indicator lies at one of its places
+MOST_PARTS = 1 << 15  # of what is searched
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), whether loops are solved exactly -> states (k, n)
 RootsAt = Callable[[Any, Any], Any]  # instants (k,), a mode -> roots of the conditions (k, conditions)
@@ -41,39 +45,80 @@ def first_flip(
 ) -> Flip | None:
     """The first flip in (start, stop], or None. What holds at the start itself is what the mode says, whatever rounding leaves.
 
-    `roots`: of the conditions, as `state_at`; shape (k, conditions).
+    `roots`: of the conditions, as `state_at`; shape (k, conditions). Raises `RunFailed` where an indicator changes too often to be followed.
     """
     if not len(events.places):
         return None
     said = np.asarray(mode)[events.places] == 1.0
-    times = start + (stop - start) * np.arange(1, PLACES + 1) / PLACES
-    times[-1] = stop
-    seen = roots(times, False)
-    for _ in range(PEAKS):
-        more = _closest(times, seen)
-        if not len(more):
-            break
-        found = roots(more, False)
-        order = np.argsort(np.concatenate([times, more]), kind="stable")
-        times, seen = np.concatenate([times, more])[order], np.concatenate([seen, found])[order]
-    wrong = _wrong(events, seen, said)
-    if not wrong.any():
+    smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
+    waiting, count = [(start, stop)], 0
+    while waiting:
+        low, high = waiting.pop()
+        times = low + (high - low) * SHARES
+        times[[0, -1]] = low, high
+        seen = Interpolants.through(roots(times, False))
+        near = ~seen.far(events.floor) | _wrong(events, seen.values[1:], said).any(axis=0)
+        if not near.any():
+            continue
+        count += 1
+        if count > MOST_PARTS:
+            raise RunFailed(_unresolved(events, low, np.flatnonzero(near & ~seen.converged)))
+        on_grid = ON_GRID @ seen.coefficients
+        dips = seen.dips(on_grid, low == start)
+        unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
+        if unsure.any() and high - low > smallest:
+            middle = 0.5 * (low + high)
+            waiting += [(middle, high), (low, middle)]
+            continue
+        found = _in_part(events, (low, high), _suspects(events, seen, on_grid, dips, said, (low, high)), said, roots)
+        if found is not None:
+            at = np.array([found])
+            return Flip(found, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
+    return None
+
+
+def _suspects(events: Events, seen: Interpolants, on_grid: Any, dips: Any, said: Any, part: tuple[float, float]) -> Any:
+    """Instants of a part at which conditions may have flipped, sorted: its places that say so, where polynomials change sign or are
+    farthest behind it, and where their distance from zero is least."""
+    low, high = part
+    shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
+    wrong = _wrong(events, on_grid, said) & seen.converged
+    begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
+    depth = np.where(wrong, np.abs(on_grid), 0.0)
+    deepest = wrong & (depth >= np.roll(depth, 1, axis=0)) & (depth >= np.roll(depth, -1, axis=0))
+    shares.append(FINER[(begins | deepest).any(axis=1)])
+    for place, j in zip(*np.nonzero((dips & seen.converged)[1:-1]), strict=True):
+        shares.append(_vertex(FINER[place : place + 3], on_grid[place : place + 3, j]))
+    times = low + (high - low) * np.unique(np.concatenate(shares))
+    return times[times > low]
+
+
+def _vertex(places: Any, values: Any) -> Any:
+    """Where a parabola through three places is extreme, or the middle one; shape (1,)."""
+    (a, b, c), (u, v, w) = places, values
+    slope, other = (v - u) / (b - a), (w - v) / (c - b)
+    bend = (other - slope) / (c - a)
+    low = 0.5 * (a + b) - slope / (2 * bend) if bend else b
+    return np.array([low if a < low < c else b])
+
+
+def _in_part(
+    events: Events, part: tuple[float, float], times: Any, said: Any, roots: Callable[[Any, bool], Any]
+) -> float | None:
+    """The first flip in a part of a step, in which conditions are suspected at these times."""
+    if not len(times):
         return None
-    # Unknowns of loops have been taken from the dense output so far; from the first suspicion on they are solved for.
-    first = int(np.argmax(wrong.any(axis=1)))
-    start, times = (float(times[first - 1]) if first else start), times[first:]
-    if not len(events.program.unknowns.names):
-        stop = float(times[0])
-        times = np.append(start + (stop - start) * np.arange(1, FINER) / FINER, stop)
+    # Unknowns of loops have been taken from the dense output so far; here they are solved for.
     seen = roots(times, True)
     wrong = _wrong(events, seen, said)
     if not wrong.any():
         return None
-    last = int(np.argmax(wrong.any(axis=1)))
-    low, high = (float(times[last - 1]) if last else start), float(times[last])
-    high = _narrowed(events, low, high, seen[last], said, roots)
-    at = np.array([high])
-    return Flip(high, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
+    first = int(np.argmax(wrong.any(axis=1)))
+    high = float(times[first])
+    grid = part[0] + (part[1] - part[0]) * FINER
+    before = float(grid[max(int(np.searchsorted(grid, high)) - 1, 0)])
+    low = max(before, float(times[first - 1]) if first else part[0])
+    return _narrowed(events, low, high, seen[first], said, roots)
 
 
 def _narrowed(
@@ -107,21 +152,8 @@ def _wrong(events: Events, roots: Any, said: Any) -> Any:
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
 
 
-def _closest(times: Any, roots: Any) -> Any:
-    """Where parabolas through three places cross zero, or would, between places of one sign."""
-    if len(times) < 3:
-        return times[:0]
-    distance = np.abs(roots)
-    before, here, after = distance[:-2], distance[1:-1], distance[2:]
-    same = (np.sign(roots[:-2]) == np.sign(roots[1:-1])) & (np.sign(roots[1:-1]) == np.sign(roots[2:]))
-    rows, columns = np.nonzero(same & (here <= before) & (here <= after) & (here < 0.5 * np.maximum(before, after)))
-    found = []
-    for i, j in zip(rows, columns, strict=True):
-        (a, b, c), (u, v, w) = times[i : i + 3], distance[i : i + 3, j]
-        slope, other = (v - u) / (b - a), (w - v) / (c - b)
-        bend = (other - slope) / (c - a)
-        if bend > 0:
-            low = 0.5 * (a + b) - slope / (2 * bend)
-            if a < low < c and low not in times:
-                found.append(low)
-    return np.unique(np.array(found))
+def _unresolved(events: Events, time: float, conditions: Any) -> str:
+    return (
+        f"near t = {time:.9g} s {events.listed_conditions(conditions)} changes too often within a step to be followed; "
+        "give the noise or the jumps in it a longer period, or let a signal that is smooth decide"
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from ...events.locate import PLACES
+from ...events.interpolants import PLACES
 from ...segments import LOOKS, Segment, Signals, inside
 from ...watch.choice import WORST
 from .. import pair
@@ -88,7 +88,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
         "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
-        "root_seen": room(PLACES * len(conditions)), "greatest": room(n),
+        "root_seen": room(PLACES * len(conditions)), "root_form": room(PLACES), "greatest": room(n),
         "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
         "n": n, "differential": differential, "method": method, "entry_count": entries,
         "seen": room(max(len(LOOKS), len(pair.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),

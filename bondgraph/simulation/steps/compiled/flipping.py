@@ -1,51 +1,99 @@
-"""Whether a condition may flip within the last step: `events/locate.py` finds out where, on the same places of it."""
+"""Whether a condition may flip within the last step: `events/locate.py` finds out where, by the same polynomials (`events/interpolants.py`)."""
 
 from __future__ import annotations
 
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from ...events import locate
+from ...events import interpolants
 from .. import pair
 from ..methods import RADAU
 from .holding import put_multipliers
-from .step import sign
 from .stepper import Stepper
 from .within import state_at
 
 if TYPE_CHECKING:
     from ....door import Floats
 
-PLACES, PARTS = locate.PLACES, pair.PARTS
+PLACES, GRID, LAST, PARTS = interpolants.PLACES, interpolants.GRID, interpolants.LAST, pair.PARTS
+SHARES = tuple(interpolants.SHARES.tolist())
+COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (interpolants.COEFFICIENTS, interpolants.ON_GRID))
+CONVERGED, SURE = interpolants.CONVERGED, interpolants.SURE
 
 
 def may_flip(s: Stepper) -> bool:
-    """Whether some condition is not what the mode says at a place of the step, or near zero between some."""
+    """Whether some condition is not what the mode says at a place of the step, or may have been something else between some."""
     start = s.end_time[s.ends - 2]
     parts = 1 if s.method == RADAU else PARTS
     begin = start
+    roots_at(s, start, s.root_seen)
     for k in range(parts):
         end = s.time if k + 1 == parts else start + (s.time - start) * float(k + 1) / float(parts)
-        for place in range(PLACES):
-            time = end if place + 1 == PLACES else begin + (end - begin) * float(place + 1) / float(PLACES)
+        for place in range(1, PLACES):
+            time = end if place + 1 == PLACES else begin + (end - begin) * SHARES[place]
             roots_at(s, time, s.root_seen[place * s.root_count :])
-        if is_suspicious(s):
-            return True
+        for j in range(s.root_count):
+            if not is_clear(s, j, k):
+                return True
+            s.root_seen[j] = s.root_seen[(PLACES - 1) * s.root_count + j]
         begin = end
     return False
 
 
-def is_suspicious(s: Stepper) -> bool:
-    """The same of the places that have been looked at."""
-    m = s.root_count
-    for j in range(m):
+def is_clear(s: Stepper, j: int, part: int) -> bool:
+    """Whether a condition is what the mode says throughout a part of the step, at whose places it is known: see `Interpolants.far` and `dips`."""
+    unknown = 0
+    still = 0
+    for place in range(PLACES):
+        root = s.root_seen[place * s.root_count + j]
+        if place > 0 and is_wrong(s, j, root):
+            return False
+        if not isfinite(root):
+            unknown += 1
+        elif abs(root) < s.root_floor[j]:
+            still += 1
+    if still == PLACES or unknown == PLACES:
+        return True
+    if unknown > 0:
+        return False
+    variation = 0.0
+    error = 0.0
+    for k in range(PLACES):
+        total = 0.0
         for place in range(PLACES):
-            root = s.root_seen[place * m + j]
-            if is_wrong(s, j, root):
-                return True
-            if place > 1 and comes_near(s.root_seen[(place - 2) * m + j], s.root_seen[(place - 1) * m + j], root):
-                return True
-    return False
+            total += COEFFICIENTS[k * PLACES + place] * s.root_seen[place * s.root_count + j]
+        s.root_form[k] = total
+        if k > 0:
+            variation += abs(total)
+        if k >= PLACES - LAST:
+            error += abs(total)
+    middle = abs(s.root_form[0])
+    if error > CONVERGED * variation:
+        return middle > 2.0 * variation
+    if middle > variation + SURE * error:
+        return True
+    return keeps_away(s, j, part, SURE * error)
+
+
+def keeps_away(s: Stepper, j: int, part: int, margin: float) -> bool:
+    """Whether a polynomial has the sign that the mode says on a finer grid, and does not come as near zero as the margin; it may begin a step there."""
+    before = 0.0
+    here = 0.0
+    for place in range(GRID + 1):
+        value = 0.0
+        for k in range(PLACES):
+            value += ON_GRID[place * PLACES + k] * s.root_form[k]
+        if place > 0 and abs(value) > margin and is_wrong(s, j, value):
+            return False
+        if abs(value) < margin and (place == GRID or (place == 0 and part > 0)):
+            return False
+        after = abs(value)
+        if place > 1 and here <= before and here <= after and here < max(before, after):
+            if here - 0.5 * (max(before, after) - here) < margin:
+                return False
+        before = here
+        here = after
+    return True
 
 
 def is_wrong(s: Stepper, j: int, root: float) -> bool:
@@ -54,14 +102,6 @@ def is_wrong(s: Stepper, j: int, root: float) -> bool:
         return False
     holds = 1 if root < 0.0 or (root == 0.0 and s.root_strict[j] == 0) else 0
     return holds != s.root_said[j]
-
-
-def comes_near(first: float, second: float, third: float) -> bool:
-    """Whether the distance from zero is least at the second of three places, so that there may be a zero beside it: see `locate._closest`."""
-    if sign(first) != sign(second) or sign(second) != sign(third):
-        return False
-    here = abs(second)
-    return here <= abs(first) and here <= abs(third) and here < 0.5 * max(abs(first), abs(third))
 
 
 def roots_at(s: Stepper, time: float, out: Floats) -> None:

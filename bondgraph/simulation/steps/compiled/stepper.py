@@ -73,7 +73,8 @@ class Stepper(Record):
     root_said: Ints  # root_count: 1 where the mode says that one holds
     root_strict: Ints  # root_count: 1 where it does not hold at zero
     root_floor: Floats  # root_count: below it lies what rounding leaves
-    root_seen: Floats  # locate.PLACES root_count
+    root_seen: Floats  # interpolants.PLACES root_count
+    root_form: Floats  # interpolants.PLACES: the polynomial of one of them
     greatest: Floats  # n: the largest that scaled states have been
     # where it stands
     time: float

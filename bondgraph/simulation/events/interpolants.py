@@ -1,0 +1,71 @@
+"""Indicators of conditions on a part of a step: the Chebyshev polynomials through their values, and what these show of their zeros.
+
+The places are Chebyshev points with both ends (Trefethen, Approximation Theory and Approximation Practice, 2013, chapter 2). A polynomial whose
+last coefficients are small beside all others has converged: an oscillation that is too fast for the places, or a kink, leaves them large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+
+PLACES = 12  # of a part of a step, both ends among them
+NODES = np.cos(np.pi * np.arange(PLACES - 1, -1, -1) / (PLACES - 1))
+SHARES = 0.5 + 0.5 * NODES  # of a part
+COEFFICIENTS = np.linalg.inv(chebvander(NODES, PLACES - 1))  # from values
+GRID = 48  # intervals of the finer places at which a polynomial is looked at
+FINER = 0.5 - 0.5 * np.cos(np.pi * np.arange(GRID + 1) / GRID)
+ON_GRID = chebvander(2 * FINER - 1, PLACES - 1)
+LAST = 3  # coefficients that tell the error
+CONVERGED = 1e-3  # of the variation: above it the polynomial says nothing between its places
+SURE = 4.0  # errors: a distance from zero that is larger is none by accident
+EXACT = 1e-9  # of the variation: an error that no smaller part makes much smaller
+
+
+@dataclass(frozen=True, slots=True)
+class Interpolants:
+    """Polynomials of all indicators on a part of a step. Coefficients (PLACES, conditions), their error and the variation of each (conditions,)."""
+
+    values: Any
+    coefficients: Any
+    error: Any
+    variation: Any
+
+    @classmethod
+    def through(cls, values: Any) -> Interpolants:
+        """Those through the values at the places; shape (PLACES, conditions)."""
+        coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
+        size = np.abs(coefficients)
+        return cls(values, coefficients, size[-LAST:].sum(axis=0), size[1:].sum(axis=0))
+
+    @property
+    def converged(self) -> Any:
+        """Which of them can be trusted between their places."""
+        return (self.error <= CONVERGED * self.variation) & np.isfinite(self.values).all(axis=0)
+
+    def far(self, floor: Any) -> Any:
+        """Which of them have no zero: the mean is larger than all that is around it, or nothing is more than rounding, or nothing is known."""
+        middle = np.abs(self.coefficients[0])
+        around = np.where(self.converged, self.variation + SURE * self.error, 2 * self.variation)
+        still = (np.abs(self.values) < floor).all(axis=0)
+        return (
+            ((middle > around) & np.isfinite(self.values).all(axis=0)) | still | ~np.isfinite(self.values).any(axis=0)
+        )
+
+    def dips(self, values: Any, first: bool) -> Any:
+        """Places of the grid near which a polynomial, of these values there, comes so near to zero that it may touch or cross it; shape as the values.
+
+        `first`: where the part begins a root may be zero, as after an event.
+        """
+        distance = np.abs(values)
+        here, beside = distance[1:-1], np.maximum(distance[:-2], distance[2:])
+        least = (here <= distance[:-2]) & (here <= distance[2:])
+        near = here - 0.5 * (beside - here) < SURE * self.error
+        found = np.zeros(values.shape, dtype=bool)
+        found[1:-1] = least & near & (here < beside)
+        found[-1] = distance[-1] < SURE * self.error
+        found[0] = (distance[0] < SURE * self.error) & (not first)
+        return found

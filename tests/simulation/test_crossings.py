@@ -1,0 +1,190 @@
+"""Crossings of conditions on states, counted within steps that are much longer than what lies between them: against closed forms that are sampled finely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import RunFailed
+from bondgraph.prepared import TARGETS
+from bondgraph.results import Result
+
+BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
+SOLVERS = ["automatic", "explicit", "radau", "rodas"]
+
+ROTOR = """plain model Rotor {{
+  "A rotor that runs out: its angle is (1 - exp(-a t))/a times its first speed."
+  parameter k = 40, c = 0
+  signal w = integral(-0.1*w{bent}, 30), phi = integral(w, 0)
+  mode n = 0
+  when {condition} {{ n = n + 1 }}
+  output count = n, angle = phi
+}}
+"""
+SWING = """plain model Swing {{
+  "x = cos t, y = -sin t: it reverses."
+  parameter k = 40, c = 0
+  signal x = integral(y, 1), y = integral(-x + 1e-30*x^3, 0)
+  mode n = 0
+  when {condition} {{ n = n + 1 }}
+  output count = n, position = x
+}}
+"""
+
+
+def run(text: str, to: float, **more: Any) -> Result:
+    return bondgraph.load(text).simulate(to=to, points=3, **({"rtol": 1e-9} | more))
+
+
+def rises(truth: Callable[[Any], Any], to: float) -> int:
+    """How often a condition becomes true from the start on, as it is at very many places."""
+    holds = truth(np.linspace(0, to, 4_000_001))
+    return int(holds[0]) + int((holds[1:] & ~holds[:-1]).sum())
+
+
+def angle(t: Any) -> Any:
+    return 300 * (1 - np.exp(-0.1 * t))
+
+
+EDGES = {
+    "sin(k*phi) > 0": lambda p: np.sin(40 * p) > 0,
+    "sin(k*phi) > 0.99": lambda p: np.sin(40 * p) > 0.99,
+    "cos(k*phi) <= -0.9999": lambda p: np.cos(40 * p) <= -0.9999,
+    "abs(sin(k*phi)) < 0.02": lambda p: np.abs(np.sin(40 * p)) < 0.02,
+    "max(sin(k*phi), cos(k*phi)) > 0.999": lambda p: np.maximum(np.sin(40 * p), np.cos(40 * p)) > 0.999,
+    "min(sin(k*phi), cos(k*phi)) > 0.7": lambda p: np.minimum(np.sin(40 * p), np.cos(40 * p)) > 0.7,
+    "sin(k*phi) > 0.3 and sin(k*phi) < 0.31": lambda p: (np.sin(40 * p) > 0.3) & (np.sin(40 * p) < 0.31),
+    "sin(k*phi) > 0 or sin(1.7*k*phi) > 0.5": lambda p: (np.sin(40 * p) > 0) | (np.sin(68 * p) > 0.5),
+    "sin(k*phi)*sin(3*k*phi) > 0.2": lambda p: np.sin(40 * p) * np.sin(120 * p) > 0.2,
+    "sin(k*phi) - 0.5*sin(7*k*phi) > 0.8": lambda p: np.sin(40 * p) - 0.5 * np.sin(280 * p) > 0.8,
+}
+
+
+@pytest.mark.parametrize("condition", EDGES)
+@pytest.mark.parametrize("bent", ["", " + 1e-30*w^3"], ids=["linear", "nonlinear"])
+@pytest.mark.parametrize("target", BOTH)
+def test_edges_of_an_encoder_are_counted(condition: str, bent: str, target: str) -> None:
+    to = 0.2 if target == "native" else 0.05
+    found = run(ROTOR.format(condition=condition, bent=bent), to, target=target)
+    assert found.final("count") == rises(lambda t: EDGES[condition](angle(t)), to)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("target", BOTH)
+def test_all_methods_count_alike(solver: str, target: str) -> None:
+    to = 0.5 if target == "native" else 0.1
+    found = run(ROTOR.format(condition="sin(k*phi) > c", bent=""), to, target=target, solver=solver)
+    assert found.final("count") == rises(lambda t: np.sin(40 * angle(t)) > 0, to)
+
+
+WINDOWS: dict[str, Callable[[Any, Any], Any]] = {
+    "abs(x - 0.3) < 1e-5": lambda x, y: np.abs(x - 0.3) < 1e-5,
+    "(x - 0.3)^2 < 1e-10": lambda x, y: (x - 0.3) ** 2 < 1e-10,
+    "x > 0.3 and x < 0.300001": lambda x, y: (x > 0.3) & (x < 0.300001),
+    "x > 0.3 and x < 0.300000001": lambda x, y: (x > 0.3) & (x < 0.300000001),
+    "max(abs(x - 0.3), abs(y + sqrt(0.91))) < 1e-4": lambda x, y: (abs(x - 0.3) < 1e-4) & (abs(y + 0.91**0.5) < 1e-4),
+    "x > 0.999999": lambda x, y: x > 0.999999,
+    "not (x < 0.999999)": lambda x, y: x >= 0.999999,
+    "sign(x - 0.5) > 0": lambda x, y: x > 0.5,
+    "abs(abs(x) - 0.5) < 1e-6": lambda x, y: abs(abs(x) - 0.5) < 1e-6,
+    "x^4 > 0.99999": lambda x, y: x**4 > 0.99999,
+    "min(x, 0.9)*y < -0.45 and x > 0": lambda x, y: (np.minimum(x, 0.9) * y < -0.45) & (x > 0),
+}
+
+
+@pytest.mark.parametrize("condition", WINDOWS)
+@pytest.mark.parametrize("target", BOTH)
+def test_narrow_windows_on_states_are_seen(condition: str, target: str) -> None:
+    places = np.sort(np.concatenate([np.linspace(0, 20, 400_001), _near_windows(20.0)]))
+    holds = WINDOWS[condition](np.cos(places), -np.sin(places))
+    expected = int(holds[0]) + int((holds[1:] & ~holds[:-1]).sum())
+    assert expected >= 3
+    for solver in ("explicit", "radau") if target == "native" else ("explicit",):
+        found = run(SWING.format(condition=condition), 20.0, target=target, solver=solver, rtol=1e-10)
+        assert found.final("count") == expected
+
+
+def _near_windows(to: float) -> Any:
+    """Places that lie densely about all instants at which |x| is 0.3, 0.5 or 1."""
+    centres = np.concatenate([np.arccos([0.3, 0.5, 1.0]), -np.arccos([0.3, 0.5])])
+    centres = (centres + np.pi * np.arange(-1, 8)[:, None]).ravel()
+    near = np.concatenate([s * np.logspace(-11, -2, 400) for s in (-1, 1)] + [np.zeros(1)])
+    exits = np.concatenate([[w / 0.95, w / 0.87] for w in (1e-4, 1e-5, 1e-6, 1e-9)])
+    found = np.concatenate([(centres[:, None] + near).ravel(), (centres[:, None] + 0.5 * exits).ravel()])
+    return found[(found > 0) & (found < to)]
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_many_conditions_at_once(target: str) -> None:
+    """Twenty thresholds that x = cos t passes downwards at once within a step, and upwards."""
+    levels = np.round(np.linspace(-0.95, 0.95, 20), 3)
+    names = [f"n{i}" for i in range(20)]
+    modes = ", ".join(f"{name} = 0" for name in names)
+    events = "\n".join(f"  when x < {c} {{ {n} = {n} + 1 }}" for c, n in zip(levels, names, strict=True))
+    text = SWING.format(condition="x > 2").replace("mode n = 0", f"mode n = 0, {modes}\n{events}")
+    found = run(text.replace("count = n", f"count = {' + '.join(names)}"), 12.0, target=target)
+    assert found.final("count") == 20 * 2
+    times = np.sort(np.concatenate([np.arccos(levels), 2 * np.pi + np.arccos(levels)]))
+    np.testing.assert_allclose([e.time for e in found.events], times, atol=1e-7)
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_events_that_reset(target: str) -> None:
+    """The angle is taken back by a turn of a tenth of a radian at each tooth, the speed is halved at each hundredth one."""
+    text = ROTOR.format(condition="phi > 0.1", bent="").replace("n = n + 1", "n = n + 1; phi = phi - 0.1")
+    to = 1.0 if target == "native" else 0.2
+    found = run(text, to, target=target)
+    assert found.final("count") == int(angle(to) / 0.1)
+    assert found.final("angle") == pytest.approx(angle(to) % 0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("target", BOTH)
+def test_the_integral_of_a_gate(solver: str, target: str) -> None:
+    """Of a gate that is open while x = cos t lies in a window that it passes within a hundredth of a step or less."""
+    text = SWING.format(condition="x > 2").replace(
+        "mode n", "signal open = integral(1 if x > 0.3 and x < 0.301 else 0, 0)\n  mode n"
+    )
+    found = run(text.replace("output count = n", "output opened = open"), 12.0, target=target, solver=solver)
+    assert found.final("opened") == pytest.approx(4 * (np.arccos(0.3) - np.arccos(0.301)), abs=1e-8)
+
+
+BALL = """model Ball {{
+  parameter m = {m} kg, bounce = {bounce}, h = {h} m, g = {g} [m/s^2]
+  1  ball    : translation
+  I  mass    : p = m*v
+  Se weight  : F = -m*g
+  weight -> ball -> mass
+  output height = integral(ball.v, h)
+  when height < {floor} {{ mass.v  = -bounce*mass.v }}
+}}
+"""
+
+
+@pytest.mark.parametrize("target", BOTH)
+@pytest.mark.parametrize("h", [1e-3, 0.1, 1.0, 30.0])
+@pytest.mark.parametrize(("g", "m"), [(10.0, 0.1), (9.81, 5.0), (1.6, 1e-3)])
+def test_a_ball_that_loses_nothing_bounces_for_ever(h: float, g: float, m: float, target: str) -> None:
+    """First after sqrt(2 h/g), then always after twice that."""
+    fall = np.sqrt(2 * h / g)
+    to = (201.5 if target == "native" else 41.5) * fall
+    found = run(BALL.format(m=m, bounce=1, h=h, g=g, floor="0 m"), to, target=target, rtol=1e-8)
+    times = np.array([e.time for e in found.events])
+    np.testing.assert_allclose(times, fall * np.arange(1, int(to / fall) + 1, 2), rtol=1e-6)
+
+
+def test_events_in_shrinking_intervals_pile_up_and_regular_ones_late_do_not() -> None:
+    """A ball that keeps 0.9 of its speed comes to rest after 19 falls; far from the start of time all is as at its start."""
+    text = BALL.format(m=1, bounce=0.9, h=1, g=10, floor="0 m")
+    with pytest.raises(RunFailed, match=r"at t = 8\.49\d* s .* again and again in no time"):
+        run(text, 20)
+    late = (
+        BALL.format(m=1, bounce=1, h=1, g=10, floor="0 m").rstrip("}\n")
+        + "}\n  experiment go { simulate 1000000 s .. 1000040 s }\n}"
+    )
+    found = bondgraph.load(late).simulate()
+    np.testing.assert_allclose([e.time - 1e6 for e in found.events], np.sqrt(0.2) * np.arange(1, 90, 2), rtol=1e-6)
