@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from compiler.codegen.tape import Tape
     from compiler.driver import Compilation, examine
     from compiler.driver import check as check_source
+    from compiler.equations.sharing import dependent_rates
     from compiler.equations.system import Assignment, EquationSystem, PowerPort, Storage
     from compiler.errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from compiler.graph.domains import BUNDLES, DOMAINS
@@ -125,7 +126,7 @@ _HOMES = {
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
     "address_of": "native.machine",
     "INTS": "native.kinds", "Handed": "native.kinds", "Fields": "native.kinds", "record_of": "native.kinds", "translate": "native.translate",
-    "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
+    "dependences": "causality", "dependent_rates": "equations.sharing", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
     "Leaf": "codegen.limits",
     "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lower",
     "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",

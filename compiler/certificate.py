@@ -47,6 +47,7 @@ class Certificate:
     events: tuple[
         str, ...
     ] = ()  # what happens at instants: `when`, `every`, switched junctions, delays, with their lines
+    following: tuple[str, ...] = ()  # storages and `integral` signals that share the state of another
 
     @property
     def reduced(self) -> bool:
@@ -82,6 +83,7 @@ class Certificate:
     def _lists(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield f"states, of {_count(self.degrees_of_freedom, 'degree')} of freedom", self.states
         yield "in derivative form", self.dependent
+        yield "sharing a state", self.following
         yield "constraints that follow from others where it is drawn", self.redundant
         yield "at instants", self.events
         for loop in self.loops:
@@ -99,6 +101,7 @@ class Certificate:
             "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
             "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
             "constraints": self.constraints, "redundant": list(self.redundant), "events": list(self.events),
+            "following": list(self.following),
         }  # fmt: skip
 
 

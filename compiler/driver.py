@@ -115,11 +115,11 @@ class Compilation:
 
         Whether the laws leave a storage to its own derivatives shows only in the equations, so these are tried."""
         graph, given_way = self._wished, tuple[str, ...]()
-        while wishes := derivative_wishes(graph, but=frozenset(name for name, _ in self.scene.preferences)):
+        while wishes := derivative_wishes(graph, but=self._changed):
             try:
                 with uncollected():
                     causal = assign_causality(graph)
-                    equations = derive_equations(causal, self.zeros, self.scene.free)
+                    equations = derive_equations(causal, self.zeros, self.scene.free, self._changed)
                     reduced = reduce_equations(equations, self.everything, graph.span)
             except CompilationFailed as failed:
                 endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
@@ -132,6 +132,11 @@ class Compilation:
                 return given_way
         return given_way
 
+    @property
+    def _changed(self) -> frozenset[str]:
+        """Storages that changed places in the middle of a run."""
+        return frozenset(name for name, _ in self.scene.preferences)
+
     @cached_property
     def causal(self) -> CausalGraph:
         with self._instances():
@@ -140,7 +145,7 @@ class Compilation:
     @cached_property
     def equations(self) -> EquationSystem:
         with self._instances():
-            return derive_equations(self.causal, self.zeros, self.scene.free)
+            return derive_equations(self.causal, self.zeros, self.scene.free, self._changed)
 
     @cached_property
     def state_space(self) -> StateSpace:
@@ -204,8 +209,9 @@ class Compilation:
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
         looped = frozenset() if not self.later else behind_loops(space) & self.later
         return Facts(
-            mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written)
-        )
+            mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
+            _following(space, places),
+        )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
         """Raises `CompilationFailed` where a linear loop has no solution with these values of what is set when a run begins."""
@@ -252,6 +258,18 @@ class Compilation:
         except CompilationFailed as failed:
             stands = self.whole_graph.stands
             raise CompilationFailed([standing(item, stands) for item in failed.diagnostics]) from None
+
+
+def _following(space: StateSpace, places: Mapping[int, int]) -> dict[str, tuple[int, float | None]]:
+    """See `Facts.following`."""
+    names: dict[int, list[str]] = {}
+    for name, variable in space.outputs.items():
+        names.setdefault(variable, []).append(name)
+    return {
+        name: (places[f.state], f.factor)
+        for f in space.following
+        for name in (space.variables[f.variable].name, *names.get(f.variable, ()))
+    }
 
 
 def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:

@@ -218,3 +218,5 @@ class Facts:
     positive: tuple[tuple[str, Formula], ...]  # what is never negative, over parameters by name
     looped: frozenset[str]  # what is set when a run begins and decides whether a linear loop has a solution
     identity: str = ""  # of the equations: a run goes on only from what was computed with the same
+    # What shares a state, and outputs that are: which state, and by what factor if no parameter decides it.
+    following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..simulation.closed.constraints import Constraints
 
 RANK = 1e-9  # of the largest: a constraint that says less follows from others
+SAME = 1e-9  # of the values of what shares a state
 AHEAD = 1.0  # s: how far ahead instants are looked for, where a model is asked at one
 
 
@@ -203,6 +204,13 @@ class OperatingPoint:
         return next(n for n in self.by if self.compilation.state_space.quantities.get(n) == variable)
 
     @cached_property
+    def conserved(self) -> Any:
+        """Sums of the states that every motion keeps, (k, n)."""
+        from .conserved import conserved_sums
+
+        return conserved_sums(self)
+
+    @cached_property
     def reduced(self) -> Reduced:
         """With unknowns and tied coordinates eliminated."""
         return _reduced(self)
@@ -349,6 +357,7 @@ def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
     from ..simulation.loops.loops import LoopSolver
 
     names = leg.program.states.names
+    given = {n: v for n, v in given.items() if n not in leg.compilation.facts.following} | _led(leg, given)
     unknown = sorted(set(given) - set(names))
     if unknown:
         raise UsageError(f"`{unknown[0]}` is no state; states are {', '.join(names) or 'none'}")
@@ -358,3 +367,31 @@ def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
     size = np.where(state != 0, np.abs(state), 1.0)
     state = leg.constraints.project(time, state, mode)
     return LoopSolver(leg.program, leg.constants, leg.inputs, size).solve(time, state, mode)
+
+
+def _led(leg: Any, given: Mapping[str, float]) -> dict[str, float]:
+    """The values of states that others follow for which values are given. Raises `UsageError` where two of them differ."""
+    following = {n: leg.compilation.facts.following[n][0] for n in given if n in leg.compilation.facts.following}
+    if not following:
+        return {}
+    compilation, names = leg.compilation.compilation, leg.program.states.names
+    variables = {
+        compilation.state_space.variables[f.variable].name: f.variable for f in compilation.state_space.following
+    }
+    variables |= compilation.state_space.outputs
+    tape = Tape([compilation.lowered.values[variables[n]] for n in following])
+
+    def at(state: float) -> Any:
+        return np.array(
+            tape.values(lambda leaf: state if leaf.role == "state" else float(leg.parameters[leaf.position]))
+        )
+
+    found: dict[str, float] = {}
+    offsets = at(0.0)
+    for (name, place), offset, slope in zip(following.items(), offsets, at(1.0) - offsets, strict=True):
+        leader, value = names[place], float((given[name] - offset) / slope)
+        other = found.get(leader, given.get(leader, value))
+        if abs(other - value) > SAME * max(abs(other), abs(value), abs(offset / slope)):
+            raise UsageError(f"`{name}` follows `{leader}`: their values contradict each other")
+        found[leader] = value
+    return found

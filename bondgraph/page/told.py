@@ -21,6 +21,7 @@ def certificate_markup(certificate: Certificate) -> Html:
         ("states", f"{len(certificate.states)}, of {certificate.degrees_of_freedom} degrees of freedom"),
         ("equations", ", ".join(_words(certificate))),
         ("in derivative form", _listed(certificate.dependent)),
+        ("sharing a state", _listed(certificate.following)),
         ("constraints of closing joints", str(certificate.constraints or "")),
         ("of them redundant", _listed(certificate.redundant)),
         ("at instants", _listed(certificate.events)),

@@ -182,10 +182,14 @@ class Leg:
         for name, value in self.plan.tolerances.items():
             index = variables.get(name, self.compilation.facts.shown.get(name))
             if index is None:
-                raise UsageError(
-                    f"the tolerance of `{name}` cannot be held: it is no state of this run; states are {', '.join(variables)}"
-                )
-            result[index] = value
+                index, factor = self.compilation.facts.following.get(name, (-1, None))
+                if factor is None:
+                    told = f" (it follows `{self.program.states.names[index]}`)" if index >= 0 else ""
+                    raise UsageError(
+                        f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}"
+                    )
+                value /= abs(factor)
+            result[index] = min(value, result.get(index, value))
         return result
 
     def _magnitudes(self) -> Any:

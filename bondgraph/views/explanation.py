@@ -79,6 +79,8 @@ class Explanation:
             )
         if self.certificate.unneeded:
             yield f"  no output needs {counted(len(self.certificate.unneeded), 'state')}: {_some(self.certificate.unneeded)}"
+        if self.certificate.following:
+            yield from ("", "what shares a state", *(f"  {told}" for told in self.certificate.following))
         if self.certificate.events or self.conditions or self.bends:
             yield from ("", "what happens at instants")
             yield from (f"  {event}" for event in self.certificate.events)

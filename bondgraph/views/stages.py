@@ -152,6 +152,9 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
     yield f"state space {space.name}: {counts}, outputs {', '.join(space.outputs)}"
     if space.dependent:
         yield f"in derivative form: {', '.join(space.dependent)}"
+    if space.following:
+        names = ((space.variables[v].name for v in (f.variable, f.state)) for f in space.following)
+        yield "sharing a state: " + ", ".join("{} follows {}".format(*pair) for pair in names)
     yield equations_text(space, latex=False)
 
 

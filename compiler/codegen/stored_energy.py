@@ -34,6 +34,9 @@ def stored_energy(lowered: Lowered, slopes: Mapping[int, Mapping[int, Expression
     for variable in space.stored.values():
         along(variable, None)
     starts = {state.variable: start for state, start in zip(space.states, lowered.starts, strict=False)}
+    for follower in space.following:
+        first = follower.start
+        starts[follower.variable] = Number(first) if isinstance(first, float) else values[first]
     for storage in space.storages:
         energy, efforts = _of_storage(lowered, storage, starts)
         energies.append(energy)

@@ -39,14 +39,18 @@ from .events import event_equations
 from .fields import without_energy
 from .laws import GIVEN, paired, ratio, solved
 from .naming import letter_of, port_name, unit_of
+from .sharing import share_states
 from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
 INTEGRATED = {"q": "f", "p": "e"}  # what a storage integrates
 
 
-def derive_equations(causal: CausalGraph, zeros: frozenset[str], free: frozenset[str]) -> EquationSystem:
-    """The assignments of all nodes. Raises `CompilationFailed` where a law does not hold in the direction asked for."""
-    return _Nodes(causal, EquationBuilder(causal.graph, zeros, free)).equations()
+def derive_equations(
+    causal: CausalGraph, zeros: frozenset[str], free: frozenset[str], apart: frozenset[str] = frozenset()
+) -> EquationSystem:
+    """The assignments of all nodes; the storages `apart` share no state. Raises `CompilationFailed` where a law does not hold in
+    the direction asked for."""
+    return _Nodes(causal, EquationBuilder(causal.graph, zeros, free)).equations(apart)
 
 
 @cache
@@ -80,7 +84,7 @@ class _Nodes:
         self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
         self.starting: dict[tuple[Law, Own], Bound | None] = {}
 
-    def equations(self) -> EquationSystem:
+    def equations(self, apart: frozenset[str]) -> EquationSystem:
         for number, node in enumerate(self.graph.nodes):
             if isinstance(node, Junction):
                 self._junction(number, node)
@@ -97,7 +101,8 @@ class _Nodes:
         system = self.to.system()
         if self.to.diagnostics:
             raise CompilationFailed(self.to.diagnostics)
-        return system
+        signals = {self.to.root(v) for name, v in self.to.quantities.items() if name in self.graph.integrals}
+        return share_states(system, frozenset(signals), apart)
 
     def _junction(self, number: int, node: Junction) -> None:
         """What all bonds share is one variable; what they split is a sum."""

@@ -77,6 +77,19 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
+class Following:
+    """What a storage or an `integral` holds that is `factor` times a state plus a constant of the run.
+
+    `factor` is None where parameters decide it; `start` is what it holds at the start.
+    """
+
+    variable: int
+    state: int
+    factor: float | None
+    start: Argument
+
+
+@dataclass(frozen=True, slots=True)
 class Claim:
     """A start that the author gives to what is computed from states: they must start so that it holds."""
 
@@ -225,3 +238,4 @@ class EquationSystem:
     switches: tuple[Switch, ...] = ()
     delays: tuple[Delayed, ...] = ()
     pieced: frozenset[int] = frozenset()  # computed in pieces that join smoothly: conditions in them are no events
+    following: tuple[Following, ...] = ()

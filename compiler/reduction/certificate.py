@@ -43,7 +43,12 @@ def certify(
         left_out,
         tuple(system.variables[s.variable].name for s in system.states if s.variable not in needed),
         max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant, tuple(_events(space)),
+        tuple(f"{_name(space, f.variable)} follows {_name(space, f.state)}" for f in space.following),
     )  # fmt: skip
+
+
+def _name(space: StateSpace, variable: int) -> str:
+    return space.variables[variable].name
 
 
 def _events(space: StateSpace) -> Iterator[str]:

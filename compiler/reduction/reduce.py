@@ -79,6 +79,10 @@ class _Reduction:
         for state in states:  # starts and nominals are computed from parameters alone
             extra = [e for e in (state.start, state.nominal) if isinstance(e, int)]
             used |= needed(extra, inputs)
+        following = tuple(f for f in system.following if f.variable in used)
+        if dependents:  # of which one may change places with a state that others follow
+            dependents += tuple(Dependent(f.variable, "") for f in following)
+        used |= needed([f.start for f in following if isinstance(f.start, int)], inputs)
         for storage in system.storages if self.everything else ():
             used |= needed([a for a in storage.arguments if isinstance(a, int)], inputs)
         steps: list[Step] = []
@@ -93,6 +97,7 @@ class _Reduction:
             system.stored if self.everything else {}, dependents,
             claims, tuple(forced), self._index(used, steps), system.limits, invariants,
             tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
+            following,
         )  # fmt: skip
 
     def _events(

@@ -12,6 +12,7 @@ from ..equations.system import (
     Delayed,
     Discrete,
     EventRow,
+    Following,
     Invariant,
     PowerPort,
     State,
@@ -66,7 +67,7 @@ class Dependent:
     """What a port of a storage in derivative form stores, computed from states."""
 
     variable: int
-    element: str
+    element: str  # "" for what shares the state of another, and may have to become a state where storages change places
     conjugate: int | None = None
 
 
@@ -110,8 +111,9 @@ class StateSpace:
     events: tuple[EventRow, ...] = ()
     switches: tuple[Switch, ...] = ()
     delays: tuple[Delayed, ...] = ()
+    following: tuple[Following, ...] = ()
 
     @property
     def dependent(self) -> tuple[str, ...]:
         """The storages in derivative form."""
-        return tuple(dict.fromkeys(d.element for d in self.dependents))
+        return tuple(dict.fromkeys(d.element for d in self.dependents if d.element))

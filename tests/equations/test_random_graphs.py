@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, Phase, assume, given, note, settings
 
 import bondgraph
 from bondgraph.errors import RunFailed
+from compiler.algebra.expression import evaluate
 from compiler.errors import CompilationFailed, Diagnostic, render
 from tests.equations.network_oracle import Solution, completed, constraints, is_regular, solve
 from tests.equations.random_network import Example, Flat, ManyChoices, example_of, examples
@@ -254,17 +255,50 @@ def _compared(
 ) -> tuple[Solution, str]:
     """The solution of all equations, and in what the program differs from it."""
     network, bond_at = example.flat.network, example.flat.bond_at
-    wanted = [network.rate_of(n) for n in numbers]
+    given = dict(zip(numbers, x, strict=True))
+    shared = _shared(example.flat, space, given)
+    wanted = [network.rate_of(n) for n in (*numbers, *shared)]
     wanted += [bond_at[e, port] + network.bonds * (v == "f") for _, e, port, v in example.read if v in "ef"]
-    found = _solution(example.flat, dict(zip(numbers, x, strict=True)), example.time, space, wanted, guess)
+    given |= {n: value for n, (_, _, value) in shared.items()}
+    found = _solution(example.flat, given, example.time, space, wanted, guess)
     scale = max(1.0, float(np.abs(found.w).max(initial=0.0)))
     try:
         assert found.converged, f"the states {running.program.states.names} contradict each other, by {found.error:.3g}"
         _check_rates(found, running.program, numbers, rates, scale)
+        for number, (leader, factor, _) in shared.items():
+            rate, led = (found.w[network.rate_of(n)] for n in (number, leader))
+            assert abs(rate - factor * led) <= _tolerance(scale, rate), (
+                "what shares a state has its rate times a factor"
+            )
         _check_outputs(found, example, outputs, running.program.outputs.names, scale)
     except AssertionError as error:
         return found, str(error)
     return found, ""
+
+
+def _shared(flat: Flat, space: Any, given: dict[int, float]) -> dict[int, tuple[int, float, float]]:
+    """What shares the state of another storage: that, the factor of its rate, and what is stored, from the starts of both."""
+    names = {port.name: i for i, port in enumerate(flat.network.storages)}
+    found = {}
+    for f in space.following:
+        number, leader = (names[space.variables[v].name] for v in (f.variable, f.state))
+        factor = f.factor if f.factor is not None else _of_parameters(space, f.variable, f.state)
+        moved = given[leader] - flat.starts.get(leader, 0.0)
+        found[number] = leader, factor, flat.starts.get(number, 0.0) + factor * moved
+    return found
+
+
+def _of_parameters(space: Any, variable: int, state: int) -> float:
+    """How much a variable rises with a state, where parameters say that."""
+    assigned = {s.target: s for s in space.steps if hasattr(s, "target")}
+
+    def value(v: Any, at: float) -> float:
+        if v == state:
+            return at
+        known = space.variables[v].value
+        return known if known is not None else evaluate(assigned[v].expression, lambda key: value(key, at))
+
+    return value(variable, 1.0) - value(variable, 0.0)
 
 
 def _own_solution(example: Example, running: Running, x: Any) -> Any:

@@ -117,7 +117,11 @@ model A {
 
     @pytest.mark.parametrize(
         ("name", "value", "node", "rate"),
-        [("r_x", "3 [N*s/m]", "loss", -4.0 - 6.0), ("k2", "3 [N/m]", "second", -4.0), ("push", "7 N", "drive", 3.0)],
+        [
+            ("r_x", "3 [N*s/m]", "loss", -4.0 - 6.0),
+            ("k2", "3 [N/m]", "second", -4.0 - 1.5),
+            ("push", "7 N", "drive", 3.0),
+        ],
     )
     def test_set_from_outside_they_are_there(self, name: str, value: str, node: str, rate: float) -> None:
         compilation = compiled(self.TEXT, {name: value}, everything=True)

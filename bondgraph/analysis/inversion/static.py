@@ -103,6 +103,8 @@ class Search:
         self.point, self.rows = point, list(rows)
         self.drives = [self._with_power(point, d) for d in drives]
         self.strengths = np.array([self._strength(point, d) for d in self.drives])
+        self.conserved = point.conserved  # sums of the states, which stay as they are here
+        self.held = self.conserved @ point.state[: point.count]
 
     @staticmethod
     def _value(point: OperatingPoint, name: str) -> float:
@@ -189,7 +191,10 @@ class Search:
         by_states, by_strengths = self._slopes(point, strengths)
         matrix = np.concatenate([by_states, by_strengths], axis=1)
         chosen = point.reduced.chosen
-        right = np.concatenate([point.rates[chosen], point.outputs[self.rows] - wanted])
+        kept = self.conserved @ point.reduced.directions
+        matrix = np.concatenate([matrix, np.pad(kept, ((0, 0), (0, len(self.drives))))])
+        moved = self.conserved @ point.state[: point.count] - self.held
+        right = np.concatenate([point.rates[chosen], point.outputs[self.rows] - wanted, moved])
         rows = np.abs(matrix).max(axis=1, keepdims=True)
         scaled = matrix / np.where(rows > 0, rows, 1.0)
         sizes = np.abs(scaled).max(axis=0)

@@ -1,0 +1,62 @@
+"""Sums of states that every motion keeps, whatever the laws are: charges of an isolated node, displacements round a loop, moieties.
+
+They follow from how rates are put together from the same flows (`dependent_rates` of the compiler), with the numbers of the parameters:
+w' f = 0 for all states, inputs and instants. A search for rest keeps them at their start, and their zero eigenvalues say nothing of stability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import dependent_rates, evaluate
+
+if TYPE_CHECKING:
+    from ..door import EquationSystem, Expression
+    from .operating_point import OperatingPoint
+
+ROUNDING = 1e-11  # of the largest: what cancels among factors of 1 and ratios
+
+
+def conserved_sums(point: OperatingPoint) -> Any:
+    """Factors of the states, (k, n), each row of length 1; k = 0 for most models."""
+    rows = point.made.kept.get("dependent rates")
+    system, n = point.compilation.equations, point.count
+    if rows is None:
+        rows = point.made.kept["dependent rates"] = dependent_rates(system, point.compilation.state_space.states)
+    if not rows:
+        return np.zeros((0, n))
+    value = _constants(system, point)
+    flows = {flow: i for i, flow in enumerate(dict.fromkeys(f for row in rows.values() for f in row))}
+    matrix = np.zeros((len(rows), max(len(flows), 1)))
+    try:
+        for number, row in enumerate(rows.values()):
+            for flow, factor in row.items():
+                matrix[number, flows[flow]] = evaluate(factor, value)
+    except (ArithmeticError, ValueError):  # a ratio by zero: nothing is known of these
+        return np.zeros((0, n))
+    size = np.abs(matrix).max(axis=1, keepdims=True)
+    size = np.where(size > 0, size, 1.0)
+    left, sizes, _ = np.linalg.svd(matrix / size)
+    rank = int((sizes > ROUNDING * sizes.max(initial=0.0)).sum())
+    found = left[:, rank:].T / size[:, 0]
+    whole = np.zeros((len(found), n))
+    whole[:, list(rows)] = found / np.linalg.norm(found, axis=1, keepdims=True)
+    return whole
+
+
+def _constants(system: EquationSystem, point: OperatingPoint) -> Callable[[Any], float]:
+    """What computes a variable from parameters alone."""
+    names, parameters = point.program.parameters.names, point.constraints.parameters
+    given = {n: float(v) for n, v in zip(names, parameters, strict=True)}
+    assigned: dict[int, Expression] = {a.target: a.expression for a in system.assignments if not a.implicit}
+
+    def value(variable: Any) -> float:
+        known = system.variables[variable]
+        if known.role == "parameter":
+            return given.get(known.name, known.value if known.value is not None else np.nan)
+        return float(evaluate(assigned[variable], value))
+
+    return value

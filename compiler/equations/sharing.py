@@ -1,0 +1,296 @@
+"""One state for one displacement: storages and `integral` signals whose rates are proportional share a state.
+
+Two springs on one junction, inertias that share an effort, a capacitor behind a transformer of constant ratio: their rates are one flow
+times constants, so that what they store differs by constants of the run, which the starts decide. One of them stays a state (the
+leader), the others follow it: `b.x := factor*a.x + (b's start - factor*a's start)`. A displacement that the geometry of a mechanism knows
+follows in the same way (`derive.py`).
+
+Those that an event or a claim moves by itself stay apart, and all where junctions switch. Sums of three and more rates that cancel are
+left: a stiff spring between two masses would become the difference of two large displacements. Analyses hold such sums
+at their start (`conserved`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from ..algebra.affine import affine_parts
+from ..algebra.expression import (
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    depends_on,
+    divide,
+    evaluate,
+    multiply,
+    symbols,
+)
+from ..algebra.formula import bind
+from .system import Argument, Assignment, EquationSystem, Following, State, Variable
+
+MOST = 32  # terms of a rate: what is longer counts as a flow of its own
+DIGITS = 13  # of a factor by which two rates are the same
+
+Row = dict[int, Expression]  # variable -> constant coefficient
+
+
+class Rates:
+    """Variables as sums of flows with constant coefficients, through junctions, transducers and signals.
+
+    A law of an element ends the sum: its variable is a flow of its own, as is one in a loop.
+    """
+
+    def __init__(self, system: EquationSystem) -> None:
+        self.variables = system.variables
+        self.assigned = {a.target: a for a in system.assignments if not a.implicit}
+        self.elements = {p.element for p in system.ports}
+        self.on_bonds = {v for p in system.ports for v in (p.effort, p.flow)}
+        self._static: dict[int, bool] = {}
+        self._known: dict[int, Row] = {}
+        self._rows: dict[int, Row | None] = {}
+        self._laws: dict[Expression, tuple[int, Expression]] = {}
+
+    def sum_of(self, variable: int) -> Row:
+        """The flows that a variable is the sum of, with their coefficients; itself if it is none."""
+        stack = {variable: None}
+        while stack:  # not by recursion: a row of transformers may be longer than Python nests calls
+            here = next(reversed(stack))
+            row = self._row(here)
+            inner = next((v for v in row or () if v not in self._known and v not in stack), None)
+            if inner is not None:
+                stack[inner] = None
+                continue
+            stack.popitem()
+            self._known[here] = self._own(here) if row is None else self._put(here, row)
+        return self._known[variable]
+
+    def _put(self, target: int, row: Row) -> Row:
+        total: dict[int, list[Expression]] = {}
+        for variable, factor in row.items():
+            for flow, inner in self._known.get(variable, {variable: ONE}).items():
+                total.setdefault(flow, []).append(multiply(factor, inner))
+        summed = {flow: add(*parts) for flow, parts in total.items()}
+        summed = {flow: factor for flow, factor in summed.items() if factor != ZERO}
+        return {target: ONE} if target in summed or len(summed) > MOST else summed
+
+    def _own(self, variable: int) -> Row:
+        """A flow of its own; or a constant times another that has the same law, as those of a reaction do."""
+        assignment = self.assigned.get(variable)
+        law = None if assignment is None else assignment.expression
+        if not isinstance(law, Apply) or law.operator != "multiply":
+            first, factor = self._laws.setdefault(law, (variable, ONE)) if isinstance(law, Apply) else (variable, ONE)
+            return {first: divide(ONE, factor)}
+        still = [x for x in law.operands if all(self.is_static(s.key) for s in symbols(x))]
+        own = multiply(*still)
+        first, factor = self._laws.setdefault(multiply(*(x for x in law.operands if x not in still)), (variable, own))
+        return {first: ONE if own == factor else divide(own, factor)}
+
+    def _row(self, variable: int) -> Row | None:
+        """The terms of what assigns a variable; None if it is no sum with constant coefficients."""
+        if variable not in self._rows:
+            self._rows[variable] = self._terms(self.assigned.get(variable))
+        return self._rows[variable]
+
+    def _terms(self, assignment: Assignment | None) -> Row | None:
+        if assignment is None or assignment.owner in self.elements or len(assignment.arguments) > MOST:
+            return None
+        rest, row = assignment.expression, Row()
+        moving = [s for s in symbols(rest) if not self.is_static(s.key)]
+        for symbol in moving:
+            parts = affine_parts(rest, symbol)
+            if parts is None or any(depends_on(parts[0], other) for other in moving):
+                return None
+            row[symbol.key], rest = parts
+        return row if rest == ZERO else None
+
+    def is_static(self, variable: int) -> bool:
+        """Whether a variable is computed from parameters alone, and is not on a bond."""
+        stack, opened = [variable], set[int]()
+        while stack:
+            here = stack[-1]
+            assignment = self.assigned.get(here)
+            if here in self._static:
+                stack.pop()
+            elif self.variables[here].role == "parameter":
+                self._static[here] = True
+            elif assignment is None or here in self.on_bonds:
+                self._static[here] = False
+            else:
+                inner = [a for a in assignment.arguments if isinstance(a, int)]
+                waiting = [a for a in inner if a not in self._static and a not in opened]
+                if waiting and all(self._static.get(a, True) for a in inner):
+                    opened.add(waiting[0])
+                    stack.append(waiting[0])
+                else:
+                    self._static[here] = all(self._static.get(a, False) for a in inner)
+        return self._static[variable]
+
+
+def share_states(system: EquationSystem, signals: frozenset[int], elements: frozenset[str]) -> EquationSystem:
+    """The same system with one state for each set of proportional rates; `signals` are the states of `integral`.
+
+    `elements` are left: they became states in the middle of a run, and may never have had their starts.
+    """
+    if system.switches or len(system.states) < 2:  # what is tied now may have been free before
+        return system
+    apart = _moved_apart(system) | {v for s in system.storages if s.element in elements for v in s.stored}
+    rates, groups = Rates(system), dict[tuple[object, ...], list[tuple[State, Expression]]]()
+    for state in system.states:
+        if state.variable not in apart and (state.conjugate is not None or state.variable in signals):
+            row = rates.sum_of(state.rate)
+            if row:
+                first = row[min(row)]
+                groups.setdefault(_direction(row, first), []).append((state, first))
+    writer = _Writer(system, signals)
+    for group in groups.values():
+        if len(group) > 1:
+            writer.share(group)
+    return writer.system()
+
+
+def dependent_rates(system: EquationSystem, states: Sequence[State]) -> dict[int, Row]:
+    """Rates of states (by their places) whose sums may hang together: each of their flows is one of another's as well. Only sums
+    of states among these, with constant factors, can be conserved whatever the laws are."""
+    rates = Rates(system)
+    rows = {place: rates.sum_of(state.rate) for place, state in enumerate(states)}
+    users: dict[int, set[int]] = {}
+    for place, row in rows.items():
+        for flow in row:
+            users.setdefault(flow, set()).add(place)
+    waiting = [flow for flow, places in users.items() if len(places) == 1]
+    while waiting:
+        for place in users.pop(waiting.pop()):
+            for flow in rows.pop(place):
+                if flow in users:
+                    users[flow].discard(place)
+                    if len(users[flow]) == 1:
+                        waiting.append(flow)
+    return rows
+
+
+def _direction(row: Row, first: Expression) -> tuple[object, ...]:
+    """What rows have in common that are multiples of each other."""
+    return tuple((flow, 1.0 if row[flow] == first else _rounded(divide(row[flow], first))) for flow in sorted(row))
+
+
+def _rounded(x: Expression) -> Expression | float:
+    return float(f"{x.value:.{DIGITS}e}") if isinstance(x, Number) else x
+
+
+def _moved_apart(system: EquationSystem) -> set[int]:
+    """States that an event sets or a claim moves, by themselves or through what is computed from them."""
+    assigned = {a.target: a for a in system.assignments}
+    waiting = [s.target for e in system.events for s in e.settings] + [c.variable for c in system.claims]
+    found = set(waiting)
+    while waiting:
+        assignment = assigned.get(waiting.pop())
+        read: Iterable[Argument] = () if assignment is None else assignment.arguments
+        for argument in read:
+            if isinstance(argument, int) and argument not in found:
+                found.add(argument)
+                waiting.append(argument)
+    return found
+
+
+class _Writer:
+    """Puts followers in the place of states."""
+
+    def __init__(self, system: EquationSystem, signals: frozenset[int]) -> None:
+        self.old, self.signals = system, signals
+        self.variables, self.assignments = list(system.variables), list(system.assignments)
+        self.leaders: dict[int, State] = {}  # by variable, with what they take over
+        self.following: list[Following] = []
+        self.owners = {v: s.element for s in system.storages for v in s.stored}
+        self.flows = {p.flow for p in system.ports}
+        self.computed = {a.target: a for a in system.assignments if not a.implicit}
+
+    def share(self, group: list[tuple[State, Expression]]) -> None:
+        """One state for all in a group, of which each has its rate as a factor times the same flow."""
+        leader, own = min(group, key=lambda member: self._rank(*member))
+        taken, left = leader, list[tuple[State, Expression]]()
+        for state, factor in group:
+            ratio = divide(factor, own)
+            if state is not leader and not self._is_safe(state, leader, ratio):
+                left.append((state, factor))
+            elif state is not leader:
+                self._follow(state, leader, ratio)
+                if taken.nominal is None and state.nominal is not None and isinstance(ratio, Number):
+                    size = divide(_expression(state.nominal), Number(abs(ratio.value)))
+                    taken = replace(taken, nominal=self._static(size, f"nominal of {self._name(leader)}", state))
+        self.leaders[leader.variable] = taken
+        if len(left) > 1:
+            self.share(left)
+
+    def _is_safe(self, state: State, leader: State, ratio: Expression) -> bool:
+        """Whether a follower keeps its digits: what one storage gives to another is the small rest of a large sum where it runs empty,
+        so that of opposite rates only displacements that are both zero at the start share a state."""
+        try:
+            rising = evaluate(ratio, self._value) > 0
+        except (ArithmeticError, ValueError):
+            return False
+        moments = state.conjugate in self.flows or leader.conjugate in self.flows
+        return rising or (state.start == 0.0 and leader.start == 0.0 and not moments)
+
+    def _rank(self, state: State, factor: Expression) -> tuple[bool, bool, bool, float]:
+        """Storages before signals; then those with a number as factor, with a nominal, and nearest to zero at the start: a small
+        displacement that is told by a large one loses digits."""
+        start = state.start if isinstance(state.start, float) else self._value(state.start)
+        return state.variable in self.signals, not isinstance(factor, Number), state.nominal is None, abs(start)
+
+    def _value(self, variable: int) -> float:
+        """The value that the author gave to what is computed from parameters; 1 where that has none."""
+        value = self.variables[variable].value
+        if value is None and variable in self.computed:
+            try:
+                value = evaluate(self.computed[variable].expression, self._value)
+            except (ArithmeticError, ValueError):
+                value = None
+        return 1.0 if value is None else value
+
+    def _follow(self, state: State, leader: State, ratio: Expression) -> None:
+        name, owner = self._name(state), self.owners.get(state.variable, self._name(state))
+        old = self.variables[state.variable]
+        self.variables[state.variable] = Variable(old.name, "computed", old.unit)
+        offset = add(_expression(state.start), multiply(Number(-1.0), ratio, _expression(leader.start)))
+        held = _expression(self._static(offset, f"{name} where {self._name(leader)} is zero", state))
+        bound = bind(add(multiply(ratio, Symbol(leader.variable)), held))
+        self.assignments.append(Assignment(state.variable, bound.formula, tuple(bound.arguments), state.span, owner))
+        factor = ratio.value if isinstance(ratio, Number) else None
+        self.following.append(Following(state.variable, leader.variable, factor, state.start))
+
+    def _static(self, x: Expression, name: str, state: State) -> Argument:
+        if isinstance(x, Number):
+            return x.value
+        if isinstance(x, Symbol):
+            assert isinstance(x.key, int)
+            return x.key
+        self.variables.append(Variable(name, "computed"))
+        bound = bind(x)
+        owner = self.owners.get(state.variable, self._name(state))
+        self.assignments.append(
+            Assignment(len(self.variables) - 1, bound.formula, tuple(bound.arguments), state.span, owner)
+        )
+        return len(self.variables) - 1
+
+    def _name(self, state: State) -> str:
+        return self.old.variables[state.variable].name
+
+    def system(self) -> EquationSystem:
+        """With what was written."""
+        if not self.following:
+            return self.old
+        gone = {f.variable for f in self.following}
+        states = tuple(self.leaders.get(s.variable, s) for s in self.old.states if s.variable not in gone)
+        return replace(
+            self.old, variables=tuple(self.variables), assignments=tuple(self.assignments), states=states,
+            following=tuple(self.following),
+        )  # fmt: skip
+
+
+def _expression(argument: Argument) -> Expression:
+    return Number(argument) if isinstance(argument, float) else Symbol(argument)
