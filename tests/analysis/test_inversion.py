@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -73,6 +74,24 @@ def test_a_pair_and_a_single_input() -> None:
     assert model.invert({"x": "1 mm"}, ("load",)).inputs["load"] == pytest.approx(8e-3, rel=1e-12)
     back = model.invert({"x": 0.0}, ("push/pull",), settings={"load": "-1 uN"})
     assert back.inputs["push"] == pytest.approx(math.sqrt(0.5), rel=1e-12)
+
+
+def test_a_single_input_whose_force_goes_with_its_square(tmp_path: Path) -> None:
+    """From zero, where it has no slope: k x = c push^2, at rest, along a path and in the model that is written."""
+    model = bondgraph.load(SPRING)
+    found = model.invert({"x": "2 um"}, ["push"])
+    assert found.inputs["push"] == pytest.approx(math.sqrt(8 * 2e-6 / 2e-6), rel=1e-12)
+    with pytest.raises(RunFailed, match="no inputs were found that bring `x` there"):
+        model.invert({"x": "-2 um"}, ["push"])
+    along = model.invert({"x": "2 um*smoothstep9(time, 0 s, 10 s)"}, ["push"], to="10 s", points=101)
+    step = np.polynomial.Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70], domain=[0, 10], window=[0, 1])
+    force = 2e-6 * (step.deriv(2) + step.deriv(1) + 8 * step)(along.time)
+    np.testing.assert_allclose(along.inputs["push"] ** 2 * 2e-6, force, rtol=0, atol=1e-12 * force.max())
+    (tmp_path / "A.bg").write_text(SPRING, encoding="utf-8")
+    driven = bondgraph.load(tmp_path / "A.bg").invert(along.wanted, ["push"], to="10 s", points=101)
+    driven.to_model(tmp_path / "driven.bg")
+    ran = bondgraph.load(tmp_path / "driven.bg").simulate("follow")
+    np.testing.assert_allclose(ran["x"], 2e-6 * step(ran.time), rtol=0, atol=1e-6 * 2e-6)
 
 
 def test_command(tmp_path: Path) -> None:

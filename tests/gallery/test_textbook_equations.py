@@ -139,11 +139,10 @@ CASES = [
         bias -> 1(lead) -> plates.el
         1(mass, spring, air) -> plates.me
         """,
-        lambda U, plates_el, d, plates_me, eA, R, mass_p, m, k, spring_q, b: {
+        lambda U, plates_el, d, plates_me, eA, R, mass_p, m, k, b: {
             "plates.el": (U - plates_el * (d - plates_me) / eA) / R,
             "plates.me": mass_p / m,
-            "spring.q": mass_p / m,
-            "mass.p": plates_el**2 / (2 * eA) - k * spring_q - b * mass_p / m,
+            "mass.p": plates_el**2 / (2 * eA) - k * plates_me - b * mass_p / m,
         },
     ),
     # Mutual inductance: i = Lambda^-1 lambda with Lambda = [[L1, M], [M, L2]].

@@ -151,10 +151,10 @@ def _number(model: Model, asked: Asked, name: str, value: str | float) -> float:
 def _inputs(drives: Sequence[Drive], strengths: Any) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for drive, strength in zip(drives, strengths, strict=True):
-        if drive.pull is None:
-            found[drive.push] = np.array(strength)
-            continue
         size = np.sqrt(np.abs(strength)) if drive.power == 2 else np.abs(strength)
+        if drive.pull is None:
+            found[drive.push] = np.copysign(size, strength)
+            continue
         found[drive.push] = np.where(strength >= 0, size, 0.0)
         found[drive.pull] = np.where(strength < 0, size, 0.0)
     return found

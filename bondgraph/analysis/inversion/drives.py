@@ -12,7 +12,10 @@ PROBE = 1e-3  # SI: where the slope of a square is taken at zero
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """One unknown: an input, or two of which one is zero. `power` 2: the unknown is the square of what is set."""
+    """One unknown: an input, or two of which one is zero. `power` 2: the unknown is the square of what is set.
+
+    A single input of power 2 is positive: its negative would do the same.
+    """
 
     push: str
     pull: str | None
@@ -22,13 +25,15 @@ class Drive:
         """The values of the inputs."""
         size = math.sqrt(abs(strength)) if self.power == 2 else abs(strength)
         if self.pull is None:
-            return {self.push: strength}
+            return {self.push: strength if self.power == 1 else math.copysign(size, strength)}
         return {self.push: size, self.pull: 0.0} if strength >= 0 else {self.push: 0.0, self.pull: size}
 
     def slope(self, strength: float, columns: Mapping[str, Any]) -> Any:
         """By the unknown, from the slopes by the inputs."""
-        if self.pull is None:
+        if self.pull is None and self.power == 1:
             return columns[self.push]
+        if self.pull is None:
+            return columns[self.push] / (2 * math.sqrt(abs(strength)))
         column = columns[self.push] if strength >= 0 else -columns[self.pull]
         return column / (2 * math.sqrt(abs(strength))) if self.power == 2 else column
 

@@ -168,7 +168,7 @@ def _replaced(point: OperatingPoint, drives: Sequence[Drive]) -> Any:
 
 def _value_of(strength: Symbol, drive: Drive, forward: bool) -> Expression:
     if drive.pull is None:
-        return strength
+        return strength if drive.power == 1 else call("sqrt", call("abs", strength))
     one, zero = Number(1.0), Number(0.0)
     on = call("less_equal", zero, strength) if forward else call("less", strength, zero)
     size = call("abs", strength)

@@ -112,12 +112,13 @@ class Search:
         return float((point.constraints.parameters if role == "parameter" else point.inputs)[place])
 
     def _with_power(self, point: OperatingPoint, drive: Drive) -> Drive:
-        """Of a pair that has no slope at zero, the square is solved for."""
-        if drive.pull is None:
+        """Of a pair that has no slope at zero, and of a single input that has none where it is zero, the square is solved for."""
+        if drive.pull is None and self._value(point, drive.push) != 0.0:
             return drive
-        still = point.elsewhere({drive.push: 0.0, drive.pull: 0.0}, point.state)
+        both = {drive.push: 0.0} | ({} if drive.pull is None else {drive.pull: 0.0})
+        still = point.elsewhere(both, point.state)
         column = self._columns(still)[0][drive.push]
-        moving = point.elsewhere({drive.push: PROBE, drive.pull: 0.0}, point.state)
+        moving = point.elsewhere(both | {drive.push: PROBE}, point.state)
         size = np.abs(self._columns(moving)[0][drive.push]).max(initial=0.0)
         return Drive(drive.push, drive.pull, 2 if np.abs(column).max(initial=0.0) < 1e-6 * size else 1)
 
@@ -155,6 +156,8 @@ class Search:
                 return None
             change, moved, norm = step
             state, strengths = point.state + change, strengths + moved
+            if any(s < 0 for s, d in zip(strengths, self.drives, strict=True) if d.pull is None and d.power == 2):
+                return None  # a square
             if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
                 return self._checked(self.settings(strengths), state, strengths, wanted)
             before = norm

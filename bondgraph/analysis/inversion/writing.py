@@ -83,9 +83,9 @@ def _plain(found: FeedForward) -> list[tuple[str, str]]:
 def _given(drive: Drive, number: int, unit: str, found: FeedForward) -> list[str]:
     """What the instance's inputs get."""
     name = f"strength_{number}"
-    if drive.pull is None:
-        return [f"{drive.push} = {name}"]
     zero = "0" if unit == "1" else f"0 [{unit}]"
+    if drive.pull is None:
+        return [f"{drive.push} = {name if drive.power == 1 else f'sqrt(max({name}, {zero}))'}"]
     sides = (f"max({name}, {zero})", f"max(-{name}, {zero})")
     if drive.power == 2:
         sides = (f"sqrt({sides[0]})", f"sqrt({sides[1]})")
