@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .ended import End
     from .exports import Arrays
     from .left_out import LeftOut
+    from .run_check import RunCheck
 
 SCHEMA = "bondgraph-result/1"
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
@@ -131,7 +132,7 @@ class Result:
     left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
     `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
     its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. `left_out` is what was faster than the bandwidth, if
-    one was asked for. Raises ValueError if the shapes do not fit.
+    one was asked for, `check` the run beside its repetition. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -153,6 +154,7 @@ class Result:
     stopped: str = ""
     end: End | None = None
     left_out: LeftOut | None = None
+    check: RunCheck | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -312,6 +314,8 @@ class Result:
             bandwidth    if one was asked for: {frequency in Hz, faster: modes that ring faster, modes: those that were left out [{frequency, damping,
                          elements}], instants, outputs: {name: amplitude of what was left out}, kept: {name: its effect on what is kept,
                          null if it is not known}, energy in J or null, reason: a sentence or null}
+            check        if it was asked for: {holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered,
+                         holds}}, events: [in the run, in its repetition], shift of their instants in s}
             stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
@@ -336,6 +340,8 @@ class Result:
         told["stopped"] = self.stopped or None
         if self.left_out is not None:
             told["bandwidth"] = self.left_out.to_json()
+        if self.check is not None:
+            told["check"] = self.check.to_json()
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:

@@ -24,7 +24,7 @@ from .options import (
     setting,
     shared_out,
 )
-from .telling import harmless, problems_told
+from .telling import FAILED, harmless, problems_told
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -61,6 +61,11 @@ if TYPE_CHECKING:
 )
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Repeat the run by another method, more tightly, and tell what differs; exit code 3 if the tolerance does not cover it.",
+)
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
@@ -71,7 +76,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
     file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, solver: str | None, bandwidth: str | None, target: str | None, energy: bool, start: str | None, out: str | None,
+    atol: float | None, solver: str | None, bandwidth: str | None, target: str | None, energy: bool, check: bool, start: str | None, out: str | None,
     plot: str | None, over: str | None, plot_energy: str | None, jobs: int | None, journal: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
@@ -99,11 +104,11 @@ def command(
         try:
             if analyses and start is None and over is None and plot_energy is None:
                 raise ManyRuns("the experiment has analyses besides its simulation")
-            result = chosen.simulate(asked, start=start, **arguments)
+            result = chosen.simulate(asked, start=start, check=check, **arguments)
         except ManyRuns:
             if start is not None:
                 raise
-            if over is not None or plot_energy is not None:
+            if over is not None or plot_energy is not None or check:
                 raise
             _run_all(chosen, experiment, arguments, (jobs, journal), (out, plot, as_json))
             return
@@ -117,6 +122,8 @@ def command(
             from ..analysis.energies import energies
 
             energies(chosen, asked, given, to, points, rtol).plot(plot_energy)
+        if result.check is not None and not result.check.holds:
+            raise click.exceptions.Exit(FAILED)
 
 
 def _make_ready(

@@ -137,7 +137,7 @@ class Model(Shown, Analysed):
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, rtol: float | None = None, atol: float | None = None, energy: bool = False,
         outputs: Sequence[str] | None = None, target: str | None = None, start: Result | str | Path | None = None, solver: str | None = None,
-        bandwidth: str | float | None = None,
+        bandwidth: str | float | None = None, check: bool = False,
     ) -> Result:  # fmt: skip
         """Run an experiment ("" the first, None none); what is given here overrides what it says.
 
@@ -147,15 +147,29 @@ class Model(Shown, Analysed):
         (linear models), explicit, radau, rodas (stiff models) or energy (lossless models).
         `bandwidth`: a frequency as text or in Hz; what is faster need not be followed, and the result's `left_out` says what was not.
         `start`: a result of the same model, or its .npz file, to go on from where that ended.
+        `check`: repeat the run by another method, with a tenth of the tolerance and a finer search of events; the result's `check` says what differs.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have
         the `result` up to then.
         """
+        from ..errors import UsageError
         from ..results import read_result
         from ..simulation.run import Wanted, simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
+        if check and before is not None:
+            raise UsageError("a run that goes on from a result cannot be checked: check the whole run")
         wanted = Wanted(to, points, rtol, atol, energy, target, solver, bandwidth)
-        return simulate(self, experiment, settings or {}, names_of(outputs), wanted, before)
+        result = simulate(self, experiment, settings or {}, names_of(outputs), wanted, before)
+        if not check:
+            return result
+        from dataclasses import replace
+
+        from ..simulation.repetition import check_run
+
+        def repeat(wanted: Wanted) -> Result:
+            return simulate(self, experiment, settings or {}, names_of(outputs), wanted)
+
+        return replace(result, check=check_run(result, repeat, wanted))
 
     def simulate_many(
         self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,

@@ -14,7 +14,7 @@ from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, Usag
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
-from .segments import Segment, mode_after, segments
+from .segments import Segment, mode_after, segments_in_parts
 from .start.coarse import Looks
 from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 from .start.start import consistent_start
@@ -50,8 +50,9 @@ class Leg:
         solver: str = AUTOMATIC,
         off: tuple[str, ...] = (),
         bandwidth: float | None = None,
+        parts: int = 1,
     ) -> None:
-        self.solver = solver
+        self.solver, self.parts = solver, parts
         self.compilation, self.plan, self.begin = compilation, plan, begin
         self.set = values or {}  # what is set when a run begins
         self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
@@ -64,7 +65,7 @@ class Leg:
         self.inputs = np.array(program.input_defaults, dtype=float)
         self.constraints = self._constraints(program)
         start = instants[0] if begin is None else begin.time
-        self.stretches = segments(program, self.constraints.constants, start, instants[-1])
+        self.stretches = segments_in_parts(program, self.constraints.constants, (start, instants[-1]), self.parts)
         self.events: Events | None = None
         self.jumps: tuple[Jump, ...] = ()  # of what is stored, where other junctions went on or off
         self.known = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
@@ -156,7 +157,8 @@ class Leg:
             history.begin(start, self.state, self.inputs, self.stretches[0].mode)
             if (history.first == before).all():
                 break
-            self.stretches = segments(self.program, self.constraints.constants, start, self.instants[-1])
+            ends = (start, self.instants[-1])
+            self.stretches = segments_in_parts(self.program, self.constraints.constants, ends, self.parts)
             self.state, self.moved = self._start(self.program, self.compilation, self.constraints, self.stretches)
 
     def _tolerances(self) -> Tolerances:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import index
 from typing import TYPE_CHECKING
@@ -50,6 +50,7 @@ class Wanted:
     target: str | None = None
     solver: str | None = None
     bandwidth: str | float | None = None  # a frequency as text, or in Hz
+    parts: int = field(default=1, kw_only=True)  # into which the run is cut, where it stops and starts again
 
 
 def check_wanted(wanted: Wanted) -> None:
@@ -132,6 +133,7 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         _checked("atol", atol, *ATOL)
     bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
     run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, solver, began, bandwidth)
+    run.parts = wanted.parts
     if start is not None:
         from .resume import resumed
 
@@ -194,6 +196,7 @@ class Run:
     ) -> None:  # fmt: skip
         self.made, self.scene, self.values, self.plan, self.stop = made, scene, values, plan, stop
         self.bandwidth = bandwidth
+        self.parts = 1
         self.rtol, self.atol, self.energy, self.solver, self.began = rtol, atol, energy, solver, began
         self.instants = np.linspace(plan.start, stop, count)
         self.legs: list[Leg] = []
@@ -214,7 +217,7 @@ class Run:
             )
             leg = Leg(
                 self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
-                self.solver, bandwidth=self.bandwidth,
+                self.solver, bandwidth=self.bandwidth, parts=self.parts,
             )  # fmt: skip
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew

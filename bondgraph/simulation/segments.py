@@ -22,6 +22,7 @@ GOLDEN = 0.6180339887498949
 BESIDE = (GOLDEN * np.arange(NODES) + 0.5) % 1.0  # how far beyond its equal share each of many places lies
 MOST_SAMPLES = 1_000_000  # of one sampled event
 SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
+OFFSET = 0.1180339887498949  # of a part, by which parts begin earlier than they would at round instants
 ROUNDING = 16  # units in the last place of a time
 # Where a step looks, places between, and the weights that a cubic through the former has at the latter.
 SEEN = np.array([0.0, 0.155, 0.645, 1.0])
@@ -54,6 +55,14 @@ def segments(program: Program, constants: Any, start: float, stop: float) -> lis
     edges = _distinct([start, *sorted(cuts), stop])
     edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
     return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in pairwise(edges)]
+
+
+def segments_in_parts(program: Program, constants: Any, ends: tuple[float, float], parts: int) -> list[Segment]:
+    """The segments between two instants, looked for in each of `parts` parts by itself; no part begins at a round instant."""
+    start, stop = ends
+    between = start + (stop - start) * (np.arange(1, parts) - OFFSET) / parts
+    edges = [start, *(t for t in between.tolist() if start < t < stop), stop]
+    return [s for a, b in pairwise(edges) for s in segments(program, constants, a, b)]
 
 
 def _multiples(period: float, start: float, stop: float) -> Any:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..results import EnergyBalance, Result
+    from ..run_check import RunCheck
 
 LONGEST_NAME = 60
 BARS, SPARKS = "▁▂▃▄▅▆▇█", 24
@@ -75,7 +76,26 @@ def summary(result: Result, sparks: bool = False) -> str:
     parts.append(_work(result))
     if result.energy is not None:
         parts.append(_energy(result.energy))
+    if result.check is not None:
+        parts.append(_check(result.check))
     return "\n\n".join(parts)
+
+
+def _check(check: RunCheck) -> str:
+    """The run beside its repetition: output by output, and the verdict."""
+    if check.failure:
+        return visible(check.sentence)
+    head = f"check: repeated with {check.solver}, rtol {check.rtol:g}, in {check.parts} parts"
+    heads = ("", "difference", "of magnitude", "covered", "unit")
+    rows = [
+        (short(r.name), *(f"{v:.3g}" for v in (r.difference, r.share, r.promised)), "" if r.unit == "1" else r.unit)
+        for r in check.outputs
+    ]
+    events = f"events: {check.events[0]} and {check.events[1]}" if any(check.events) else ""
+    if events and check.events[0] == check.events[1]:
+        events += f", at instants within {check.shift:.3g} s"
+    parts = (head, aligned([heads, *rows], "<>>><") if rows else "", events, visible(check.sentence))
+    return "\n\n".join(part for part in parts if part)
 
 
 def spark(time: NDArray[np.float64], values: NDArray[np.float64], width: int = SPARKS) -> str:

@@ -1,0 +1,93 @@
+"""A run beside its repetition by another method: what differs, and whether the tolerance covers it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from .quantities import behind
+
+FACTOR = 30  # times rtol: what a tolerance is taken to promise of an output's magnitude, as errors of steps add up
+
+
+@dataclass(frozen=True, slots=True)
+class OutputDifference:
+    """The largest difference of an output between two runs, and its largest magnitude, in SI; `promised` is what the tolerance covers."""
+
+    name: str
+    unit: str
+    difference: float
+    magnitude: float
+    promised: float
+
+    @property
+    def share(self) -> float:
+        """The difference as a share of the magnitude."""
+        return self.difference / self.magnitude if self.magnitude else (0.0 if not self.difference else math.inf)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the tolerance covers the difference."""
+        return self.difference <= self.promised  # no number is covered by none
+
+
+@dataclass(frozen=True, slots=True)
+class RunCheck:
+    """A run and its repetition with `solver` at `rtol`, restarted in `parts` parts, so that events are searched more finely.
+
+    `events`: how many acted in the run and in the repetition; `shift`: the largest difference of their instants in s (NaN where the numbers
+    differ), of which `allowed` is covered. `failure`: why there is no repetition, or "".
+    """
+
+    solver: str
+    rtol: float
+    parts: int
+    outputs: tuple[OutputDifference, ...]
+    events: tuple[int, int]
+    shift: float
+    allowed: float
+    failure: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the tolerance covers all differences."""
+        if self.failure or self.events[0] != self.events[1] or self.shift > self.allowed:
+            return False
+        return all(row.holds for row in self.outputs)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict."""
+        if self.failure:
+            return f"The check does not hold: the run could not be repeated: {self.failure}"
+        if self.events[0] != self.events[1]:
+            return f"The check does not hold: {self.events[0]} events acted in the run and {self.events[1]} in its repetition."
+        wrong = [row for row in self.outputs if not row.holds]
+        if wrong:
+            worst = max(wrong, key=lambda row: row.share if math.isfinite(row.share) else math.inf)
+            return (
+                f"The check does not hold: `{worst.name}` differs by {worst.difference:.3g}{behind(worst.unit)}, {worst.share:.2g} of its magnitude; "
+                f"the tolerance covers {worst.promised:.3g}{behind(worst.unit)}."
+            )
+        if self.shift > self.allowed:
+            return f"The check does not hold: an event acted {self.shift:.3g} s earlier or later; the tolerance covers {self.allowed:.3g} s."
+        return "The check holds: the tolerance covers all differences."
+
+    def to_json(self) -> dict[str, Any]:
+        """{holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered, holds}}, events, shift}; null: no number."""
+
+        def number(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
+        return {
+            "holds": self.holds, "sentence": self.sentence, "solver": self.solver, "rtol": self.rtol, "parts": self.parts,
+            "outputs": {
+                r.name: {
+                    "unit": r.unit, "difference": number(r.difference), "magnitude": number(r.magnitude), "covered": number(r.promised),
+                    "holds": r.holds,
+                }
+                for r in self.outputs
+            },
+            "events": list(self.events), "shift": number(self.shift),
+        }  # fmt: skip
