@@ -43,13 +43,6 @@ TODAY = frozenset(
         "ramp_into_mass",
         "ramp_into_capacitor",
         "smoothstep_into_mass",
-        "encoder_edges_linear/1e-4",
-        "encoder_edges_linear/1e-6",
-        "edges_nonlinear/1e-4",
-        "edges_nonlinear/1e-6",
-        "edges_nonlinear/1e-10",
-        "dry_friction_reversal/default",
-        "dry_friction_reversal/radau",
         "nand_if_laws_chatter",
         "nand_slow_look_ahead",
         "nand_explicit_rtol1e-11",
@@ -181,7 +174,6 @@ def test_the_first_stop_of_dry_friction(options: Sequence[str], tmp_path: Path) 
     assert found["x"].max() == pytest.approx(truth.y[0, -1], rel=10 * rtol)
 
 
-@wrong_today
 def test_a_ball_bounces_for_ever(tmp_path: Path) -> None:
     found = values("elastic_ball", tmp_path, "--points", "1001")
     half = math.sqrt(2 / 10)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import bondgraph
 from bondgraph.errors import RunFailed
@@ -188,3 +189,73 @@ def test_events_in_shrinking_intervals_pile_up_and_regular_ones_late_do_not() ->
     )
     found = bondgraph.load(late).simulate()
     np.testing.assert_allclose([e.time - 1e6 for e in found.events], np.sqrt(0.2) * np.arange(1, 90, 2), rtol=1e-6)
+
+
+REVERSAL = """import DryFriction from mechanics
+model Reversal {{
+  Se f : F = {push} N*sin(2*time/1 s)
+  I m : p = 1 kg*v
+  C s : F = {stiff} [N/m]*x
+  DryFriction rub {{ F_c = {coulomb} N; F_s = {static} N; v_s = {narrow} [m/s] }}
+  1 b : translation
+  f -> b -> m, s
+  b -> rub.ends
+  output x = s.x
+}}
+"""
+FRICTION = [  # push, stiffness, Coulomb's friction, static friction, width of the peak, method
+    (8, 3, 2, 3, 0.01, "radau"),
+    (8, 3, 2, 3, 0.001, "explicit"),
+    (8, 3, 2, 3, 0.1, "rodas"),
+    (8, 3, 2, 6, 0.003, "automatic"),
+    (20, 3, 2, 3, 0.01, "explicit"),
+    (6, 1, 1, 4, 0.01, "radau"),
+    (6, 10, 1, 2, 0.002, "rodas"),
+    (12, 0.5, 3, 4, 0.03, "radau"),
+    (12, 6, 0.5, 5, 0.005, "explicit"),
+    (30, 12, 5, 7, 0.02, "automatic"),
+    (5, 2, 0.1, 3, 0.01, "radau"),
+]
+
+
+@pytest.mark.parametrize("row", FRICTION, ids=str)
+@pytest.mark.parametrize("target", BOTH)
+def test_the_peak_of_friction_before_a_stop_is_not_stepped_over(row: tuple[Any, ...], target: str) -> None:
+    """v' = push sin(2 t) - stiff x - coulomb - (static - coulomb) exp(-(v/narrow)^2) from where the push passes the static friction, until v = 0."""
+    push, stiff, coulomb, static, narrow, solver = row
+    begin = np.arcsin(static / push) / 2
+
+    def rates(t: float, y: Any) -> list[float]:
+        peak = (static - coulomb) * np.exp(-((y[1] / narrow) ** 2))
+        return [y[1], push * np.sin(2 * t) - stiff * y[0] - coulomb - peak]
+
+    def stops(t: float, y: Any) -> float:
+        return float(y[1]) if t > begin + 0.05 else 1.0
+
+    stops.terminal = True  # type: ignore[attr-defined]
+    truth = solve_ivp(rates, (begin, 4), [0, 0], "DOP853", rtol=1e-11, atol=1e-13, max_step=2e-3, events=stops)
+    # The last step of the witness ends in the stop as well: the last hundredth is integrated once more over speed, in which it has no event.
+    i = int(np.searchsorted(truth.t, truth.t[-1] - 0.02))
+
+    def over_speed(v: float, z: Any) -> list[float]:
+        slope = rates(z[0], [z[1], v])[1]
+        return [1 / slope, v / slope]
+
+    end = solve_ivp(
+        over_speed,
+        (truth.y[1, i], 0),
+        [truth.t[i], truth.y[0, i]],
+        "DOP853",
+        rtol=1e-11,
+        atol=1e-13,
+        max_step=narrow / 5,
+    )
+    found = run(
+        REVERSAL.format(push=push, stiff=stiff, coulomb=coulomb, static=static, narrow=narrow),
+        end.y[0, -1] + 0.01,
+        target=target,
+        solver=solver,
+        rtol=1e-7,
+    )
+    stop = min((e.time for e in found.events if e.time > begin + 0.05), key=lambda t: abs(t - end.y[0, -1]))
+    assert stop == pytest.approx(end.y[0, -1], rel=3e-6)

@@ -143,6 +143,16 @@ class EventStepper(Stepper):
                 return True
         return False
 
+    def marked(self) -> Any:
+        """The piece that the run is in, how many there were, and which events' conditions hold."""
+        return self.piece, len(self.result.pieces), dict(self.events.on)
+
+    def go_back(self, mark: Any) -> None:
+        """As before what is marked."""
+        self.piece, count, self.events.on = mark
+        del self.result.pieces[count:]
+        self.flip = None
+
     @property
     def floor(self) -> Any:
         """How near to zero roots of conditions are rounding."""

@@ -153,6 +153,10 @@ class Radau:
         """The places of a step where the limits of a model are looked at."""
         return INNER
 
+    def begin_with(self, size: float) -> None:
+        """Let the next step be no longer than this."""
+        self._size = size
+
     def hold_to(self, absolute: Any) -> None:
         """Other absolute tolerances from now on."""
         self.problem.absolute = absolute

@@ -16,6 +16,7 @@ from ..steps.compiled.run import CompiledRadau, obstacle, steps
 from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
 from ..steps.radau import StepFailed
 from ..watch.stuck import MOST_COMPILED, MOST_STEPS
+from .cut import is_sure
 from .poses import beyond, chosen_anew
 
 if TYPE_CHECKING:
@@ -177,8 +178,16 @@ class InMachineCode:
         self._note()
         self.noted = True
         parts = 1 if solver.record.method == RADAU else pair.PARTS
+        mark, before, start = stepper.marked(), self.stretch, solver.last_step[0]
         self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
-        solver.put_mode(self.stretch.mode)
+        flip = stepper.flip
+        if flip is not None and not is_sure(stepper, start, flip.time, self.stretch.mode, self._states_at):
+            stepper.go_back(mark)
+            self.stretch = before
+            solver.put_mode(before.mode)
+            solver.repeat(flip.time - start)
+        else:
+            solver.put_mode(self.stretch.mode)
         if stepper.flip is not None:
             solver.end_at(stepper.flip.time)
         else:

@@ -14,6 +14,7 @@ from ..steps.methods import AUTOMATIC, RADAU
 from ..steps.radau import Radau, StepFailed
 from ..watch.stuck import MOST_STEPS
 from .between import settled
+from .cut import is_sure
 from .poses import beyond, chosen_anew
 from .reference import interpreted, reference
 
@@ -36,10 +37,12 @@ class OneByOne:
         self.stepper, self.stretch, self.target = stepper, stretch, target
         self.steps = 0
         self.solver: InPython
+        self.method = method
         if method == RADAU:
             self.solver = reference(stepper, stretch, stretch.start, x)
         else:
             self.solver = interpreted(stepper, stretch, x, method, size)
+        self.before = self.solver.state  # where the last step began
         self.magnitude = stepper.tolerances.magnitude
         self.peak = np.maximum(np.abs(x) / self.magnitude, 1.0)
         if stepper.constraints:
@@ -51,7 +54,8 @@ class OneByOne:
         try:
             while not self.solver.finished and self.step():
                 self.steps += 1
-                self._pass_step()
+                if not self._pass_step():
+                    continue
                 if stepper.flip is not None or self._is_cut():
                     break
                 stepper.keep(self.solver.time, self.state, self.stretch.mode, self.stretch.start)
@@ -71,6 +75,7 @@ class OneByOne:
     def step(self) -> bool:
         """One accepted step; false where none leads on, but an event just ahead does."""
         stepper = self.stepper
+        self.before = np.array(self.solver.state)
         try:
             self.solver.step()
         except StepFailed as failed:
@@ -84,12 +89,19 @@ class OneByOne:
         return True
 
     # ------------------------------------------------------------ what looks at a step
-    def _pass_step(self) -> None:
-        """All that looks at an accepted step: events, reports, limits, work, delays."""
+    def _pass_step(self) -> bool:
+        """All that looks at an accepted step: events, reports, limits, work, delays; false where it is to be made anew."""
         stepper, solver = self.stepper, self.solver
         before = stepper.position
         dense = partial(self._dense, self.stretch.mode)
+        mark, whole = stepper.marked(), self.stretch
         self.stretch = stepper.follow_step(solver.last_step, solver.parts, self.stretch, dense)
+        flip, start = stepper.flip, solver.last_step[0]
+        if flip is not None and not is_sure(stepper, start, flip.time, self.stretch.mode, dense):
+            stepper.go_back(mark)
+            self._repeat(whole.up_to(start, whole.stop), flip.time - start)
+            self.stretch = whole
+            return False
         self._sample()
         stepper.look(solver, self.stretch, stepper.instants[before : stepper.position])
         start, stop = solver.last_step
@@ -100,6 +112,20 @@ class OneByOne:
             dense = partial(self._dense, self.stretch.mode)
             stepper.history.keep(start, stop, dense, stepper.inputs, self.stretch.mode)
         stepper.grow(self.state if stepper.flip is None else stepper.flip.state)
+        return True
+
+    def _repeat(self, stretch: Segment, size: float) -> None:
+        """Begin anew at the start of the last step, which a stretch from there on begins with, with a step that is no longer than this."""
+        stepper, x, old = self.stepper, self.before * self.magnitude, self.solver
+        stepper.count(old.evaluations)
+        if isinstance(old, Radau):
+            self.solver = reference(stepper, stretch, stretch.start, x)
+            if stepper.constraints:
+                stepper.singular.begin(stretch.start, x, stretch.mode)
+        else:
+            self.solver = interpreted(stepper, stretch, x, self.method)
+        self.solver.begin_with(size)
+        self._hold_to_peak()
 
     def _sample(self) -> None:
         """States at the instants that the last step passed; where an event ends it, the state after that is shown."""

@@ -310,6 +310,12 @@ class Stepper:
                 break
         return stretch
 
+    def marked(self) -> Any:
+        """What an event stepper changes where it follows a step."""
+
+    def go_back(self, mark: Any) -> None:
+        """The last step is to be made anew, and shorter: an event stepper forgets what it found in it."""
+
     def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
         """Whether an event stepper sees an event where steps collapse: beyond it the law of this side may have no value."""
         return False

@@ -59,6 +59,10 @@ class Interpreted:
         if failed:
             raise StepFailed(FAILURES[failed])
 
+    def begin_with(self, size: float) -> None:
+        """Let the next step be no longer than this."""
+        self.record.size = size
+
     def hold_to(self, absolute: Any) -> None:
         """Other absolute tolerances from now on."""
         self.record.absolute[:] = absolute  # type: ignore[index]

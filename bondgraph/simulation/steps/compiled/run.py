@@ -194,6 +194,16 @@ class CompiledRadau:
         self._forget()
         record.size = min(size, record.stop - time)
 
+    def repeat(self, size: float) -> None:
+        """Make the last step anew, no longer than this."""
+        record, values, n = self._record, self.values, self._record.n
+        before = record.ends - 2
+        record.time = float(values["end_time"][before])
+        values["state"][:] = values["end_state"][before * n : (before + 1) * n]
+        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, pair.LOOK_AGAIN, 0, 0
+        self._forget()
+        record.size = size
+
     def go_on_with(self, method: int) -> None:
         """Another method goes on from here."""
         self._record.method, self._record.automatic = method, 0
