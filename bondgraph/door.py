@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from compiler.codegen.limits import Leaf
     from compiler.codegen.llvm.described import Described, bind
     from compiler.codegen.lower import Lowered
-    from compiler.codegen.program import EventNote, Hybrid, LimitNote, Program
+    from compiler.codegen.program import EventNote, Function, Hybrid, LimitNote, Program, TimeFunctions
+    from compiler.codegen.ranges import Ranges
     from compiler.codegen.series import Expansion, Series
     from compiler.codegen.tape import Tape
     from compiler.driver import Compilation, examine
@@ -99,7 +100,7 @@ _HOMES = {
     "Mechanism": "graph.mechanism", "freedoms_of": "graph.mechanism", "MechanismNode": "graph.network",
     "evaluate": "algebra.expression", "to_sympy": "algebra.sympy_form", "Program": "codegen.program", "Compilation": "driver", "check_source": "driver:check",
     "examine": "driver", "Certificate": "certificate", "Unknown": "reduction.state_space",
-    "EventNote": "codegen.program", "Hybrid": "codegen.program",
+    "EventNote": "codegen.program", "Hybrid": "codegen.program", "Function": "codegen.program", "TimeFunctions": "codegen.program",
     "LimitNote": "codegen.program", "Assignment": "equations.system", "Storage": "equations.system", "CompilationFailed": "errors", "Diagnostic": "errors",
     "InternalError": "errors",
     "ValuesNeeded": "errors",
@@ -129,7 +130,7 @@ _HOMES = {
     "dependent_rates": "equations.sharing",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
     "Leaf": "codegen.limits",
-    "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lower",
+    "Ranges": "codegen.ranges", "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lower",
     "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",
     "Analysis": "scene", "Differentiating": "scene", "Drawn": "scene", "Fitting": "scene", "Following": "scene", "Inverting": "scene",
     "Linearizing": "scene", "Varying": "scene", "DISTRIBUTIONS": "chance", "SPREAD": "chance", "fault": "chance", "kinds_told": "chance",
@@ -173,6 +174,7 @@ __all__ = [
     "Fitting",
     "Floats",
     "Following",
+    "Function",
     "GraphNode",
     "Handed",
     "Hybrid",
@@ -201,6 +203,7 @@ __all__ = [
     "PowerPort",
     "Program",
     "Quantity",
+    "Ranges",
     "Reading",
     "Record",
     "Reported",
@@ -213,6 +216,7 @@ __all__ = [
     "Study",
     "Symbol",
     "Tape",
+    "TimeFunctions",
     "Unknown",
     "Unsupported",
     "ValuesNeeded",

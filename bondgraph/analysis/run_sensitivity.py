@@ -205,7 +205,8 @@ class Flow:
         """Values (t, m) and slopes (t, m, k) of the outputs at the instants."""
         lowered = self.made.compilation.lowered
         ways = set(self._ways())
-        if any(symbol.key in ways for root in lowered.crossings for symbol in symbols(root)):
+        read = {symbol for root in lowered.crossings for symbol in symbols(root)} | lowered.curves_in_modes()
+        if any(symbol.key in ways for symbol in read):
             raise UsageError(
                 "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time"
             )

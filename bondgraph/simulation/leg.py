@@ -14,7 +14,7 @@ from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, Usag
 from ..results import EnergyBalance, Occurrence
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
-from .segments import Segment, mode_after, segments_in_parts
+from .segments import Segment, mode_after, timeline_in_parts
 from .start.coarse import Looks
 from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 from .start.start import consistent_start
@@ -65,7 +65,8 @@ class Leg:
         self.inputs = np.array(program.input_defaults, dtype=float)
         self.constraints = self._constraints(program)
         start = instants[0] if begin is None else begin.time
-        self.stretches = segments_in_parts(program, self.constraints.constants, (start, instants[-1]), self.parts)
+        course = timeline_in_parts(program, self.constraints.constants, (start, float(instants[-1])), self.parts)
+        self.stretches, self.timed = course.segments, course.notes
         self.events: Events | None = None
         self.jumps: tuple[Jump, ...] = ()  # of what is stored, where other junctions went on or off
         self.known = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
@@ -157,8 +158,8 @@ class Leg:
             history.begin(start, self.state, self.inputs, self.stretches[0].mode)
             if (history.first == before).all():
                 break
-            ends = (start, self.instants[-1])
-            self.stretches = segments_in_parts(self.program, self.constraints.constants, ends, self.parts)
+            ends = (start, float(self.instants[-1]))
+            self.stretches = timeline_in_parts(self.program, self.constraints.constants, ends, self.parts).segments
             self.state, self.moved = self._start(self.program, self.compilation, self.constraints, self.stretches)
 
     def _tolerances(self) -> Tolerances:
@@ -336,6 +337,7 @@ class Leg:
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
         self.notes += tuple(dict.fromkeys(self.trajectory.notes))[:1]
+        self.notes += self.timed
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import told_of
 

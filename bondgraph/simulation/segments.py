@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import PurePath
 from typing import Any, cast
 
 import numpy as np
 
-from ..door import Program
+from ..door import Function, Program, Ranges, TimeFunctions
 from ..errors import RunFailed
 from .events.zeros import crossing
 
@@ -47,22 +48,99 @@ class Segment:
         return self if (start, stop) == (self.start, self.stop) else Segment(start, stop, self.mode)
 
 
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """The segments of a run, and what a user must know of how they were found."""
+
+    segments: list[Segment]
+    notes: tuple[str, ...] = ()
+
+
 def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
     """Cut [start, stop] where an expression of time jumps or bends."""
-    cuts = [t for t in np.atleast_1d(program.instants(constants)) if start < t < stop]
+    return timeline(program, constants, start, stop).segments
+
+
+def timeline(program: Program, constants: Any, start: float, stop: float) -> Timeline:
+    """Cut [start, stop] where an expression of time jumps or bends. The last answer of a program is kept with the numbers it was found for."""
+    key = np.asarray(constants).tobytes(), start, stop
+    last = program.kept.get("timeline")
+    if last is None or last[0] != key:
+        with np.errstate(all="ignore"):
+            edges, notes = _edges(program, constants, start, stop)
+            last = program.kept["timeline"] = key, edges, _modes(program, constants, edges), notes
+    _, edges, modes, notes = last
+    rows = [modes] * (len(edges) - 1) if modes.ndim == 1 else map(np.array, modes)
+    return Timeline([Segment(a, b, mode) for (a, b), mode in zip(pairwise(edges.tolist()), rows, strict=True)], notes)
+
+
+def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, tuple[str, ...]]:
+    """The ends of all segments, rising, shape (segments + 1,); and notes."""
+    cuts = np.atleast_1d(program.instants(constants))
+    base = _distinct(np.concatenate([[start], np.sort(cuts[(start < cuts) & (cuts < stop)]), [stop]]))
+    edges = base
     if program.hybrid is not None:
-        cuts += [t for p in program.hybrid.sampling(constants) for t in _multiples(float(p), start, stop)]
-    edges = _distinct([start, *sorted(cuts), stop])
-    edges = _distinct(sorted([*edges, *_zeros(program, constants, edges)]))
-    return [Segment(a, b, _mode(program, constants, 0.5 * (a + b))) for a, b in pairwise(edges)]
+        sampled = [_multiples(float(p), start, stop) for p in program.hybrid.sampling(constants)]
+        edges = _distinct(np.unique(np.concatenate([edges, *sampled])))
+    functions = program.time_functions
+    if functions is None or not functions.crossings:
+        return edges, ()
+    notes: dict[str, None] = {}
+    for number, function in enumerate(functions.crossings):
+        cut = edges if function.moded else base
+        found, note = _crossings(program, functions, number, constants, cut)
+        edges = _distinct(np.unique(np.concatenate([edges, found[(start < found) & (found < stop)]])))
+        notes |= dict.fromkeys(note)
+    return edges, tuple(notes)
 
 
-def segments_in_parts(program: Program, constants: Any, ends: tuple[float, float], parts: int) -> list[Segment]:
+def _crossings(
+    program: Program, functions: TimeFunctions, number: int, constants: Any, edges: Any
+) -> tuple[Any, tuple[str, ...]]:
+    """The zeros of one function of time; where there are no ranges, what a look at many places tells, and a note of it."""
+    from .crossings import OneFunction, Undecided, crossings
+
+    function = functions.crossings[number]
+    ranges = Ranges(functions, (function.place, max(function.slope, 0)), constants)
+    alone = Ranges(functions, (function.place,), constants)
+    modes = _modes(program, constants, edges) if function.moded else np.empty(0)
+    if function.slope >= 0 and not ranges.unbounded:
+        try:
+            found, hidden = crossings(OneFunction(ranges, alone, edges, modes))
+        except Undecided:
+            pass
+        else:
+            if hidden is None or not function.decides:
+                return found, ()
+            return found, (
+                f"the two sides of {_named(function)} are equal to within rounding between t = {hidden[0]:.9g} s and "
+                f"{hidden[1]:.9g} s: what holds there is what rounding makes of it",
+            )
+    found, closest = _sampled(program, constants, number, edges)
+    if not function.decides:
+        return np.array(found), ()
+    return np.array(found), (
+        f"{_named(function)} has no bounds that tell all instants at which it changes: it was looked at every "
+        f"{closest:.3g} s, and a change of shorter duration may have been missed",
+    )
+
+
+def _named(function: Function) -> str:
+    """A condition or a bend, by its owner and its line."""
+    return (
+        f"a condition on time of `{function.owner}` ({PurePath(function.span.source.name).name}:{function.span.line})"
+    )
+
+
+def timeline_in_parts(program: Program, constants: Any, ends: tuple[float, float], parts: int) -> Timeline:
     """The segments between two instants, looked for in each of `parts` parts by itself; no part begins at a round instant."""
     start, stop = ends
+    if parts == 1:
+        return timeline(program, constants, start, stop)
     between = start + (stop - start) * (np.arange(1, parts) - OFFSET) / parts
     edges = [start, *(t for t in between.tolist() if start < t < stop), stop]
-    return [s for a, b in pairwise(edges) for s in segments(program, constants, a, b)]
+    found = [timeline(program, constants, a, b) for a, b in pairwise(edges)]
+    return Timeline([s for part in found for s in part.segments], tuple(dict.fromkeys(n for part in found for n in part.notes)))
 
 
 def _multiples(period: float, start: float, stop: float) -> Any:
@@ -95,8 +173,8 @@ def _irregular(start: float, span: float, count: int) -> Any:
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
     """The signals on a stretch, at places that lie irregularly: the denser, the larger its share of the `whole` run is.
 
-    What turns up at none of these places (shorter than 1/4096 of a run) is not known, and may be stepped over. All that looks at
-    a stretch asks for them: they are found once, unless what is delayed is among them.
+    A signal that can have narrow peaks is also known wherever it has one. All that looks at a stretch asks for these places: they are found
+    once, unless what is delayed is among them.
     """
     asked, seen = (program, inputs, constants), stretch.seen.get(whole)
     if seen is not None and all(a is b for a, b in zip(seen, asked, strict=False)):
@@ -118,6 +196,11 @@ def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, wh
     times = np.empty(count + 2)
     times[0], times[-1] = begin, end
     np.clip(_irregular(stretch.start, span, count), begin, end, out=times[1:-1])
+    if program.time_functions is not None:
+        from .resolution import resolved_places
+
+        more = resolved_places(program, inputs, constants, stretch.mode, begin, end)
+        times = np.sort(np.concatenate([times, more])) if len(more) else times
     values = program.signals(times, inputs, constants, stretch.mode)
     columns = np.ascontiguousarray(values.T)
     low, high = columns.min(axis=1), columns.max(axis=1)
@@ -184,6 +267,12 @@ def with_time_of(program: Program, mode: Any, before: Any) -> Any:
     return result
 
 
+def _modes(program: Program, constants: Any, edges: Any) -> Any:
+    """The modes between the edges, shape (segments, mode); (0,) where there is none."""
+    mode = _mode(program, constants, edges[:-1] + GOLDEN * np.diff(edges))  # no place at which periods meet
+    return mode if mode.shape[-1] else np.empty(0)
+
+
 def _mode(program: Program, constants: Any, time: Any) -> Any:
     """The conditions on time; with events, what only they change is as at the start. Shape (…, mode)."""
     hybrid = program.hybrid
@@ -207,15 +296,18 @@ def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
     return cast("int", kept[name])
 
 
-def _distinct(edges: list[float]) -> list[float]:
-    """Sorted instants without those that rounding has split."""
-    kept = [edges[0]]
-    for edge in edges[1:]:
+def _distinct(edges: Any) -> Any:
+    """Sorted instants without those that rounding has split; the first and the last stay."""
+    apart = np.diff(edges) > 4 * np.spacing(np.maximum(np.abs(edges[:-1]), np.abs(edges[1:])))
+    if apart.all():
+        return edges
+    kept = [float(edges[0])]
+    for edge in edges[1:].tolist():
         if edge - kept[-1] > 4 * np.spacing(max(abs(edge), abs(kept[-1]))):
             kept.append(edge)
     if kept[-1] != edges[-1]:
-        kept[-1] = edges[-1]
-    return kept
+        kept[-1] = float(edges[-1])
+    return np.array(kept)
 
 
 def _places(program: Program, constants: Any, length: float) -> int:
@@ -248,30 +340,25 @@ def _looked_at(program: Program, constants: Any, start: float, stop: float) -> t
             )
 
 
-def _zeros(program: Program, constants: Any, edges: list[float]) -> list[float]:
-    """Zeros of the functions of time that are not linear in it: signs on a grid, then bisection.
+def _sampled(program: Program, constants: Any, number: int, edges: Any) -> tuple[list[float], float]:
+    """Zeros of a function of time without ranges: signs at many places, then bisection; and how far these places lie apart at most.
 
-    Two zeros closer than 1/256 of a smooth stretch (than 1/8 of a period of noise) can be missed, if others do not lie close.
+    Two zeros closer than that can be missed.
     """
-    middle = 0.5 * (edges[0] + edges[-1])
-    if not _count(
-        program, "crossings", lambda: program.crossings(middle, constants, _mode(program, constants, middle))
-    ):
-        return []
     found: list[float] = []
-    for a, b in pairwise(edges):
+    apart = 0.0
+    for a, b in pairwise(edges.tolist()):
         times, values = _looked_at(program, constants, a, b)
-        for column in range(values.shape[1]):
-            signs = np.sign(values[:, column])
-            for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):
-                mode = _mode(program, constants, times[i])
-                ends = [float(t) for t in times[i : i + 2]]
-                known = dict(zip(ends, values[i : i + 2, column].tolist(), strict=True)) if not mode.size else {}
+        apart = max(apart, (b - a) / len(times))
+        column = values[:, number]
+        signs = np.sign(column)
+        for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):
+            mode = _mode(program, constants, times[i])
 
-                def g(t: float, column: int = column, mode: Any = mode, known: dict[float, float] = known) -> float:
-                    return known[t] if t in known else float(program.crossings(t, constants, mode)[column])
+            def g(t: float, mode: Any = mode) -> float:
+                return float(program.crossings(t, constants, mode)[number])
 
-                if g(ends[0]) * g(ends[1]) < 0:
-                    found.append(crossing(g, ends[0], ends[1], 4e-16 * max(abs(b), 1e-300)))
-            found += [times[i] for i in np.flatnonzero(signs[1:-1] == 0) + 1 if signs[i - 1] * signs[i + 1] < 0]
-    return found
+            if g(times[i]) * g(times[i + 1]) < 0:
+                found.append(crossing(g, times[i], times[i + 1], 4e-16 * max(abs(b), 1e-300)))
+        found += [times[i] for i in np.flatnonzero(signs[1:-1] == 0) + 1 if signs[i - 1] * signs[i + 1] < 0]
+    return found, apart

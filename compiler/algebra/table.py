@@ -62,6 +62,17 @@ def curve_slope(node: Apply) -> Expression:
     return call(node.operator, Number(order.value + 1), x, *rest)
 
 
+def jumps_at_knots(node: Apply) -> bool:
+    """Whether it is a derivative of a curve that jumps at its points."""
+    order = node.operands[0]
+    return isinstance(order, Number) and order.value >= {"linear": 1, "cubic": 3, "monotone": 2}.get(node.operator, 9)
+
+
+def last_derivative(node: Apply) -> Apply:
+    """The derivative of a curve that is constant between its points."""
+    return Apply(node.operator, (Number(float(_SMOOTH[node.operator])), *node.operands[1:]))
+
+
 def turned_round(node: Apply, y: Expression) -> Expression | None:
     """Where the curve has the value y; None if its numbers show that there is not exactly one place.
 

@@ -24,11 +24,13 @@ from ..algebra.expression import (
     divide,
     multiply,
     negate,
+    operations,
     substitute,
     symbols,
 )
 from ..algebra.formula import Formula
 from ..algebra.systems import Layout, band_of, solutions
+from ..algebra.table import is_table
 from ..equations.system import Assignment
 from ..errors import ValuesNeeded
 from ..nouns import dataclass
@@ -42,6 +44,7 @@ from .multipliers import Solved, solve_multipliers
 from .order import operations_in_order
 from .stored_energy import stored_energy
 from .switching import Switching
+from .time_functions import narrow_operations, time_roots
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +84,12 @@ class Lowered:
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
     events: LoweredEvents = field(default_factory=LoweredEvents)
+    crossing_places: list[tuple[str, Span, bool]] = field(
+        default_factory=list
+    )  # owner and place of each of these, and whether it decides
+    time_roots: tuple[
+        Expression, ...
+    ] = ()  # each of these functions and its derivative by time, then what may be narrow of the signals
     periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
     limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
     lags: tuple[Expression, ...] = ()  # of delayed signals, of parameters
@@ -126,6 +135,11 @@ class Lowered:
         if variable.value is None:
             raise ValuesNeeded({variable.name: f"the range of a table, which reads `{variable.name}`"})
         return variable.value
+
+    def curves_in_modes(self) -> set[Symbol]:
+        """What the points of curves read whose derivatives are items of the mode."""
+        tables = [node for item in self.switches for node in operations(item) if is_table(node)]
+        return {symbol for node in tables for point in node.operands[2:] for symbol in symbols(point)}
 
     _bits: dict[Expression, int] = field(default_factory=dict)
 
@@ -191,6 +205,9 @@ def lower(
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
     result.delayed = tuple(result.values[d.value] for d in space.delays)
+    if whole:
+        narrow = narrow_operations(result.signals, lambda node: bool(result.dependence(node) & TIME))
+        result.time_roots = (*time_roots(result.crossings), *narrow)
     return result
 
 

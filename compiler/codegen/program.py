@@ -46,6 +46,28 @@ class ConditionNote:
 
 
 @dataclass(frozen=True, slots=True)
+class Function:
+    """A function of time alone among `TimeFunctions.nodes`, its derivative by time (-1: it has none), and where it comes from."""
+
+    place: int
+    slope: int
+    moded: bool  # whether either of them reads the mode
+    decides: bool  # whether a condition changes at its zeros; else something bends
+    owner: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class TimeFunctions:
+    """The functions of time alone as operations, operands first: an operator and places of operands, or a leaf (`number`, `time`,
+    `constant`, `input`, `mode`) and its number."""
+
+    nodes: tuple[tuple[str, tuple[Any, ...]], ...]
+    crossings: tuple[Function, ...]  # as `Program.crossings`
+    narrow: tuple[int, ...]  # operations behind `Program.signals` that may move a lot within a short time
+
+
+@dataclass(frozen=True, slots=True)
 class SettingNote:
     """What an event sets: an item of the mode, a state, or what is computed from states, by its place."""
 
@@ -221,6 +243,7 @@ class Program:
     delays: Delays | None = None
     stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
+    time_functions: TimeFunctions | None = None  # None: none has to be looked at
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # what runs found that depends on the program alone, to be found once: never what depends on the values of a run
 

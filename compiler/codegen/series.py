@@ -14,20 +14,14 @@ from typing import Any
 import numpy as np
 
 from ..algebra.derivative import partial
-from ..algebra.expression import CONDITIONS, ONE, Apply, Expression, Number, Symbol, symbols, value_of
+from ..algebra.expression import CONDITIONS, ONE, Apply, Expression, Number, Symbol, symbols
+from ..algebra.intervals import plain
 from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from ..nouns import dataclass
 from .limits import Leaf
-from .tape import _order
+from .tape import operands_first
 
 MOST_FACTORS = 16  # of a power that is multiplied out
-_PLAIN: Mapping[str, Any] = {
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh,
-    "cosh": np.cosh, "tanh": np.tanh, "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh, "exp": np.exp, "log": np.log,
-    "log10": np.log10, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign, "floor": np.floor, "ceil": np.ceil, "atan2": np.arctan2,
-    "min": np.minimum, "max": np.maximum, "divide": np.divide, "power": np.power, "less": np.less, "less_equal": np.less_equal,
-    "equal": np.equal, "and": np.logical_and, "or": np.logical_or, "not": np.logical_not,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +49,7 @@ class Series:
             self._weigh(waiting.pop(), opened, waiting)
 
     def _place(self, root: Expression) -> int:
-        for node in _order((root,), self.places):
+        for node in operands_first((root,), self.places):
             operands = tuple(self.places[o] for o in node.operands) if isinstance(node, Apply) else ()
             moving = any(self.steps[o].moving for o in operands) or (
                 isinstance(node, Symbol) and node.key.role in self._roles
@@ -83,7 +77,7 @@ class Series:
 
     def _opened(self, x: Expression, known: dict[Expression, Expression]) -> Expression:
         """Powers by whole numbers as products, those by what moves as exponentials."""
-        for node in _order((x,), known):
+        for node in operands_first((x,), known):
             if not isinstance(node, Apply):
                 known[node] = node
                 continue
@@ -187,28 +181,13 @@ def _value(step: _Step, values: Sequence[Any], given: Mapping[Leaf, Any]) -> Any
     operands = [values[o] for o in step.operands]
     with np.errstate(all="ignore"):
         match step.operator:
-            case "add":
-                return sum(operands[1:], operands[0])
-            case "multiply":
-                return math.prod(operands[1:], start=operands[0])
-            case "select":
-                return np.where(*operands)
             case "solve":
                 return _solved(operands)
             case "banded":
                 return _solved(dense(banded_shape(operands), operands, 0.0))
             case "item":
                 return operands[0][int(operands[1])]
-        if step.operator in _PLAIN:
-            return _PLAIN[step.operator](*operands)
-    return np.vectorize(lambda *xs: _number(step.operator, xs), otypes=[float])(*operands)
-
-
-def _number(operator: str, operands: Sequence[float]) -> float:
-    try:
-        return value_of(operator, operands)
-    except (ArithmeticError, ValueError):
-        return math.nan
+        return plain(step.operator, operands)
 
 
 def _solved(operands: Sequence[Any]) -> Any:

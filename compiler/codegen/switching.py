@@ -15,6 +15,7 @@ from ..algebra.expression import (
     Expression,
     Number,
     Symbol,
+    add,
     call,
     divide,
     negate,
@@ -25,7 +26,7 @@ from ..algebra.expression import (
 )
 from ..algebra.formula import Formula
 from ..algebra.systems import SYSTEMS
-from ..algebra.table import domain, is_table, table
+from ..algebra.table import domain, is_table, jumps_at_knots, last_derivative, table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..source import Span
@@ -65,6 +66,7 @@ class Switching:
         self.modes: dict[Expression, Expression] = {}
         self.opened: dict[int, Expression] = {}  # items of the mode as the conditions on time that they stand for
         self.bends: set[Expression] = set()
+        self.places: dict[Expression, int] = {}  # of what is looked for, among the crossings
         self._quiet: dict[Formula, bool] = {}
         self.all_quiet = True  # so far: no law that has been looked at jumps or bends
         self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
@@ -109,6 +111,8 @@ class Switching:
         if alone and is_table(x):
             for knot in domain(x):  # where the curve or one of its derivatives bends
                 self._instant(self.replaced(x.operands[1] - knot))
+            if jumps_at_knots(x):
+                return self._of_segments(x, operands[1])
         if x.operator == "noise":
             self._period(x.operands[1], alone, span)
         if alone and x.operator in NARROW:
@@ -150,7 +154,7 @@ class Switching:
             return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands
         if alone:
-            self._instant(self.replaced(a - b))
+            self._instant(self.replaced(a - b), True)
             self.modes[condition] = Symbol(Leaf("mode", self.next))
             self.opened[self.next] = substitute(condition, self._opened)
             self.result.switches.append(self.opened[self.next])
@@ -162,6 +166,24 @@ class Switching:
             events.located.append(Located(symbol, operands[0] - operands[1], note))
         self.next += 1
         return self.modes[condition]
+
+    def _of_segments(self, x: Apply, place: Expression) -> Expression:
+        """The derivative of a curve in time that jumps at knots, by numbers that hold still between two instants: its last derivative, and
+        what is left of it at zero. At a knot itself it is then that of the side that a run comes from."""
+        last = self._item(last_derivative(x))
+        if x == last_derivative(x):
+            return last
+        return add(self._item(x - last_derivative(x) * x.operands[1]), last * place)
+
+    def _item(self, number: Expression) -> Expression:
+        """An expression of time alone that does not move between two instants, as an item of the mode."""
+        if number not in self.modes:
+            self.modes[number] = Symbol(Leaf("mode", self.next))
+            self.opened[self.next] = number
+            self.result.switches.append(number)
+            self.result.events.timed.append(self.next)
+            self.next += 1
+        return self.modes[number]
 
     def _centres(self, x: Apply) -> None:
         """Where an affine argument is zero a step ends: a pulse `exp(-((time - t0)/w)^2)`, however narrow, is not stepped over.
@@ -207,8 +229,11 @@ class Switching:
         if slope != ZERO and period not in self.result.periods:
             self.result.periods.append(period)
 
-    def _instant(self, g: Expression) -> None:
-        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run."""
+    def _instant(self, g: Expression, decides: bool = False) -> None:
+        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run. `decides`: a condition is
+        another beyond it, so that its owner must know if zeros may be missed."""
+        if decides and g in self.places:
+            self.result.crossing_places[self.places[g]] = self.owner, self.span, True
         if g in self.bends or not self.result.dependence(g) & TIME:
             return
         self.bends.add(g)
@@ -220,6 +245,8 @@ class Switching:
                 self.result.instants.append(negate(divide(at_zero, slope)))
             return
         self.result.crossings.append(g)
+        self.places[g] = len(self.result.crossing_places)
+        self.result.crossing_places.append((self.owner, self.span, decides))
 
 
 def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:

@@ -68,7 +68,7 @@ class Tape:
     def _appended(self, roots: Sequence[Expression]) -> list[Step]:
         """The steps that lead to some roots from what is known already."""
         steps: list[Step] = []
-        for node in _order(roots, self._slots):
+        for node in operands_first(roots, self._slots):
             slot = self._slots[node] = len(self._nodes)
             self._nodes.append(node)
             if isinstance(node, Symbol):
@@ -151,7 +151,7 @@ def _taken(steps: Sequence[Step], known: list[Any]) -> None:
             known[slot] = math.nan
 
 
-def _order(roots: Sequence[Expression], known: Mapping[Expression, Any]) -> list[Expression]:
+def operands_first(roots: Sequence[Expression], known: Mapping[Expression, Any]) -> list[Expression]:
     """All nodes behind the roots that are not known, operands first."""
     order: list[Expression] = []
     done: set[Expression] = set()

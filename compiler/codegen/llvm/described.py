@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ...native.machine import MachineCode
 from ...nouns import dataclass
-from ..program import HYBRID, HybridNote, LimitNote, Names, Native, Program, hybrid_of
+from ..program import HYBRID, HybridNote, LimitNote, Names, Native, Program, TimeFunctions, hybrid_of
 
 
 class Rows(NamedTuple):
@@ -40,6 +40,7 @@ class Described:
     functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
     rows: tuple[Rows, ...] = ()  # what kernels go through
     hybrid: HybridNote | None = None
+    time_functions: TimeFunctions | None = None
 
     def without_source(self) -> Described:
         """The same without the text that people may read: it is the largest part."""
@@ -72,6 +73,7 @@ def bind(described: Described, codes: Sequence[bytes]) -> Program:
         "invariants": names["INVARIANTS"], "invariant_pattern": held,
         "multipliers": multipliers, "rates": rates, "parts": parts, "eliminated": eliminated, "solved": None,
         "operations": described.operations, "differentiated": described.differentiated, "native": native,
+        "time_functions": described.time_functions,
     }  # fmt: skip
     note = described.hybrid
     if note is not None:

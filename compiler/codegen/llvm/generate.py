@@ -8,7 +8,8 @@ from ...native.machine import AS_WRITTEN, object_code
 from ..lower import Lowered, count_operations
 from ..numpy.generate import hybrid_note, name_tables, of_invariants
 from ..numpy.write import Writer
-from ..program import Names, Program
+from ..program import Names, Program, TimeFunctions
+from ..time_functions import time_functions_of
 from .described import Described, Rows, bind
 from .write import Module
 
@@ -32,7 +33,7 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[De
     codes = compile_(texts[0], _level(modules[0])), compile_(texts[1], 0)
     functions = tuple(function for module in modules for function in module.functions)
     rows = tuple(module.rows for module in modules if module.rows is not None)
-    return _described(lowered, texts[0], functions, rows), codes
+    return _described(lowered, texts[0], functions, rows, time_functions_of(lowered, writer.constants)), codes
 
 
 def _level(module: Module) -> int:
@@ -41,7 +42,8 @@ def _level(module: Module) -> int:
     return AS_WRITTEN if level and module.rows is not None and not module.called else level
 
 
-def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[Rows, ...]) -> Described:  # fmt: skip
+def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[Rows, ...],
+               time_functions: TimeFunctions | None) -> Described:  # fmt: skip
     space = lowered.space
     tables = {
         heading: Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows)) for heading, rows in name_tables(lowered)
@@ -52,7 +54,7 @@ def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[st
         space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
         _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), of_invariants(lowered),
         tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),
-        lowered.differentiated, functions, rows, hybrid_note(lowered),
+        lowered.differentiated, functions, rows, hybrid_note(lowered), time_functions,
     )  # fmt: skip
 
 

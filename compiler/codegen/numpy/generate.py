@@ -11,13 +11,15 @@ from ..dependence import EVENT
 from ..lower import Lowered, count_operations
 from ..multipliers import solved_for
 from ..program import Delays, HybridNote, Names, Program, hybrid_of
+from ..time_functions import time_functions_of
 from .write import Writer
 
 
 def generate_program(lowered: Lowered) -> Program:
     """A program of the numpy target."""
     space = lowered.space
-    source = write_module(lowered)
+    writer = Writer(lowered)
+    source = _text(writer)
     module = load_module(space.name, source)
     note = hybrid_note(lowered)
     tables = dict(name_tables(lowered))
@@ -38,7 +40,7 @@ def generate_program(lowered: Lowered) -> Program:
         count_operations(lowered.rates), lowered.differentiated, None, None if note is None else hybrid_of(note, vars(module)),
         module.bends if lowered.bends else None,
         Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
-        module.stored_energy if lowered.energy else None,
+        module.stored_energy if lowered.energy else None, time_functions_of(lowered, writer.constants),
     )  # fmt: skip
 
 
@@ -74,6 +76,11 @@ def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], t
 
 def write_module(lowered: Lowered) -> str:
     """The text of the module."""
+    return _text(Writer(lowered))
+
+
+def _text(writer: Writer) -> str:
+    lowered = writer.lowered
     mode = "mode_at(0.0, x, INPUT_DEFAULTS, c)" if lowered.events.present else "switches(0.0, c)"
     note = (
         f"{lowered.space.name}: generated from a bond graph; needs numpy alone.\n\n"
@@ -81,7 +88,7 @@ def write_module(lowered: Lowered) -> str:
         "All quantities are in SI; arrays may have leading axes (batches). Both sides of an `if` are evaluated: where that warns of\n"
         "a division by zero, `with numpy.errstate(all='ignore')` around the call keeps it quiet.\n"
     )
-    return Writer(lowered).module(name_tables(lowered), note)
+    return writer.module(name_tables(lowered), note)
 
 
 def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:

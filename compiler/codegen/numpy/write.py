@@ -64,6 +64,7 @@ class Writer:
             *lowered.bends,
             *lowered.switches,
             *lowered.crossings,
+            *lowered.time_roots,
             *lowered.events.roots(),
             *lowered.delayed,
             *(limit.condition for limit in lowered.limits),

@@ -1,0 +1,234 @@
+"""All zeros of functions of time, by branch and bound with ranges over boxes: none is stepped over, however narrow a window is.
+
+A box in whose range the function is not zero has no zero; one on which its derivative does not change sign has at most one, which its ends
+tell; any other is halved (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, chapter 8). All boxes of a function are looked at at
+once. A function that touches zero, to rounding, without changing its sign has no crossing there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..door import Ranges
+
+MOST_BOXES = 3_000_000  # at once; beyond them a function is not decided
+MOST_CROSSINGS = 1_000_000  # of one function
+ROUNDING = 4  # times the rounding of a value: what is not told from zero
+NARROWEST = 4  # units in the last place of a time: a box that is not halved
+MOST_BLURRED, NEARLY_ALL = 4096, 0.9  # boxes, and the part of them in whose middle a function is zero to rounding
+BLURRED = 1e-4  # of a run: the longest box in which a function can be zero to rounding without more ado
+HIDDEN = 1e-3  # of a run: for longer than this no function touches zero, it is zero
+FLAT = 1e-9  # of a run: values that are zero for shorter are so by rounding
+NO_VALUE, UNKNOWN = 2.0, 3.0  # beside the signs -1, 0 and 1
+ITERATIONS = 120
+Signs = Callable[[Any, Any], Any]  # times, numbers of stretches -> signs
+
+
+class Undecided(Exception):
+    """Ranges do not tell where a function is zero, or there are too many places."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Boxes that need not be halved again: where they lie, in which stretch, and the signs at their ends."""
+
+    low: Any
+    high: Any
+    stretch: Any
+    left: Any
+    right: Any
+    monotone: Any
+
+    def sorted(self) -> Pieces:
+        order = np.argsort(self.low, kind="stable")
+        return Pieces(*(getattr(self, name)[order] for name in self.__slots__))
+
+
+@dataclass(frozen=True, slots=True)
+class OneFunction:
+    """A function of time on stretches between `edges`, each with its mode, shape (stretches, mode)."""
+
+    ranges: Ranges  # of the function and of its derivative
+    alone: Ranges  # of the function
+    edges: Any
+    modes: Any
+
+    def mode(self, stretch: Any) -> Any:
+        return self.modes[stretch] if self.modes.shape[-1] else self.modes[:0]
+
+    def over(self, low: Any, high: Any, stretch: Any) -> tuple[Any, Any, Any, Any]:
+        """Lower and upper ends of the ranges of the function and of its derivative, each (boxes,)."""
+        (a, b), (c, d) = self.ranges.over(low, high, self.mode(stretch))
+        whole = np.empty((4, len(low)))
+        whole[0], whole[1], whole[2], whole[3] = a, b, c, d
+        return whole[0], whole[1], whole[2], whole[3]
+
+    def at(self, times: Any, stretch: Any) -> tuple[Any, Any]:
+        """Lower and upper ends of the values at instants, as rounding leaves them."""
+        ((a, b),) = self.alone.over(times, times, self.mode(stretch))
+        return np.broadcast_to(a, np.shape(times)), np.broadcast_to(b, np.shape(times))
+
+    def values(self, times: Any, stretch: Any) -> Any:
+        return np.broadcast_to(self.alone.values(times, self.mode(stretch))[0], np.shape(times)).astype(float)
+
+    def signs(self, times: Any, stretch: Any) -> Any:
+        values = self.values(times, stretch)
+        return np.where(np.isnan(values), NO_VALUE, np.sign(values))
+
+
+def crossings(function: OneFunction) -> tuple[Any, tuple[float, float] | None]:
+    """The instants at which a function changes its sign inside of its stretches, and the first interval of some length on which it is zero to
+    rounding. Raises `Undecided`."""
+    with np.errstate(all="ignore"):
+        pieces = _signed(function, _pieces(function))
+        changes = np.flatnonzero(pieces.monotone & (pieces.left != pieces.right))
+        if len(changes) > MOST_CROSSINGS:
+            raise Undecided
+        found = [_located(function, pieces, changes), *_in_clusters(function, pieces)]
+        beside = (pieces.right[:-1] != pieces.left[1:]) & (pieces.right[:-1] != UNKNOWN) & (pieces.left[1:] != UNKNOWN)
+        found.append(pieces.low[1:][beside & (pieces.stretch[1:] == pieces.stretch[:-1])])
+    return np.unique(np.concatenate(found)), _hidden_for_long(function, pieces)
+
+
+def _hidden_for_long(function: OneFunction, pieces: Pieces) -> tuple[float, float] | None:
+    """The first and last place at which rounding hides the sign, if that is for longer than at a place at which two sides touch."""
+    hidden = np.flatnonzero(~pieces.monotone & (pieces.left == UNKNOWN))
+    if (pieces.high - pieces.low)[hidden].sum() < HIDDEN * (function.edges[-1] - function.edges[0]):
+        return None
+    return float(pieces.low[hidden[0]]), float(pieces.high[hidden[-1]])
+
+
+def _pieces(function: OneFunction) -> Pieces:
+    """Halve boxes until each is decided."""
+    low, high = function.edges[:-1], function.edges[1:]
+    stretch = np.arange(len(low))
+    done: list[Any] = []
+    while len(low):
+        if len(low) > MOST_BOXES:
+            raise Undecided
+        left, monotone = _decided(function, low, high, stretch)
+        decided = monotone | ~np.isnan(left)
+        done.append((low[decided], high[decided], stretch[decided], left[decided], monotone[decided]))
+        low, high, stretch = low[~decided], high[~decided], stretch[~decided]
+        middle = 0.5 * (low + high)
+        low, high, stretch = np.concatenate([low, middle]), np.concatenate([middle, high]), np.tile(stretch, 2)
+    a, b, stretch, left, monotone = (np.concatenate(part) for part in zip(*done, strict=True))
+    return Pieces(a, b, stretch, left, left.copy(), monotone).sorted()
+
+
+def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[Any, Any]:
+    """For each box the sign that it has throughout, `UNKNOWN` where rounding hides it, NaN if it is not decided; and whether it is monotone."""
+    least, most, falls, rises = function.over(low, high, stretch)
+    sign = _one_sign(least, most)
+    monotone = np.isnan(sign) & np.isfinite(least) & np.isfinite(most) & ((falls >= 0) | (rises <= 0))
+    rest = np.flatnonzero(np.isnan(sign) & ~monotone)
+    if not len(rest):
+        return sign, monotone
+    middle = 0.5 * (low[rest] + high[rest])
+    at_least, at_most = function.at(middle, stretch[rest])
+    reach = 0.5 * (high[rest] - low[rest]) * np.maximum(np.abs(falls[rest]), np.abs(rises[rest]))
+    reach = np.where(
+        np.isfinite(least[rest]) & np.isfinite(most[rest]) & ~np.isnan(reach), reach, np.inf
+    )  # else it may jump
+    least, most = np.fmax(least[rest], at_least - reach), np.fmin(most[rest], at_most + reach)
+    found = _one_sign(least, most)
+    blur = ROUNDING * (at_most - at_least)
+    short = high[rest] - low[rest] < BLURRED * (function.edges[-1] - function.edges[0])
+    blurred = short & np.isfinite(blur) & (np.maximum(np.abs(least), np.abs(most)) <= blur)
+    zero = np.isfinite(blur) & (np.maximum(np.abs(at_least), np.abs(at_most)) <= blur)
+    if len(rest) > MOST_BLURRED and zero.mean() > NEARLY_ALL:  # both sides are the same, to rounding
+        blurred |= zero
+    ulp = np.spacing(np.maximum(np.abs(low[rest]), np.abs(high[rest])))
+    narrow = (high[rest] - low[rest] <= NARROWEST * ulp) | (middle <= low[rest]) | (middle >= high[rest])
+    sign[rest] = np.where(np.isnan(found) & (blurred | narrow), UNKNOWN, found)
+    return sign, monotone
+
+
+def _one_sign(least: Any, most: Any) -> Any:
+    """The sign of all of a range; NaN if it has several."""
+    sign = np.full(len(least), np.nan)
+    sign[least > 0], sign[most < 0], sign[(least == 0) & (most == 0)] = 1.0, -1.0, 0.0
+    sign[np.isnan(least) | np.isnan(most)] = NO_VALUE
+    return sign
+
+
+def _signed(function: OneFunction, pieces: Pieces) -> Pieces:
+    """With the signs at the ends of what is monotone."""
+    at = np.flatnonzero(pieces.monotone)
+    pieces.left[at] = function.signs(pieces.low[at], pieces.stretch[at])
+    pieces.right[at] = function.signs(pieces.high[at], pieces.stretch[at])
+    return pieces
+
+
+def _in_clusters(function: OneFunction, pieces: Pieces) -> list[Any]:
+    """Where the sign changes within neighbours that rounding hides."""
+    hidden = (pieces.left == UNKNOWN) & ~pieces.monotone
+    if not hidden.any():
+        return []
+    joined = hidden[1:] & hidden[:-1] & (pieces.stretch[1:] == pieces.stretch[:-1])
+    firsts = np.flatnonzero(hidden & ~np.concatenate([[False], joined]))
+    lasts = np.flatnonzero(hidden & ~np.concatenate([joined, [False]]))
+    before, after = np.maximum(firsts - 1, 0), np.minimum(lasts + 1, len(hidden) - 1)
+    inner = (firsts > 0) & (lasts < len(hidden) - 1)
+    inner &= (pieces.stretch[before] == pieces.stretch[firsts]) & (pieces.stretch[after] == pieces.stretch[lasts])
+    changes = inner & (pieces.right[before] != pieces.left[after])
+    firsts, lasts, left = firsts[changes], lasts[changes], pieces.right[before[changes]]
+    return [_halved(function.signs, pieces.low[firsts], pieces.high[lasts], pieces.stretch[firsts], left)]
+
+
+def _located(function: OneFunction, pieces: Pieces, changes: Any) -> Any:
+    """Where monotone pieces change their sign: both ends of what is zero, where that is more than one place."""
+    low, high, stretch = pieces.low[changes], pieces.high[changes], pieces.stretch[changes]
+    left, right = pieces.left[changes], pieces.right[changes]
+    opposite = left * right == -1.0
+    found, exact = _zeros(function, low[opposite], high[opposite], stretch[opposite])
+    flat = ~opposite
+    flat[np.flatnonzero(opposite)[exact]] = True
+    first = _halved(function.signs, low[flat], high[flat], stretch[flat], left[flat])
+    last = _halved(function.signs, high[flat], low[flat], stretch[flat], right[flat])
+    least, most, _, _ = function.over(first, last, stretch[flat])
+    rounded = (last - first < FLAT * (function.edges[-1] - function.edges[0])) & ((least != 0) | (most != 0))
+    return np.concatenate([found[~exact], first[rounded], first[~rounded], last[~rounded]])
+
+
+def _halved(signs: Signs, here: Any, there: Any, stretch: Any, sign: Any) -> Any:
+    """Where a sign ends that holds `here`, by halving."""
+    for _ in range(ITERATIONS):
+        middle = 0.5 * (here + there)
+        going = (middle != here) & (middle != there)
+        if not going.any():
+            break
+        same = going & (signs(middle, stretch) == sign)
+        here, there = np.where(same, middle, here), np.where(going & ~same, middle, there)
+    return there
+
+
+def _zeros(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[Any, Any]:
+    """A zero between each two places at which the signs differ, and whether it is one exactly (Chandrupatla, Advances in
+    Engineering Software 28, 1997)."""
+    b, a = low, high
+    fb, fa = function.values(b, stretch), function.values(a, stretch)
+    c, fc, share = a, fa, np.full(len(low), 0.5)
+    least = np.spacing(np.maximum(np.abs(low), np.abs(high)))
+    going = np.ones(len(low), dtype=bool)
+    for _ in range(ITERATIONS):
+        if not going.any():
+            break
+        x = a + share * (b - a)
+        fx = function.values(x, stretch)
+        same = (fx > 0) == (fa > 0)
+        c, fc = np.where(going, np.where(same, a, b), c), np.where(going, np.where(same, fa, fb), fc)
+        b, fb = np.where(going & ~same, a, b), np.where(going & ~same, fa, fb)
+        a, fa = np.where(going, x, a), np.where(going, fx, fa)
+        part = np.where(b != a, least / np.abs(b - a), 1.0)
+        going &= (part <= 0.5) & (fa != 0) & (fb != 0)
+        xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+        safe = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+        inverse = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+        share = np.clip(np.where(safe & np.isfinite(inverse), inverse, 0.5), part, 1 - part)
+    nearer = np.abs(fa) < np.abs(fb)
+    return np.where(nearer, a, b), (fa == 0) | (fb == 0)

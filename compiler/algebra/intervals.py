@@ -1,0 +1,343 @@
+"""Ranges of operators over boxes: for each operator of the expressions one function from intervals to an interval that holds all its values.
+
+An interval is a pair of arrays, lower and upper ends, over many boxes at once; a quantity that does not move is a pair of equal numbers, and
+what is computed from such pairs alone is the value that a program computes. All other results are widened by the rounding of the operation, in
+proportion to them: an exact zero stays one (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, chapters 2 to 5). A range is
+everything, (-inf, inf), where a box holds the end of a domain or a pole, and not a number where no part of it has a value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from .expression import value_of
+from .interpolate import SMOOTH_STEP
+
+Interval = tuple[Any, Any]  # lower and upper ends, each a number or an array (boxes,)
+
+EPS = 2.0**-52
+BASIC, LIBRARY = EPS, 4 * EPS  # rounding of one operation, relative; of one call of the mathematical library
+HALF, TURN = 0.5 * math.pi, 2 * math.pi
+LARGEST_ANGLE = 2.0**45  # beyond this rounding of an angle is no small part of a turn
+EVERYTHING: Interval = (-math.inf, math.inf)
+
+
+def is_still(x: Interval) -> bool:
+    """Whether a pair is one number for all boxes."""
+    return np.ndim(x[0]) == 0 and x[0] == x[1]
+
+
+def widened(low: Any, high: Any, part: float = BASIC) -> Interval:
+    """The interval with its ends moved outward by a part of their size."""
+    return low - part * np.abs(low), high + part * np.abs(high)
+
+
+def _sum(*terms: Interval) -> Interval:
+    low, high = terms[0]
+    for a, b in terms[1:]:
+        low, high = widened(low + a, high + b)
+    return low, high
+
+
+def _product_of_two(a: Interval, b: Interval) -> Interval:
+    """0 times infinity is 0: an infinite end stands for values that are finite, however large."""
+    if is_still(a):
+        a, b = b, a
+    if is_still(b) and b[0] != 0 and math.isfinite(b[0]):
+        low, high = a[0] * b[0], a[1] * b[0]
+        return widened(low, high) if b[0] > 0 else widened(high, low)
+    if is_still(b):
+        ends = (_finite_product(a[0], b[0]), _finite_product(a[1], b[0]))
+        return widened(np.minimum(*ends), np.maximum(*ends))
+    corners = [_finite_product(x, y) for x in a for y in b]
+    return widened(np.minimum.reduce(corners), np.maximum.reduce(corners))
+
+
+def _finite_product(x: Any, y: Any) -> Any:
+    product = np.asarray(x * y)
+    return np.where(np.isnan(product) & ~(np.isnan(x) | np.isnan(y)), 0.0, product)
+
+
+def _product(*factors: Interval) -> Interval:
+    """Of equal factors the power, which is never negative where it is even."""
+    counts: dict[tuple[int, int], list[Interval]] = {}
+    for factor in factors:
+        counts.setdefault((id(factor[0]), id(factor[1])), []).append(factor)
+    parts = [_power(same[0], (float(len(same)),) * 2) if len(same) > 1 else same[0] for same in counts.values()]
+    still = math.prod(float(part[0]) for part in parts if is_still(part))
+    parts = [part for part in parts if not is_still(part)]
+    result = (still, still) if still != 1.0 else parts.pop()
+    for part in parts:
+        result = _product_of_two(result, part)
+    return result
+
+
+def _quotient(a: Interval, b: Interval) -> Interval:
+    low, high = b
+    inverse = widened(1.0 / np.asarray(high), 1.0 / np.asarray(low))
+    pole = (np.asarray(low) <= 0) & (np.asarray(high) >= 0)
+    first = np.where(pole, np.where((low == 0) & (high > 0), inverse[0], -np.inf), inverse[0])
+    last = np.where(pole, np.where((high == 0) & (low < 0), inverse[1], np.inf), inverse[1])
+    return _product_of_two(a, (first, last))
+
+
+def _rising(function: Callable[[Any], Any], least: float = -math.inf, most: float = math.inf) -> Callable[[Interval], Interval]:  # fmt: skip
+    """The range of a function that rises on its domain, from `least` to `most`."""
+
+    def over(x: Interval) -> Interval:
+        low, high = widened(function(np.maximum(x[0], least)), function(np.minimum(x[1], most)), LIBRARY)
+        return _within_domain(x, (low, high), least, most)
+
+    return over
+
+
+def _within_domain(x: Interval, found: Interval, least: float, most: float) -> Interval:
+    """Everything where a box leaves the domain in part, nothing where it lies outside."""
+    if least == -math.inf and most == math.inf:
+        return found
+    outside = (x[1] < least) | (x[0] > most)
+    partly = ~outside & ((x[0] < least) | (x[1] > most))
+    low = np.where(outside, np.nan, np.where(partly, -np.inf, found[0]))
+    high = np.where(outside, np.nan, np.where(partly, np.inf, found[1]))
+    return low, high
+
+
+def _falling(function: Callable[[Any], Any], least: float, most: float) -> Callable[[Interval], Interval]:
+    rising = _rising(lambda x: -function(x), least, most)
+
+    def over(x: Interval) -> Interval:
+        low, high = rising(x)
+        return -np.asarray(high), -np.asarray(low)
+
+    return over
+
+
+def _even(x: Interval) -> Interval:
+    """The range of the absolute value."""
+    low, high = np.abs(x[0]), np.abs(x[1])
+    inside = (np.asarray(x[0]) <= 0) & (np.asarray(x[1]) >= 0)
+    return np.where(inside, 0.0, np.minimum(low, high)), np.maximum(low, high)
+
+
+def _cosh(x: Interval) -> Interval:
+    low, high = _even(x)
+    return widened(np.cosh(low), np.cosh(high), LIBRARY)
+
+
+def _wave(x: Interval, crest: float, function: Callable[[Any], Any]) -> Interval:
+    """The range of a sine: 1 if the box holds a crest, -1 if it holds a trough."""
+    first, last = np.asarray(x[0]), np.asarray(x[1])
+    ends = function(first), function(last)
+    low, high = widened(np.minimum(*ends), np.maximum(*ends), LIBRARY)
+    begin, end = (first - crest) * (1 / TURN), (last - crest) * (1 / TURN)  # in turns from a crest
+    high = np.where(np.ceil(begin - 1e-15) <= end + 1e-15, 1.0, np.minimum(high, 1.0))
+    low = np.where(np.ceil(begin - 0.5 - 1e-15) <= end - 0.5 + 1e-15, -1.0, np.maximum(low, -1.0))
+    far = np.maximum(-first, last).max(initial=0.0)
+    if far < LARGEST_ANGLE:
+        return low, high
+    whole = ~(np.maximum(np.abs(first), np.abs(last)) < LARGEST_ANGLE)
+    bad = np.isnan(first) | np.isnan(last)
+    return np.where(bad, np.nan, np.where(whole, -1.0, low)), np.where(bad, np.nan, np.where(whole, 1.0, high))
+
+
+def _tangent(x: Interval) -> Interval:
+    low, high = widened(np.tan(x[0]), np.tan(x[1]), LIBRARY)
+    pole = np.ceil((x[0] - HALF) / math.pi - 1e-15) <= np.floor((x[1] - HALF) / math.pi + 1e-15)
+    return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
+
+
+def _power(base: Interval, exponent: Interval) -> Interval:
+    if not is_still(exponent):  # b^e = exp(e log b)
+        return TABLE["exp"](_product_of_two(exponent, TABLE["log"](base)))
+    n = float(exponent[0])
+    if n == int(n) and n < 0:
+        return _quotient((1.0, 1.0), _power(base, (-n, -n)))
+    if n == int(n) and n % 2 == 0:
+        low, high = _even(base)
+        return widened(np.power(low, n), np.power(high, n), LIBRARY)
+    if n == int(n):
+        return widened(np.power(base[0], n), np.power(base[1], n), LIBRARY)
+    if n > 0:
+        return _rising(lambda x: np.power(x, n), 0.0)(base)
+    low, high = _falling(lambda x: np.power(x, n), 0.0, math.inf)(base)
+    return low, high
+
+
+def _root(x: Interval, degree: Interval) -> Interval:
+    n = float(degree[0])
+    if not is_still(degree) or n == 0 or n % 2 == 0:
+        return EVERYTHING
+    if n == int(n):
+        low, high = (np.sign(end) * np.power(np.abs(end), 1 / n) for end in x)
+        return widened(np.minimum(low, high), np.maximum(low, high), LIBRARY)
+    return _power(x, (1 / n, 1 / n))
+
+
+def _angle(y: Interval, x: Interval) -> Interval:
+    """The range of atan2: of the corners; it jumps where a box touches the cut at the negative axis, which is as good as a pole."""
+    cut = (np.asarray(x[0]) <= 0) & (np.asarray(y[0]) <= 0) & (np.asarray(y[1]) >= 0)
+    corners = [np.arctan2(b, a) for b in y for a in x]
+    low, high = widened(np.minimum.reduce(corners), np.maximum.reduce(corners), LIBRARY)
+    return np.where(cut, -np.inf, low), np.where(cut, np.inf, high)
+
+
+def _jumping(function: Callable[[Any], Any]) -> Callable[[Interval], Interval]:
+    """The range of a function of steps: everything where it jumps within a box."""
+
+    def over(x: Interval) -> Interval:
+        low, high = function(x[0]), function(x[1])
+        return np.where(low == high, low, -np.inf), np.where(low == high, high, np.inf)
+
+    return over
+
+
+def _truth(surely: Any, perhaps: Any) -> Interval:
+    return np.asarray(surely, dtype=float), np.asarray(perhaps, dtype=float)
+
+
+def _equal(a: Interval, b: Interval) -> Interval:
+    meet = (a[0] <= b[1]) & (b[0] <= a[1])
+    return _truth(meet & (a[0] == a[1]) & (b[0] == b[1]), meet)
+
+
+def _chosen(condition: Interval, a: Interval, b: Interval) -> Interval:
+    first, second = np.asarray(condition[0]) == 1.0, np.asarray(condition[1]) == 0.0
+    low = np.where(first, a[0], np.where(second, b[0], np.minimum(a[0], b[0])))
+    high = np.where(first, a[1], np.where(second, b[1], np.maximum(a[1], b[1])))
+    return low, high
+
+
+# ---------------------------------------------------------------- curves through points, random numbers
+
+
+def _curve(kind: str) -> Callable[..., Interval]:
+    """The range of a curve through points, or of a derivative of it, from its polynomials."""
+
+    def over(order: Interval, x: Interval, *points: Interval) -> Interval:
+        if not all(map(is_still, points)):
+            return EVERYTHING
+        knots, polynomials = _pieces(kind, int(order[0]), tuple(float(p[0]) for p in points))
+        first, last = (np.searchsorted(knots[1:-1], end, side="right") for end in x)
+        first = np.searchsorted(knots[1:-1], x[0], side="left")  # at a knot both sides count
+        low, high = np.full(np.shape(x[0]), np.inf), np.full(np.shape(x[0]), -np.inf)
+        for number, polynomial in enumerate(polynomials):
+            inside = (first <= number) & (number <= last)
+            if not np.any(inside):
+                continue
+            a, b = np.maximum(x[0], knots[number]), np.minimum(x[1], knots[number + 1])
+            for place in (a, b, *(np.clip(turn, a, b) for turn in _turns(polynomial))):
+                value = polynomial(place)
+                low, high = np.where(inside, np.minimum(low, value), low), np.where(inside, np.maximum(high, value), high)  # fmt: skip
+        bad = np.isnan(x[0]) | np.isnan(x[1])
+        low, high = np.where(bad, np.nan, low), np.where(bad, np.nan, high)
+        return widened(low, high, 4 * LIBRARY)
+
+    return over
+
+
+@lru_cache(maxsize=64)
+def _pieces(kind: str, order: int, points: tuple[float, ...]) -> tuple[Any, list[Any]]:
+    """Knots from -inf to inf, and a polynomial on each interval between them; straight beyond the ends."""
+    count = len(points) // (2 if kind == "linear" else 3)
+    lists = [np.array(points[i * count : (i + 1) * count]) for i in range(len(points) // count)]
+    lists = [part[::-1] for part in lists] if lists[0][0] > lists[0][-1] else lists
+    places, values = lists[0], lists[1]
+    slopes = None if kind == "linear" else lists[2]
+    polynomials = [_piece(places, values, slopes, i) for i in range(count - 1)]
+    first, last = polynomials[0], polynomials[-1]
+    ends = [np.poly1d([f.deriv()(p), f(p) - p * f.deriv()(p)]) for f, p in ((first, places[0]), (last, places[-1]))]
+    pieces = [ends[0], *polynomials, ends[1]]
+    for _ in range(order):
+        pieces = [piece.deriv() for piece in pieces]
+    return np.concatenate([[-np.inf], places, [np.inf]]), pieces
+
+
+def _piece(places: Any, values: Any, slopes: Any, i: int) -> Any:
+    h, a = float(places[i + 1] - places[i]), float(places[i])
+    secant = float(values[i + 1] - values[i]) / h
+    shifted = np.poly1d([1.0, -a])
+    if slopes is None:
+        return shifted * secant + float(values[i])
+    first, last = float(slopes[i]), float(slopes[i + 1])
+    c2, c3 = (3 * secant - 2 * first - last) / h, (first + last - 2 * secant) / h**2
+    return ((shifted * c3 + c2) * shifted + first) * shifted + float(values[i])
+
+
+def _turns(polynomial: Any) -> list[float]:
+    """The places at which a polynomial of the third degree may turn."""
+    return [float(r.real) for r in np.roots(polynomial.deriv())] if polynomial.order > 1 else []
+
+
+def _noise(order: Interval, place: Interval, seed: Interval) -> Interval:
+    """Between two whole places the noise is a smooth step from one random number to the next; its derivatives are those of the step."""
+    number = int(order[0])
+    whole = np.floor(place[0])
+    beyond = np.floor(place[1]) - whole
+    numbers = [plain("noise", (0.0, whole + i, seed[0])) for i in range(3)]
+    if number == 0:
+        ends = [plain("noise", (0.0, end, seed[0])) for end in place]
+        ends.append(np.where(beyond >= 1, numbers[1], ends[0]))
+        low, high, reach = np.minimum.reduce(ends), np.maximum.reduce(ends), 1.0
+    else:
+        steepest = float(np.abs(_STEPS[number](np.linspace(0.0, 1.0, 4097))).max()) * 1.01
+        first = (numbers[1] - numbers[0]) * steepest
+        rises = np.stack([first, np.where(beyond >= 1, (numbers[2] - numbers[1]) * steepest, first)])
+        least = rises if number == 1 else -np.abs(rises)
+        low, high, reach = np.minimum(least.min(axis=0), 0.0), np.maximum(np.abs(rises) if number > 1 else rises, 0.0).max(axis=0), 2 * steepest  # fmt: skip
+    low, high = widened(low, high, 4 * LIBRARY)
+    near = (beyond <= 1) & (np.abs(place[0]) < LARGEST_ANGLE)
+    return np.where(near, low, -reach), np.where(near, high, reach)
+
+
+_STEPS = [np.poly1d(row[::-1]) for row in SMOOTH_STEP]
+
+
+# ---------------------------------------------------------------- the tables
+
+TABLE: Mapping[str, Callable[..., Interval]] = {
+    "add": _sum, "multiply": _product, "divide": _quotient, "power": _power, "root": _root, "atan2": _angle,
+    "sin": lambda x: _wave(x, HALF, np.sin), "cos": lambda x: _wave(x, 0.0, np.cos), "tan": _tangent,
+    "asin": _rising(np.arcsin, -1.0, 1.0), "acos": _falling(np.arccos, -1.0, 1.0), "atan": _rising(np.arctan),
+    "sinh": _rising(np.sinh), "cosh": _cosh, "tanh": _rising(np.tanh), "asinh": _rising(np.arcsinh),
+    "acosh": _rising(np.arccosh, 1.0), "atanh": _rising(np.arctanh, -1.0, 1.0), "exp": _rising(np.exp),
+    "log": _rising(np.log, 0.0), "log10": _rising(np.log10, 0.0), "sqrt": _rising(np.sqrt, 0.0), "abs": _even,
+    "sign": _jumping(np.sign), "floor": _jumping(np.floor), "ceil": _jumping(np.ceil),
+    "min": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
+    "max": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
+    "less": lambda a, b: _truth(a[1] < b[0], a[0] < b[1]), "less_equal": lambda a, b: _truth(a[1] <= b[0], a[0] <= b[1]),
+    "equal": _equal,
+    "and": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
+    "or": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])), "not": lambda a: (1.0 - a[1], 1.0 - a[0]),
+    "select": _chosen, "linear": _curve("linear"), "cubic": _curve("cubic"), "monotone": _curve("monotone"), "noise": _noise,
+}  # fmt: skip
+
+PLAIN: Mapping[str, Any] = {
+    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh,
+    "cosh": np.cosh, "tanh": np.tanh, "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh, "exp": np.exp, "log": np.log,
+    "log10": np.log10, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign, "floor": np.floor, "ceil": np.ceil, "atan2": np.arctan2,
+    "min": np.minimum, "max": np.maximum, "divide": np.divide, "power": np.power, "less": np.less, "less_equal": np.less_equal,
+    "equal": np.equal, "and": np.logical_and, "or": np.logical_or, "not": np.logical_not, "select": np.where,
+}  # fmt: skip
+
+
+def plain(operator: str, values: Sequence[Any]) -> Any:
+    """An operator of numbers or arrays; not a number where it has no value."""
+    if operator == "add":
+        return sum(values[1:], values[0])
+    if operator == "multiply":
+        return math.prod(values[1:], start=values[0])
+    if operator in PLAIN:
+        return PLAIN[operator](*values)
+    return np.vectorize(lambda *xs: _number(operator, xs), otypes=[float])(*values)
+
+
+def _number(operator: str, operands: Sequence[float]) -> float:
+    try:
+        return value_of(operator, operands)
+    except (ArithmeticError, ValueError):
+        return math.nan

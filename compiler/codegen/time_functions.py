@@ -1,0 +1,100 @@
+"""Functions of time as plain data: what a search for instants needs beside a program.
+
+The functions whose zeros are instants, their derivatives by time and what may be narrow of the signals go into one list of operations, which is
+kept with a program of any target; `ranges.py` evaluates it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..algebra.derivative import NoSlope, derivative
+from ..algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol, operations, symbols
+from .dependence import MODE
+from .limits import Leaf
+from .program import Function, TimeFunctions
+from .tape import operands_first
+
+if TYPE_CHECKING:
+    from .lower import Lowered
+
+# Operations after which a function of time moves everywhere as fast as it ever does, or at places that are instants: sums and products of these
+# have no narrow peaks that a look at many places could miss.
+BROAD = frozenset({"add", "multiply", "sin", "cos", "min", "max", "abs", "sign", "select", "linear", "cubic", "monotone", "noise", *CONDITIONS})  # fmt: skip
+TABLED = frozenset({
+    "divide", "power", "root", "atan2", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log",
+    "log10", "sqrt",
+})  # fmt: skip
+
+
+def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
+    """The functions of time whose zeros are instants, each followed by its derivative, by itself where it has none."""
+    time = Symbol(Leaf("time", 0))
+    roots: list[Expression] = []
+    for root in crossings:
+        try:
+            slope = derivative(root, time)
+        except NoSlope:
+            slope = root
+        roots += root, slope
+    return tuple(roots)
+
+
+def narrow_operations(signals: Iterable[Expression], moves: Callable[[Expression], bool]) -> tuple[Expression, ...]:
+    """The operations behind signals that may have narrow peaks. `moves`: whether an expression changes with time."""
+    found: dict[Expression, None] = {}
+    for signal in signals:
+        nodes = operations(signal)
+        found |= dict.fromkeys(n for n in nodes if n.operator in TABLED and not _is_broad(n) and moves(n))
+    return tuple(found)
+
+
+def _is_broad(node: Apply) -> bool:
+    """Whether it is a power of low degree, a quotient by a number of the run, or of the operations that are never narrow."""
+    if node.operator in BROAD:
+        return True
+    if node.operator == "power":
+        n = node.operands[1]
+        return isinstance(n, Number) and n.value in (2.0, 3.0, 4.0)
+    return node.operator == "divide" and all(s.key.role == "parameter" for s in symbols(node.operands[1]))
+
+
+def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> TimeFunctions | None:
+    """The functions of time of a program whose constants are these expressions; None if it has none."""
+    if not lowered.time_roots:
+        return None
+    leaves: dict[Expression, int] = {node: number for number, node in enumerate(constants)}
+    places: dict[Expression, int] = {}
+    nodes: list[tuple[str, tuple[Any, ...]]] = []
+
+    def put(operator: str, operands: tuple[Any, ...]) -> int:
+        nodes.append((operator, operands))
+        return len(nodes) - 1
+
+    for node in operands_first(lowered.time_roots, leaves):
+        places[node] = _put(node, leaves, places, put)
+    for node in lowered.time_roots:
+        if node not in places:
+            places[node] = put("constant", (leaves[node],))
+    count = 2 * len(lowered.crossings)
+    functions = []
+    pairs = zip(lowered.time_roots[:count:2], lowered.time_roots[1:count:2], strict=True)
+    for (root, slope), (owner, span, decides) in zip(pairs, lowered.crossing_places, strict=True):
+        moded = bool((lowered.dependence(root) | lowered.dependence(slope)) & MODE)
+        functions.append(
+            Function(places[root], places[slope] if slope is not root else -1, moded, decides, owner, span)
+        )
+    return TimeFunctions(tuple(nodes), tuple(functions), tuple(places[n] for n in lowered.time_roots[count:]))
+
+
+def _put(node: Expression, leaves: Mapping[Expression, int], places: dict[Expression, int], put: Any) -> int:
+    if isinstance(node, Number):
+        return int(put("number", (node.value,)))
+    if isinstance(node, Symbol):
+        return int(put(node.key.role, () if node.key.role == "time" else (node.key.position,)))
+    assert isinstance(node, Apply)
+    for operand in node.operands:
+        if operand in leaves and operand not in places:
+            places[operand] = put("constant", (leaves[operand],))
+    return int(put(node.operator, tuple(places[o] for o in node.operands)))

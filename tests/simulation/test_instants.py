@@ -1,0 +1,290 @@
+"""Conditions on time: every instant at which one changes is found, however short what lies between two of them, in every form it is written in.
+
+The witnesses are closed forms: for how long a condition holds, and what it lets through.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.simulation.segments import segments, timeline
+from tests.compiling import compiled
+from tests.stress.ways import Way, ways
+
+CLOSE = 1e-11  # of a duration: what rounding of an instant leaves
+
+
+def held(conditions: list[str], start: float, stop: float, declared: str = "") -> tuple[list[float], list[list[float]]]:
+    """For how long each condition holds in a run, and all instants within it, from the segments and their modes."""
+    lines = [f"  signal x{i} = integral(1 if {c} else 0, 0)\n  output y{i} = x{i}" for i, c in enumerate(conditions)]
+    program = compiled(f"plain model Held {{\n{declared}" + "\n".join(lines) + "\n}\n").program
+    constants = program.constants(np.array(program.defaults))
+    state = np.zeros(len(conditions))
+    total = np.zeros(len(conditions))
+    parts = segments(program, constants, start, stop)
+    assert parts[0].start == start
+    assert parts[-1].stop == stop
+    for part in parts:
+        middle = 0.5 * (part.start + part.stop)
+        rates = program.derivative(middle, state, np.array(program.input_defaults), constants, part.mode)
+        total += (part.stop - part.start) * np.asarray(rates)
+    return total.tolist(), [[p.start for p in parts[1:]]]
+
+
+DUTIES = [0.001, 0.003, 0.01, 0.0317, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.997, 0.999]
+
+
+@pytest.mark.parametrize("frequency", [5, 20, 50, 200, 1000])
+def test_a_gate_is_open_for_its_duty(frequency: int) -> None:
+    """cos(2 pi f t) > cos(pi d) holds for d of each period; what rounding of the threshold moves is 1e-16/(pi d)^2 of it."""
+    gates = [f"cos(2*pi*{frequency}*time) > cos(pi*{duty})" for duty in DUTIES]
+    total, _ = held(gates, 0.0, 1.0)
+    assert total == pytest.approx(DUTIES, rel=1e-10)
+
+
+@pytest.mark.parametrize("duty", [0.001, 0.4, 0.999])
+def test_a_gate_of_many_periods(duty: float) -> None:
+    """20 000 periods in a run: 40 000 instants, each once."""
+    total, (instants,) = held([f"cos(2*pi*20000*time) > cos(pi*{duty})"], 0.0, 1.0)
+    assert total == pytest.approx([duty], rel=1e-7)  # a time of 1 s is rounded by 1e-16, an open time is 5e-8
+    assert len(instants) == 40_000
+    assert np.diff(instants).min() > 0.9 * min(duty, 1 - duty) / 20000
+
+
+WINDOWS = {
+    "distance": "abs(time - c) < w",
+    "square": "(time - c)^2 < w^2",
+    "product": "(time - c)*(time - c) < w*w",
+    "bell": "exp(-((time - c)/w)^2) > exp(-1)",
+    "Lorentz": "1/(1 + ((time - c)/w)^2) > 0.5",
+    "two sides": "time > c - w and time < c + w",
+    "factors": "(time - c + w)*(c + w - time) > 0",
+    "root": "sqrt(abs(time - c)) < sqrt(w)",
+    "power": "((time - c)^2)^1.5 < w^3",
+    "hyperbola": "cosh((time - c)/w) < cosh(1)",
+    "arc": "abs(atan((time - c)/w)) < pi/4",
+    "difference of steps": "tanh((time - c)/w + 1) - tanh((time - c)/w - 1) > tanh(2)",
+    "distance of another scale": "max(time - c, c - time)/w <= 1",
+    "turned round": "not (abs(time - c) >= w)",
+    "chosen": "(c - time if time < c else time - c) < w",
+}
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize("start", [0.0, -3.0, 1e6])
+def test_a_window_anywhere(width: float, start: float) -> None:
+    """2 w, at a random place of a run of 1 s, to what rounding of the instants leaves."""
+    place = start + random.Random(f"{width} {start}").uniform(0.05, 0.95)
+    declared = f"  parameter c = {place!r}\n  parameter w = {width!r}\n"
+    total, _ = held(list(WINDOWS.values()), start, start + 1.0, declared)
+    rounding = 16 * float(np.spacing(max(abs(start), 1.0)))
+    for name, duration in zip(WINDOWS, total, strict=True):
+        assert duration == pytest.approx(2 * width, rel=1e-7, abs=rounding), name
+
+
+def test_windows_at_the_ends() -> None:
+    """Open to one side, and of the length of the run."""
+    conditions = ["abs(time) < 1e-9", "abs(time - 2) < 1e-9", "abs(time - 1) < 1", "abs(time - 1) <= 1", "time^2 < 4", "cos(time*pi) > -2"]  # fmt: skip
+    total, _ = held(conditions, 0.0, 2.0)
+    assert total == pytest.approx([1e-9, 1e-9, 2, 2, 2, 2], rel=1e-6)
+
+
+def test_products_and_sums_of_gates() -> None:
+    """Gates of two frequencies: the product is open where both are, the sum above one half where either is."""
+    slow, fast = "cos(2*pi*5*time) > cos(pi*0.2)", "cos(2*pi*500*time) > cos(pi*0.01)"
+    product = f"(1 if {slow} else 0)*(1 if {fast} else 0) > 0.5"
+    either = f"(1 if {slow} else 0) + (1 if {fast} else 0) > 0.5"
+    both = f"({slow}) and ({fast})"
+    total, _ = held([slow, fast, product, either, both], 0.0, 1.0)
+    centres = np.arange(501) / 500
+    open_at = np.abs((centres * 5 + 0.5) % 1 - 0.5) / 5
+    halves = np.where((centres == 0) | (centres == 1), 0.5, 1.0)
+    overlap = np.clip(0.02 - open_at + 1e-5, 0, 2e-5)  # the slow gate ends in the middle of a fast one
+    expected = float((overlap * halves).sum())
+    assert total[2] == pytest.approx(expected, rel=1e-9)
+    assert total[4] == pytest.approx(expected, rel=1e-9)
+    assert total[3] == pytest.approx(0.2 + 0.01 - expected, rel=1e-9)
+
+
+def test_conditions_at_single_instants_and_equal_sides() -> None:
+    """What holds at single instants only takes no time; sides that are equal over an interval are `<=` and not `<`."""
+    conditions = [
+        "cos(2*pi*50*time) >= 1", "abs(time - 0.3) <= 0", "(time - 0.3)^2 <= 0", "sin(time) > 1",
+        "max(time - 0.25, 0) > 0", "max(time - 0.25, 0) <= 0", "min(time, 0.75) < 0.75", "ramp(time, 0.2, 0.4) >= 1",
+        "(time - 0.3)^3 > 0", "max(time - 0.7, 0) - max(0.4 - time, 0) >= 0", "max(time - 0.7, 0) - max(0.4 - time, 0) > 0",
+        "smoothstep3(time, 0.2, 0.4) < 1", "time*time*time - time*time*time > 0",
+    ]  # fmt: skip
+    total, _ = held(conditions, 0.0, 1.0)
+    expected = [0, 0, 0, 0, 0.75, 0.25, 0.75, 0.6, 0.7, 0.6, 0.3, 0.4, 0]
+    assert total == pytest.approx(expected, abs=1e-7)
+
+
+def test_nested_conditions() -> None:
+    """A gate inside of a window inside of a gate."""
+    inner = "(1 if cos(2*pi*1000*time) > cos(pi*0.01) else 0)"
+    window = f"({inner} if abs(time - 0.5) < 0.05 else -1)"
+    total, _ = held([f"{window} > 0.5", f"{window} > -0.5", f"{window}*sin(pi*time) > 0.99*0.99"], 0.0, 1.0)
+    assert total[0] == pytest.approx(99 * 1e-5 + 1e-5, rel=1e-9)
+    assert total[1] == pytest.approx(0.1, rel=1e-12)
+    centres = np.arange(450, 551) / 1000
+    reach = math.acos(0.99 * 0.99) / math.pi
+    assert total[2] == pytest.approx(
+        1e-5 * float((np.abs(centres - 0.5) < min(reach, 0.05 - 1e-9)).sum() + 1), rel=1e-9
+    )
+
+
+CURVES = {
+    "table": ("linear(time, (0, 0.5, 0.5001, 0.5002, 1), (0, 0, 1, 0, 0)) > 0.5", 1e-4),
+    "spline": ("monotone(time, (0, 0.5, 0.5001, 0.5002, 1), (0, 0, 1, 0, 0)) > 0.5", 1e-4),
+    "table of a sine": (
+        "linear(sin(2*pi*10*time), (-1, 0.9999, 1), (0, 0, 1)) > 0.5",
+        10 * 2 * math.acos(0.99995) / (20 * math.pi),
+    ),
+    "logarithm": ("abs(log(1 + time) - log(1.5)) < 1e-6", 1.5 * (math.exp(1e-6) - math.exp(-1e-6))),
+    "arc": ("atan2(sin(20*pi*time), cos(20*pi*time)) > pi - 1e-4*pi", 0.5e-4),
+    "chirp": ("sin(2*pi*(time + 10*time^2)) > 1", 0.0),
+    "exponential": ("exp(-50*time)*cos(2*pi*100*time) > exp(-50*time)*cos(pi*0.02)", 0.02),
+    "sum of two": (
+        "cos(2*pi*50*time) + cos(2*pi*100*time) > 1.9999",
+        math.acos((math.sqrt(1 + 8 * 2.9999) - 1) / 4) / math.pi,
+    ),
+    "power": ("cos(2*pi*50*time)^101 > cos(pi*0.002)^101", 0.002),
+}
+
+
+@pytest.mark.parametrize("kind", CURVES)
+def test_conditions_through_functions(kind: str) -> None:
+    """Narrow windows through each function that has a range."""
+    condition, expected = CURVES[kind]
+    total, _ = held([condition], 0.0, 1.0)
+    assert total == pytest.approx([expected], rel=1e-6, abs=1e-12)
+
+
+def test_noise_crosses_as_often_as_it_does() -> None:
+    """Between two whole places noise is monotone: its crossings of a level are counted by their random numbers."""
+    text = "plain model N {\n  signal x = integral(1 if noise(time, 1e-3, 7) > 0.8 else 0, 0)\n  output y = x\n}\n"
+    program = compiled(text).program
+    constants = program.constants(np.array(program.defaults))
+    found = timeline(program, constants, 0.0, 0.5)
+    values = np.array([program.crossings(t, constants, np.zeros(1))[0] for t in np.arange(0, 501) * 1e-3])
+    assert not found.notes
+    assert len(found.segments) - 1 == int((np.sign(values[1:]) != np.sign(values[:-1])).sum())
+
+
+def test_a_second_search_is_not_made() -> None:
+    """The same numbers give the same segments; others give others."""
+    text = "plain model A {\n  parameter d = 0.1\n  signal x = integral(1 if cos(2*pi*50*time) > cos(pi*d) else 0, 0)\n  output y = x\n}\n"
+    program = compiled(text).program
+    for duty in (0.1, 0.1, 0.3, 0.1):
+        parts = segments(program, program.constants(np.array([duty])), 0.0, 1.0)
+        assert sum(p.stop - p.start for p in parts if p.mode[0]) == pytest.approx(duty, rel=1e-12)
+
+
+def test_a_model_without_conditions_on_time_carries_nothing() -> None:
+    """A broad signal has no part that a run would look at."""
+    text = "model A {\n  Se e : u = 1 V*sin(2*pi*50 Hz*time)\n  R r : u = 1 ohm*i\n  C c : u = q/1 [F]\n  e -> 1(r) -> c\n}\n"
+    assert compiled(text).program.time_functions is None
+
+
+# ---------------------------------------------------------------- whole runs, by every solver on every back-end
+
+GATES = """model Gates {
+  parameter f = 50 Hz, duty = 0.01
+  Se gate : F = 1 N if cos(2*pi*f*time) > cos(pi*duty) else 0
+  Se wide : F = 1 N if abs(time - 0.512345 s) < 1 ms else 0
+  Se bump : F = 1 N if exp(-((time - 0.312345 s)/1 ms)^2) > 0.5 else 0
+  Se both : F = 1 N if cos(2*pi*f*time) > cos(pi*duty) and sin(2*pi*3 Hz*time) > 0.5 else 0
+  for k in 1..4 { I m[k] : p = 1 kg*v }
+  gate -> 1(m[1])
+  wide -> 1(m[2])
+  bump -> 1(m[3])
+  both -> 1(m[4])
+  output gate_ = m[1].p, wide_ = m[2].p, bump_ = m[3].p, both_ = m[4].p
+  experiment go { simulate 0 .. 1 s { points = 11 } }
+}
+"""
+
+
+@pytest.mark.parametrize("way", [w for w in ways() if w.solver != "energy"], ids=lambda way: way.name)
+def test_every_solver_stops_at_them(way: Way) -> None:
+    """Momenta that windows of a force leave behind."""
+    found = bondgraph.load(GATES).simulate(**way.arguments)
+    centres = np.arange(51) / 50
+    open_too = np.sin(6 * np.pi * centres) > 0.5
+    assert found.final("gate_") == pytest.approx(0.01, rel=1e-10)
+    assert found.final("wide_") == pytest.approx(2e-3, rel=1e-10)
+    assert found.final("bump_") == pytest.approx(2e-3 * math.sqrt(math.log(2)), rel=1e-10)
+    assert found.final("both_") == pytest.approx(2e-4 * int(open_too.sum()), rel=1e-10)
+
+
+SWITCHED = """model Switched {
+  Se s : u = 1 V
+  R r : u = 1 ohm*i
+  C c : u = q/1 [F]
+  1 w : electric { active = cos(2*pi*50*time/1 s) > 0.999 }
+  s -> w -> r, c
+  output q = c.q
+  experiment go { simulate 0 .. 0.2 s { points = 3 } }
+}
+"""
+
+
+def test_a_junction_switches_with_time() -> None:
+    """On for acos(0.999)/pi of each period."""
+    share = math.acos(0.999) / math.pi
+    assert bondgraph.load(SWITCHED).simulate().final("q") == pytest.approx(1 - math.exp(-0.2 * share), rel=1e-8)
+
+
+@pytest.mark.parametrize("width", [1e-2, 3e-3, 1e-5])
+@pytest.mark.parametrize("frequency", [5, 50, 200])
+def test_an_event_acts_each_time(frequency: int, width: float) -> None:
+    """It is true at the start, and once for each period."""
+    text = (
+        f"plain model Strobe {{\n  mode n = 0\n  when cos(2*pi*{frequency}*time) > cos(pi*{width}) {{ n = n + 1 }}\n  output k = n\n"
+        "  experiment go { simulate 0 .. 1.001 { points = 3 } }\n}\n"
+    )
+    assert bondgraph.load(text).simulate().final("k") == frequency + 1
+
+
+# ---------------------------------------------------------------- the edges of a derivative
+
+RISES = {
+    "ramp": "ramp(time, {a} s, {b} s)",
+    "smoothstep3": "smoothstep3(time, {a} s, {b} s)",
+    "smoothstep5": "smoothstep5(time, {a} s, {b} s)",
+    "smoothstep7": "smoothstep7(time, {a} s, {b} s)",
+    "smoothstep9": "smoothstep9(time, {a} s, {b} s)",
+    "clip": "min(max((time - {a} s)/({b} s - {a} s), 0), 1)",
+    "clip the other way": "max(min((time - {a} s)/({b} s - {a} s), 1), 0)",
+    "table": "linear(time, (0 s, {a} s, {b} s, 2 s), (0, 0, 1, 1))",
+    "smooth clip": "sin(0.5*pi*min(max((time - {a} s)/({b} s - {a} s), 0), 1))",
+}
+
+
+@pytest.mark.parametrize("rise", [1e-1, 1e-3, 1e-5, 1e-7])
+def test_the_force_of_a_rise_is_integrated(rise: float) -> None:
+    """m dv/dt over a rise of 2 m/s: 6 N s, however short it is, from a source onto a mass in derivative form."""
+    lines = []
+    for i, law in enumerate(RISES.values()):
+        lines.append(
+            f"  Sf s{i} : v = 2 [m/s]*{law.format(a=1.1, b=1.1 + rise)}\n  I m{i} : p = 3 kg*v\n  s{i} -> m{i}"
+        )
+        lines.append(f"  output j{i} = integral(m{i}.F, 0 [N*s])")
+    text = "model Rise {\n" + "\n".join(lines) + "\n  experiment go { simulate 0 .. 2 s { points = 5 } }\n}\n"
+    found = bondgraph.load(text).simulate()
+    for i, name in enumerate(RISES):
+        assert found.final(f"j{i}") == pytest.approx(6.0, rel=1e-6), name
+
+
+# ---------------------------------------------------------------- what has no bounds
+
+MODULATED = """plain model A {{
+  parameter k = 2
+  a + b*(1 + 0.5*sin(2*pi*time)) = 1
+}}
+"""
