@@ -80,9 +80,19 @@ class OneFunction:
         return np.where(np.isnan(values), NO_VALUE, np.sign(values))
 
 
-def crossings(function: OneFunction) -> tuple[Any, tuple[float, float] | None]:
-    """The instants at which a function changes its sign inside of its stretches, and the first interval of some length on which it is zero to
-    rounding. Raises `Undecided`."""
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The zeros of a function."""
+
+    cuts: Any  # rising instants at which its sign changes, or is zero for a while
+    hidden: (
+        tuple[float, float] | None
+    )  # the first and last place at which rounding hides its sign, if it does so for long
+    touched: float | None  # the first instant at which it comes down to zero and goes up again
+
+
+def crossings(function: OneFunction) -> Found:
+    """The instants at which a function changes its sign inside of its stretches. Raises `Undecided`."""
     with np.errstate(all="ignore"):
         pieces = _signed(function, _pieces(function))
         changes = np.flatnonzero(pieces.monotone & (pieces.left != pieces.right))
@@ -91,7 +101,18 @@ def crossings(function: OneFunction) -> tuple[Any, tuple[float, float] | None]:
         found = [_located(function, pieces, changes), *_in_clusters(function, pieces)]
         beside = (pieces.right[:-1] != pieces.left[1:]) & (pieces.right[:-1] != UNKNOWN) & (pieces.left[1:] != UNKNOWN)
         found.append(pieces.low[1:][beside & (pieces.stretch[1:] == pieces.stretch[:-1])])
-    return np.unique(np.concatenate(found)), _hidden_for_long(function, pieces)
+    return Found(np.unique(np.concatenate(found)), _hidden_for_long(function, pieces), _touched(pieces))
+
+
+def _touched(pieces: Pieces) -> float | None:
+    """The first place at which a positive function is zero, or cannot be told from it, and positive again; None if it stays there for a while."""
+    stays = ~pieces.monotone & (pieces.left == 0)
+    signs = np.stack([pieces.left, pieces.right], axis=1)
+    signs[signs == UNKNOWN], signs[stays] = 0.0, NO_VALUE
+    flat = signs.ravel()
+    told = np.flatnonzero(flat)
+    over = np.flatnonzero((np.diff(told) > 1) & (flat[told[:-1]] == 1) & (flat[told[1:]] == 1))
+    return float(pieces.high[told[over[0]] // 2]) if len(over) else None
 
 
 def _hidden_for_long(function: OneFunction, pieces: Pieces) -> tuple[float, float] | None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import PurePath
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -14,7 +14,11 @@ from ..door import Function, Program, Ranges, TimeFunctions
 from ..errors import RunFailed
 from .events.zeros import crossing
 
-GRID = 256  # places at which a stretch is searched for zeros that have no formula
+if TYPE_CHECKING:
+    from .crossings import Found
+
+GRID = 256  # places of a short stretch at which signals are known
+UNBOUNDED = 65_536  # places at which a stretch is searched for zeros of what has no bounds
 NODES = 4096  # places at which what time alone moves is known, of a whole run
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
@@ -106,23 +110,41 @@ def _crossings(
     modes = _modes(program, constants, edges) if function.moded else np.empty(0)
     if function.slope >= 0 and not ranges.unbounded:
         try:
-            found, hidden = crossings(OneFunction(ranges, alone, edges, modes))
+            found = crossings(OneFunction(ranges, alone, edges, modes))
         except Undecided:
             pass
         else:
-            if hidden is None or not function.decides:
-                return found, ()
-            return found, (
-                f"the two sides of {_named(function)} are equal to within rounding between t = {hidden[0]:.9g} s and "
-                f"{hidden[1]:.9g} s: what holds there is what rounding makes of it",
-            )
-    found, closest = _sampled(program, constants, number, edges)
-    if not function.decides:
-        return np.array(found), ()
-    return np.array(found), (
+            return found.cuts, tuple(_notes(program, function, found))
+    sampled, closest = _sampled(program, constants, number, edges)
+    if not function.condition:
+        return np.array(sampled), ()
+    return np.array(sampled), (
         f"{_named(function)} has no bounds that tell all instants at which it changes: it was looked at every "
         f"{closest:.3g} s, and a change of shorter duration may have been missed",
     )
+
+
+def _notes(program: Program, function: Function, found: Found) -> Iterator[str]:
+    """What a user must know of a condition on time."""
+    if function.condition and found.hidden is not None:
+        first, last = found.hidden
+        yield (
+            f"the two sides of {_named(function)} are equal to within rounding between t = {first:.9g} s and {last:.9g} s: what holds there is "
+            "what rounding makes of it"
+        )
+    single = found.touched
+    if function.condition == "equal" and len(found.cuts):
+        single = float(found.cuts[0])
+    if (
+        single is not None
+        and function.condition in ("less_equal", "equal")
+        and program.hybrid is not None
+        and program.hybrid.events
+    ):
+        yield (
+            f"{_named(function)} holds at single instants only, the first at t = {single:.9g} s: no event acts on that; "
+            "write it as one that holds for a while"
+        )
 
 
 def _named(function: Function) -> str:
@@ -140,7 +162,9 @@ def timeline_in_parts(program: Program, constants: Any, ends: tuple[float, float
     between = start + (stop - start) * (np.arange(1, parts) - OFFSET) / parts
     edges = [start, *(t for t in between.tolist() if start < t < stop), stop]
     found = [timeline(program, constants, a, b) for a, b in pairwise(edges)]
-    return Timeline([s for part in found for s in part.segments], tuple(dict.fromkeys(n for part in found for n in part.notes)))
+    return Timeline(
+        [s for part in found for s in part.segments], tuple(dict.fromkeys(n for part in found for n in part.notes))
+    )
 
 
 def _multiples(period: float, start: float, stop: float) -> Any:
@@ -313,7 +337,7 @@ def _distinct(edges: Any) -> Any:
 def _places(program: Program, constants: Any, length: float) -> int:
     """At how many places a stretch is searched."""
     period = float(min(np.abs(program.periods(constants)), default=np.inf))
-    places = max(GRID, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
+    places = max(UNBOUNDED, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
     if places > MAXIMUM_GRID:
         raise RunFailed(
             f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s; "

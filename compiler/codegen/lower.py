@@ -84,9 +84,9 @@ class Lowered:
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
     events: LoweredEvents = field(default_factory=LoweredEvents)
-    crossing_places: list[tuple[str, Span, bool]] = field(
+    crossing_places: list[tuple[str, Span, str]] = field(
         default_factory=list
-    )  # owner and place of each of these, and whether it decides
+    )  # owner and place of each of these, and the condition that changes there
     time_roots: tuple[
         Expression, ...
     ] = ()  # each of these functions and its derivative by time, then what may be narrow of the signals

@@ -52,7 +52,7 @@ class Function:
     place: int
     slope: int
     moded: bool  # whether either of them reads the mode
-    decides: bool  # whether a condition changes at its zeros; else something bends
+    condition: str  # the operator of the condition that changes at its zeros; "": something bends
     owner: str
     span: Span
 

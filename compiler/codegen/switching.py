@@ -154,7 +154,7 @@ class Switching:
             return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands
         if alone:
-            self._instant(self.replaced(a - b), True)
+            self._instant(self.replaced(a - b), condition.operator)
             self.modes[condition] = Symbol(Leaf("mode", self.next))
             self.opened[self.next] = substitute(condition, self._opened)
             self.result.switches.append(self.opened[self.next])
@@ -229,24 +229,25 @@ class Switching:
         if slope != ZERO and period not in self.result.periods:
             self.result.periods.append(period)
 
-    def _instant(self, g: Expression, decides: bool = False) -> None:
-        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run. `decides`: a condition is
-        another beyond it, so that its owner must know if zeros may be missed."""
-        if decides and g in self.places:
-            self.result.crossing_places[self.places[g]] = self.owner, self.span, True
+    def _instant(self, g: Expression, condition: str = "") -> None:
+        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run. `condition`: the
+        operator whose truth is another beyond it, so that its owner must know if zeros may be missed."""
+        if condition and g in self.places:
+            self.result.crossing_places[self.places[g]] = self.owner, self.span, condition
         if g in self.bends or not self.result.dependence(g) & TIME:
             return
         self.bends.add(g)
         time = Symbol(Leaf("time", 0))
         slope = derivative(g, time)
-        if not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE):
+        formula = not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE)
+        if formula and condition != "equal":  # an event on that is told of
             if slope != ZERO:
                 at_zero = substitute(g, lambda s: ZERO if s == time else s)
                 self.result.instants.append(negate(divide(at_zero, slope)))
             return
         self.result.crossings.append(g)
         self.places[g] = len(self.result.crossing_places)
-        self.result.crossing_places.append((self.owner, self.span, decides))
+        self.result.crossing_places.append((self.owner, self.span, condition))
 
 
 def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:

@@ -80,10 +80,10 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
     count = 2 * len(lowered.crossings)
     functions = []
     pairs = zip(lowered.time_roots[:count:2], lowered.time_roots[1:count:2], strict=True)
-    for (root, slope), (owner, span, decides) in zip(pairs, lowered.crossing_places, strict=True):
+    for (root, slope), (owner, span, condition) in zip(pairs, lowered.crossing_places, strict=True):
         moded = bool((lowered.dependence(root) | lowered.dependence(slope)) & MODE)
         functions.append(
-            Function(places[root], places[slope] if slope is not root else -1, moded, decides, owner, span)
+            Function(places[root], places[slope] if slope is not root else -1, moded, condition, owner, span)
         )
     return TimeFunctions(tuple(nodes), tuple(functions), tuple(places[n] for n in lowered.time_roots[count:]))
 

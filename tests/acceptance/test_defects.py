@@ -32,17 +32,6 @@ SECONDS = 8  # of a process that took 10 to 60 s once, and is to take less than 
 # Cases of the tables below that are wrong today, by their names.
 TODAY = frozenset(
     (
-        "gate_duty",
-        "window_of_time",
-        "bump_of_time",
-        "when_of_time",
-        "switch_of_time",
-        "time_sine_window",
-        "time_narrow_windows",
-        "time_heater_each_hour",
-        "ramp_into_mass",
-        "ramp_into_capacitor",
-        "smoothstep_into_mass",
         "nand_if_laws_chatter",
         "nand_slow_look_ahead",
         "nand_explicit_rtol1e-11",

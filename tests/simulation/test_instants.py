@@ -288,3 +288,74 @@ MODULATED = """plain model A {{
   a + b*(1 + 0.5*sin(2*pi*time)) = 1
 }}
 """
+MODULATED = """model Modulated {
+  Se e : u = 1 V*(1 + 0.5*sin(2*pi*50 Hz*time))
+  MR a : u = 1 ohm*i*(1 + 0.5*sin(2*pi*3 Hz*time))
+  for k in 1..4 { R b[k] : u = 2 ohm*i }
+  0 n : electric
+  0 m : electric
+  e -> 1(a) -> n -> b[1]
+  n -> 1(b[2]) -> m -> b[3]
+  n -> 1(b[4]) -> m
+  signal x = integral(1 if b[3].u > 0.2 V else 0, 0 s)
+  output y = x
+  experiment go { simulate 0 .. 1 s { points = 3 } }
+}
+"""
+
+
+def test_what_has_no_bounds_is_told() -> None:
+    """The unknowns of a loop that changes with time: a potential divider, u3 = u/(1 + a (1/2 + 1/3))/3 with a the changing resistance."""
+    text = MODULATED.replace(
+        "for k in 1..4 { R b[k] : u = 2 ohm*i }", "\n".join(f"R b{k} : u = 2 ohm*i" for k in range(1, 5))
+    )
+    for k in range(1, 5):
+        text = text.replace(f"b[{k}]", f"b{k}")
+    found = bondgraph.load(text).simulate()
+    assert "no bounds" in " ".join(found.notes)
+    assert f"text:{text[: text.index('signal x')].count(chr(10)) + 1}" in " ".join(found.notes)
+    t = (np.arange(4_000_000) + 0.5) / 4e6
+    a = 1 + 0.5 * np.sin(6 * np.pi * t)
+    u = (1 + 0.5 * np.sin(100 * np.pi * t)) / (1 + a * (1 / 2 + 1 / 3)) * 2 / 3  # from n on: 2 ohm beside 1 + 2 ohm
+    assert found.final("y") == pytest.approx(float((u > 0.2).mean()), abs=1e-5)
+
+
+@pytest.mark.parametrize("condition", ["time == 0.5", "(time - 0.5)^2 == 0", "abs(time - 0.5) <= 0", "cos(2*pi*5*time) >= 1", "sin(3*time) == 0.25"])  # fmt: skip
+def test_an_event_that_never_holds_is_told(condition: str) -> None:
+    """A condition that holds at single instants only: the line, and the first of them."""
+    text = f"plain model A {{\n  mode n = 0\n  when {condition} {{ n = n + 1 }}\n  output y = n\n  experiment go {{ simulate 0 .. 1 }}\n}}\n"
+    (note,) = bondgraph.load(text).simulate().notes
+    assert "(text:3) holds at single instants only" in note
+
+
+def test_sides_that_are_equal_to_rounding_are_told() -> None:
+    """Nobody can say whether cos^2 + sin^2 > 1 holds; what neither rounding nor time can change is not told."""
+    text = "plain model A {{\n  signal x = integral(1 if {} else 0, 0)\n  output y = x\n  experiment go {{ simulate 0 .. 1 }}\n}}\n"
+    (note,) = bondgraph.load(text.format("cos(time)^2 + sin(time)^2 > 1")).simulate().notes
+    assert "`x` (text:2) are equal to within rounding" in note
+    assert not bondgraph.load(text.format("cos(time)^2 + sin(time)^2 > 0.9")).simulate().notes
+
+
+# ---------------------------------------------------------------- narrow signals
+
+BUMPS = {
+    "bell": ("exp(-((time - 0.5123456 s)/(w*1 s))^2)", lambda w: w * math.sqrt(math.pi)),
+    "bells": ("exp(-(sin(pi*(time - 0.1 s)/0.25 s)/w)^2)", lambda w: w / math.sqrt(math.pi)),
+    "bell of a square": ("exp(-(time^2 - 0.25 [s^2])^2/(w*1 [s^2])^2)", lambda w: w * math.sqrt(math.pi)),
+    "sech of a sine": ("1/cosh(sin(time/1 s - 0.7)/w)", lambda w: math.pi * w),
+    "Lorentz of a sine": ("1/(1 + (sin(time/1 s - 0.7)/w)^2)^2", lambda w: math.pi / 2 * w),
+}
+
+
+@pytest.mark.parametrize("law", ["1e-9 [N*s/m]*v", "1e-9 [N*s^2/m^2]*v*abs(v)"], ids=["linear", "nonlinear"])
+@pytest.mark.parametrize(
+    "way", [w for w in ways() if w.solver not in ("energy", "exponential")], ids=lambda way: way.name
+)
+def test_a_narrow_signal_is_never_passed_over(way: Way, law: str) -> None:
+    """The momentum that narrow forces give a mass, wherever their peaks are."""
+    for name, (force, momentum) in BUMPS.items():
+        text = f"model B {{\n  parameter w = 1e-3\n  Se a : F = 1 N*{force}\n  I m : p = 1 kg*v\n  R r : F = {law}\n  a -> 1(m, r)\n  output p = m.p\n}}\n"
+        model = bondgraph.load(text)
+        for width in (1e-3, 1e-7) if way.target == "native" else (1e-5,):
+            found = model.simulate(settings={"w": width}, to=1.0, points=3, **way.arguments)
+            assert found.final("p") == pytest.approx(momentum(width), rel=3e-4), (name, width)
