@@ -110,7 +110,6 @@ def test_instants_on_time(name: str, truth: dict[str, float], tmp_path: Path) ->
         assert found[output][-1] == pytest.approx(value, rel=1e-8), output
 
 
-@wrong_today
 @pytest.mark.parametrize(("name", "output"), [("ramp_into_mass", "F"), ("ramp_into_capacitor", "i")])
 def test_the_slope_of_a_ramp(name: str, output: str, tmp_path: Path) -> None:
     found = values(name, tmp_path, "--points", "4001")
