@@ -120,7 +120,7 @@ def read(path: str | Path) -> Result:
 def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:
     import numpy as np
 
-    from .results import Column, ElementEnergy, EnergyBalance, LimitLeft, Occurrence, Result, Shown
+    from .results import Column, ElementEnergy, EnergyBalance, LimitLeft, Occurrence, Result, Shown, ToleranceDoubt
 
     columns = tuple(Column(name, unit) for name, unit in told["columns"])
     time = np.array(arrays["time"], dtype=float)
@@ -128,7 +128,10 @@ def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:
     energy = told["energy"]
     if energy is not None:
         energy = EnergyBalance(**energy | {"elements": tuple(ElementEnergy(**e) for e in energy["elements"])})
-    warnings = tuple(LimitLeft(**w | {"values": tuple(map(tuple, w["values"]))}) for w in told["warnings"])
+    warnings = tuple(
+        (LimitLeft if w["place"] else ToleranceDoubt)(**w | {"values": tuple(map(tuple, w["values"]))})
+        for w in told["warnings"]
+    )
     return Result(
         told["model"], told["experiment"], time, columns, values, tuple(Shown(*r) for r in told["report"]), told["solver"],
         told["steps"], told["evaluations"], told["rtol"], energy=energy, warnings=warnings, notes=tuple(told["notes"]),

@@ -109,6 +109,14 @@ class LimitLeft:
 
 
 @dataclass(frozen=True, slots=True)
+class ToleranceDoubt(LimitLeft):
+    """A tolerance of a run that may not mean what it says; `text` is the sentence that tells why, `time` since when. The other fields say nothing."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
 class Occurrence:
     """An event that acted in a run: when, its condition as written, the instance ("" for the model itself), its line."""
 
@@ -129,7 +137,8 @@ class Result:
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report` says what the experiment shows, in
     which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
     `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
-    left: it went on, but there the model does not hold. `certificate` says what kind of equations were solved,
+    left: it went on, but there the model does not hold; and tolerances that may not mean what they say (`ToleranceDoubt`).
+    `certificate` says what kind of equations were solved,
     `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
     its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. `left_out` is what was faster than the bandwidth, if
     one was asked for, `check` the run beside its repetition. Raises ValueError if the shapes do not fit.
@@ -309,7 +318,8 @@ class Result:
             certificate  by `bondgraph-certificate/1`, if the result has one
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
                          elements: {name: {kind, stored, supplied, dissipated, residual}}}
-            warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}]
+            warnings     limits of the model that were left: [{time, owner, condition, text, values: {name: {value, unit}}, place}];
+                         tolerances in doubt: the same with the condition "tolerance" and no place
             notes        what became known of the run on its way: sentences
             bandwidth    if one was asked for: {frequency in Hz, faster: modes that ring faster, modes: those that were left out [{frequency, damping,
                          elements}], instants, outputs: {name: amplitude of what was left out}, kept: {name: its effect on what is kept,

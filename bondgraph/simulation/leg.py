@@ -11,7 +11,7 @@ import numpy as np
 
 from ..ended import End
 from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
-from ..results import EnergyBalance, Occurrence
+from ..results import EnergyBalance, Occurrence, ToleranceDoubt
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
 from .segments import Segment, mode_after, timeline_in_parts
@@ -80,6 +80,7 @@ class Leg:
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.told = self._told_tolerances()
         self.notes: tuple[str, ...] = ()
+        self.doubts: tuple[ToleranceDoubt, ...] = ()  # about tolerances
         self.trajectory = Trajectory(np.empty((0, 0)))
         self.watch = Watch(program, self.constants, self.inputs, rtol)
         self.held: dict[str, Any] | None = (
@@ -211,7 +212,7 @@ class Leg:
         if all(n in self.known for n in names):
             return np.array([self.known[n] for n in names])
         found = found_with(self._choice(), self._peaks(names))
-        self.notes = () if found.note is None else (found.note,)
+        self.doubts = found.doubts
         return found.values
 
     def _peaks(self, names: Sequence[str]) -> Any:
@@ -242,7 +243,7 @@ class Leg:
             if self.history is not None and saved is not None:
                 self.history.restore(saved)
             first = found_with(UntilEvent(events, self._choice()), np.maximum(largest, self._peaks(names)))
-            self.notes = () if first.note is None else (first.note,)
+            self.doubts = first.doubts
             known = dict(zip(names, map(float, first.values), strict=True)) | known
         events.measure(np.array([known[n] for n in names]))
         self.known = known

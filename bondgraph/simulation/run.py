@@ -351,9 +351,9 @@ def _check_choice(
 
 
 def _warnings(legs: Sequence[Leg]) -> tuple[LimitLeft, ...]:
-    """Each limit that was left once, at its first instant."""
+    """Each limit that was left once, at its first instant, and the first doubt about tolerances."""
     first: dict[tuple[str, str, str], LimitLeft] = {}
-    for item in (w for leg in legs for w in leg.watch.warnings):
+    for item in (w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)):
         first.setdefault((item.owner, item.condition, item.place), item)
     return tuple(first.values())
 

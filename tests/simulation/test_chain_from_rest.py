@@ -59,5 +59,6 @@ def test_what_the_first_look_ahead_did_not_see_is_told() -> None:
             found = nominal_magnitudes(running.program, (), running.constants, running.start, running.inputs, stretches)
         assert found.stopped is not None and abs(found.stopped - 10e-3) < 1e-4
         assert found.unknown == unknown
-        assert (found.note is None) == (not unknown)
-        assert found.note is None or "`second.x`" in found.note
+        assert len(found.doubts) == len(unknown)
+        if unknown:  # a displacement of 1 m in the run, of which it is a small share
+            assert "`second.x`" in str(found.doubts[0]) and found.values[1] < 1e-3

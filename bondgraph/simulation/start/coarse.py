@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ...door import Program
-from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments import Segment, always, follower, signals_on
@@ -35,6 +34,8 @@ NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
 ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves, which is rounding
+PEERS = 1e-6  # of the largest state of one unit: where only states below that still change, rounding may be all that changes them
+SLIGHT = 1e-4  # of the same: what grows below that is far from being a magnitude
 SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
 
 
@@ -62,6 +63,23 @@ def smallest_angles(program: Program) -> Any:
     return kept["angles"]
 
 
+def unit_numbers(program: Program) -> Any:
+    """The number of the unit of each state and unknown, in the order in which units turn up; shape (n,)."""
+    kept = program.kept
+    if "units" not in kept:
+        units = (*program.states.units, *program.unknowns.units)
+        numbers = {unit: number for number, unit in enumerate(dict.fromkeys(units))}
+        kept["units"] = np.array([numbers[unit] for unit in units], dtype=int)
+    return kept["units"]
+
+
+def largest_of_unit(kinds: Any, values: Any) -> Any:
+    """For every state and unknown the largest value of its unit; shape (n,)."""
+    most = np.zeros(int(kinds.max(initial=-1)) + 1)
+    np.maximum.at(most, kinds, values)
+    return most[kinds]
+
+
 @dataclass(slots=True)
 class Pace:
     """Where a coarse run is on a stretch, and how it goes on."""
@@ -87,6 +105,7 @@ class CoarseRun:
         self.beginning = self.largest  # with what the motion would reach that the forces at the start tell
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program)
+        self.kinds = unit_numbers(program)
         self.found = self.state  # by the last step, before it is projected
         self.noted = 0  # how often it was noted how far it was, and the magnitudes until then
         self.far, self.until = np.zeros(NOTES), np.zeros((NOTES, len(state)))
@@ -242,7 +261,8 @@ class CoarseRun:
             return found
         # What stays within what was there before does no harm.
         beyond = np.maximum(GROWN * np.abs(self.state), SAME * self.largest)
-        grows = self.differential & (np.abs(found) > beyond) & (self.state != 0)
+        peers = SLIGHT * self._peers(np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0))
+        grows = self.differential & (np.abs(found) > np.maximum(beyond, peers)) & (self.state != 0)
         if not grows.any():
             return found
         middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
@@ -254,19 +274,17 @@ class CoarseRun:
         program, fixed = self.program, (self.inputs, self.constants, mode)
         x = begin
         if len(program.unknowns.names):
-            try:
-                magnitude = np.where(self.largest > 0, self.largest, 1.0)
-                x = LoopSolver(program, self.constants, self.inputs, magnitude).solve(time, begin, mode)
-            except RunFailed:
-                return None
+            x = self._guess(time, begin, mode)
         if self.compiled is not None:
             return self.compiled.step(begin, x, self.largest, (time, size), mode)
         if self.keeping:
-            found = self.kept.step(begin, size, lambda y: self.eliminated.rates(time, y, *fixed), self._share, CLOSE)
+            found = self.kept.step(
+                begin, size, lambda y: self.eliminated.rates(time, y, *fixed), self._own_share, CLOSE
+            )
             if found is not None:
                 return found
             self.kept.size = 0.0
-        before = np.inf
+        before, slight = np.inf, np.inf
         for _ in range(NEWTON_ITERATIONS):
             slope = self.eliminated.rates(time, x, *fixed)
             entries = self.eliminated.entries(time, x, *fixed)
@@ -284,17 +302,35 @@ class CoarseRun:
             except (np.linalg.LinAlgError, RuntimeError, ValueError):
                 return None
             change = step * scale
-            norm = self._share(x, change, np.abs(size * entries))
-            if not np.isfinite(norm) or norm > 2 * before:
+            norm, slight = self._share(x, change, np.abs(size * entries))
+            if not np.isfinite(norm) or (norm > 2 * before and slight > CLOSE):
                 return None
             x = x + change
-            if norm <= CLOSE:
+            if norm <= CLOSE or norm > 2 * before:
                 return x
             before = norm
-        return None
+        return x if slight <= CLOSE else None
 
-    def _share(self, x: Any, change: Any, gain: Any) -> float:
-        """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing.
+    def _guess(self, time: float, begin: Any, mode: Any) -> Any:
+        """The state where a step begins, with the unknowns of loops that belong to it where the step ends, if they are next to those known: the step
+        itself solves for them, and a search from afar would cost more than all of the run."""
+        magnitude = np.where(self.largest > 0, self.largest, 1.0)
+        loops = LoopSolver(self.program, self.constants, self.inputs, magnitude)
+        if loops.affine:
+            return loops.solve(time, begin, mode)
+        found = loops.newton(time, begin, mode, begin[loops.count :])
+        return begin if found is None else np.concatenate([begin[: loops.count], found])
+
+    def _peers(self, sizes: Any) -> Any:
+        """The largest of one unit, for every state."""
+        return largest_of_unit(self.kinds, sizes)
+
+    def _own_share(self, x: Any, change: Any, gain: Any) -> float:
+        return self._share(x, change, gain)[0]
+
+    def _share(self, x: Any, change: Any, gain: Any) -> tuple[float, float]:
+        """The largest change of a state in parts of the state, and the same in parts of at least a small share of its unit's largest; what rounding
+        leaves of larger ones counts for nothing.
 
         Scales of the linear algebra do not serve here: they follow the slopes, which vanish where the iteration ends.
         """
@@ -302,7 +338,10 @@ class CoarseRun:
         np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
         whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
         whole = np.maximum(whole, self.smallest)
-        return float((np.abs(change) / np.where(whole > 0, whole, 1.0))[self.differential].max(initial=0.0))
+        slight = np.maximum(whole, PEERS * self._peers(np.where(self.differential, whole, 0.0)))
+        shares = [np.abs(change) / np.where(size > 0, size, 1.0) for size in (whole, slight)]
+        own, among = (float(share[self.differential].max(initial=0.0)) for share in shares)
+        return own, among
 
     def _scale(self, moved: Any, gain: Any) -> Any:
         """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.

@@ -8,7 +8,6 @@ happens to stay at zero must not be held to round-off.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -16,35 +15,40 @@ from typing import Any, cast
 import numpy as np
 
 from ...door import Program
+from ...results import ToleranceDoubt
 from ..closed.constraints import Constraints
 from ..segments import Segment
 from .ahead import trusted
+from .chargeable import chargeable
 from .coarse import SMALLEST_ANGLE, CoarseRun, Look, Looks, smallest_angles
 
 ROUNDED = 1e-3  # of the smallest angle: what a projection on closing joints leaves
-SHARE = 1e-2  # of the largest state of the same unit in the same array or mechanism, at least
+CAUTIOUS = 1e-6  # of what sources could charge in a run: the measure of a state of which nothing is known
+SHARE = 1e-2  # of the largest state of the same unit in the same mechanism, at least
 SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
 
 
 @dataclass(frozen=True, slots=True)
 class Magnitudes:
     """`values`, shape (n,), in SI; the time at which the coarse run gave up, if it did; the states that it then knew nothing
-    of, which are measured by 1 SI."""
+    of, which are measured by a small share of what could charge them."""
 
     values: Any
     stopped: float | None
     unknown: tuple[str, ...]
 
     @property
-    def note(self) -> str | None:
-        """What a user should know of them."""
-        if not self.unknown:
-            return None
+    def doubts(self) -> tuple[ToleranceDoubt, ...]:
+        """The warning that a user should read, or none."""
+        if self.stopped is None or not self.unknown:
+            return ()
         names = ", ".join(f"`{n}`" for n in self.unknown[:6]) + ("…" if len(self.unknown) > 6 else "")
-        return (
-            f"how large {names} will be is not known: the first look ahead ended at t = {self.stopped:.6g} s; "
-            "the absolute tolerance there is rtol times 1 in SI units, unless the author gives `nominal`"
+        text = (
+            f"the magnitude of {names} is not known: the pilot run ended at t = {self.stopped:.6g} s; the absolute tolerance there begins at "
+            f"rtol times {CAUTIOUS:g} of what the sources could charge in the whole run, and grows with what is reached; give `nominal`, or compare with "
+            "a tolerance that is ten times tighter"
         )
+        return (ToleranceDoubt(float(self.stopped), "", "tolerance", text, (), ""),)
 
 
 def nominal_magnitudes(
@@ -74,18 +78,21 @@ def nominal_magnitudes(
         result = np.maximum(result, share * most[members])
     result = np.maximum(result, _smallest(program, constraints, state, stretches[0]))
     unknown = (result == 0) | ~np.isfinite(result)
-    result[unknown] = 1.0
+    if unknown.any():
+        charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
+        result[unknown] = (1.0 if stopped is None else CAUTIOUS) * charged[unknown]
     names = (*program.states.names, *program.unknowns.names)
     return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
 
 
 def _alike(program: Program, mechanisms: tuple[str, ...]) -> list[tuple[Any, int]]:
-    """The number of the group that each state and unknown belongs to, and how many groups there are: those of one kind and unit, those of one unit."""
+    """The number of the group that each state and unknown belongs to, and how many groups there are: those of one mechanism and unit, those of one unit."""
     key = "alike", mechanisms
     if key not in program.kept:
         units = (*program.states.units, *program.unknowns.units)
-        kinds = [_kind(n, mechanisms) for n in (*program.states.names, *program.unknowns.names)]
-        program.kept[key] = [_numbered(list(zip(units, kinds, strict=True))), _numbered(list(units))]
+        names = (*program.states.names, *program.unknowns.names)
+        owners = [next((m for m in mechanisms if n.startswith(f"{m}.")), n) for n in names]
+        program.kept[key] = [_numbered(list(zip(units, owners, strict=True))), _numbered(list(units))]
     return cast("list[tuple[Any, int]]", program.kept[key])
 
 
@@ -115,8 +122,3 @@ def least_tolerances(program: Program, constraints: Constraints, state: Any, fir
     result, places = np.zeros(len(state)), np.concatenate([constraints.positions, constraints.speeds])
     result[places] = ROUNDED * _smallest(program, constraints, state, first)[places]
     return result
-
-
-def _kind(name: str, mechanisms: Sequence[str]) -> str:
-    """What a state has in common with its like: the mechanism that it belongs to, or its name without the indices of arrays."""
-    return next((m for m in mechanisms if name.startswith(f"{m}.")), re.sub(r"\[[^\]]*\]", "", name))

@@ -19,7 +19,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from .ends import End, hermite
-from .tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance
+from .false_position import false_position
+from .tolerances import (
+    ASIDE,
+    FIRST,
+    STAGNANT,
+    allowed_estimate,
+    creeping_tolerance,
+    first_length,
+    newton_tolerance,
+    stagnation_tolerance,
+)
 
 _S6 = 6**0.5
 C = np.array([(4 - _S6) / 10, (4 + _S6) / 10, 1.0])
@@ -69,7 +79,7 @@ SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
 # its start than a share of it; but not again and again.
 BENT, NEAREST, MOST_BENDS = 0.1, 1e-2, 4
 ON_IT = 1e-6  # of a bend's values in a step: that counts as zero
-CLOSE, ROUNDS = 1e-9, 12  # of a step, to which a bend is found, and tries to find it
+CLOSE = 1e-9  # of a step, to which a bend is found
 BEYOND = 1e-6  # of a step that ends at a bend: so far behind its end the other side is looked at
 STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps that are so much shorter must have helped
 PATIENT = 3  # rejected tries after which steps get shorter at once
@@ -125,6 +135,7 @@ class Radau:
         self._size = size if np.isfinite(size) else self._first_size()
         self._newton_tolerance = newton_tolerance(problem.relative)
         self._first_newton_tolerance = newton_tolerance(problem.relative, FIRST)
+        self._stagnation_tolerance = stagnation_tolerance(problem.relative)
         self._creeping_tolerance = creeping_tolerance(problem.relative)
         self._allowed = allowed_estimate(problem.relative)
         self._jacobian: Any = None
@@ -264,7 +275,7 @@ class Radau:
         for row, column in zip(*np.nonzero(seen[:-1] * seen[1:] < 0), strict=True):
             if places[row] < first:
                 ends = (places[row], places[row + 1], seen[row, column], seen[row + 1, column])
-                found = _false_position(at, column, *ends)
+                found = false_position(at, column, *ends)
                 if found > NEAREST:
                     first = min(first, found)
         return first if first < 1 - CLOSE else 1.0
@@ -334,12 +345,11 @@ class Radau:
             return _norm(np.where(problem.differential & np.isfinite(scale), x / scale, 0.0))
 
         d0, d1 = size(self.state), size(self._rate)
-        h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * max(d0, 1.0) / d1
+        h0 = 1e-6 * span if d0 < 1e-5 or d1 * span < 1e-5 else 0.01 * max(d0, 1.0) / d1
         h0 = min(h0, span) if np.isfinite(h0) else 1e-6 * span
         moved = self.state + h0 * np.where(problem.differential, self._rate, 0.0)
         d2 = size(self._function(self.time + h0, moved) - self._rate) / h0
-        largest = max(d1, d2)
-        h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else (0.01 / largest) ** 0.25
+        h1 = first_length(d1, d2, 0.25)
         if not np.isfinite(h1):
             h1 = h0
         return float(min(max(min(100 * h0, h1), FIRST_ULPS * float(np.spacing(self.time))), span))
@@ -389,7 +399,7 @@ class Radau:
                 rate = norm / last
                 left = NEWTON_ITERATIONS - iteration
                 if rate >= 1 or rate**left / (1 - rate) * norm > self._newton_tolerance:
-                    return None
+                    return self._stagnant(time, state, scale, (stages, iteration + 1, 0.0), f[2], norm)
             w += change
             stages = T @ w
             first = self._last_size == 0 and iteration + 1 < NEWTON_ITERATIONS
@@ -399,7 +409,25 @@ class Radau:
                 self._residual = f[2]
                 return stages, iteration + 1, rate
             last, before = norm, share
-        return None
+        return self._stagnant(time, state, scale, (stages, NEWTON_ITERATIONS, 0.0), f[2], last or np.inf)
+
+    def _stagnant(
+        self, time: float, state: Any, scale: Any, answer: tuple[Any, int, float], residual: Any, norm: float
+    ) -> tuple[Any, int, float] | None:
+        """The answer of an iteration that gets no better, if rounding is all that is left: see `rounding`; else None."""
+        if norm > self._stagnation_tolerance or not norm <= STAGNANT * self.rounding(time, state, scale):
+            return None
+        self._residual = residual
+        return answer
+
+    def rounding(self, time: float, state: Any, scale: Any) -> float:
+        """The norm of what rounding does to a stage, in units of the tolerance, from a second difference of the rates within which they are straight.
+
+        Laws of large numbers that nearly cancel, as lengths of a mechanism beside its displacements, round by more than states do."""
+        assert self._real is not None
+        aside = ASIDE * state * np.where(np.arange(len(state)) % 2, -1.0, 1.0)
+        bent = self._function(time, state + aside) - 2 * self._rate + self._function(time, state - aside)
+        return _norm(self._real.solve(np.where(np.isfinite(bent), bent, 0.0)) / scale)
 
     def _misses(self, end: float, new: Any, size: float, scale: Any) -> bool:
         """Whether the unknowns of loops do not solve their equations where a step ends. Slopes of another place, as of a diode that conducts no more, may be
@@ -476,18 +504,3 @@ def _left(share: Any, before: Any) -> float:
     large changes of the others. The last changes in units of the tolerance, and those before."""
     rate = np.minimum(share / np.where(before > 0, before, np.inf), SLOWEST)
     return float(np.where(rate > CREEPING, share * rate / (1 - rate), 0.0).max(initial=0.0))
-
-
-def _false_position(function: Callable[[float], Any], item: Any, a: float, b: float, at_a: float, at_b: float) -> float:
-    """Nearly a zero between two places of unlike signs (Illinois: Dowell and Jarratt, BIT 11, 1971)."""
-    for _ in range(ROUNDS):
-        new = b - at_b * (b - a) / (at_b - at_a)
-        value = float(function(new)[item])
-        if value * at_b < 0:
-            a, at_a = b, at_b
-        else:
-            at_a *= 0.5
-        b, at_b = new, value
-        if value == 0 or abs(b - a) < CLOSE:
-            break
-    return b

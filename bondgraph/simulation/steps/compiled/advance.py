@@ -7,11 +7,12 @@ methods are written here alone, and run as Python where there is no machine code
 
 from __future__ import annotations
 
-from math import isfinite, pow, sqrt, ulp
+from math import isfinite, sqrt, ulp
 
 from ..methods import ENERGY, EXPLICIT, RODAS
 from ..pair import OFTEN
 from ..radau import FIRST_ULPS
+from ..tolerances import first_length
 from .closing import add_work, grow, steep
 from .conserving import conserving_step, take_energy
 from .explicit import explicit_step
@@ -88,7 +89,7 @@ def begin(s: Stepper) -> None:
             d1 += s.rate[i] / s.scale[i] * (s.rate[i] / s.scale[i])
     d0 = sqrt(d0) / sqrt(float(s.n))
     d1 = sqrt(d1) / sqrt(float(s.n))
-    h0 = 1e-6 * span if d0 < 1e-5 or d1 < 1e-5 else 0.01 * max(d0, 1.0) / d1
+    h0 = 1e-6 * span if d0 < 1e-5 or d1 * span < 1e-5 else 0.01 * max(d0, 1.0) / d1
     h0 = min(h0, span) if isfinite(h0) else 1e-6 * span
     for i in range(s.n):
         s.new[i] = s.state[i] + h0 * s.rate[i] if i < s.differential else s.state[i]
@@ -98,9 +99,8 @@ def begin(s: Stepper) -> None:
         if isfinite(s.scale[i]):
             d2 += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
     d2 = sqrt(d2) / sqrt(float(s.n)) / h0
-    largest = max(d1, d2)
     order = 0.125 if s.method == EXPLICIT else 0.25
-    h1 = max(1e-6 * span, h0 * 1e-3) if largest <= 1e-15 else pow(0.01 / largest, order)
+    h1 = first_length(d1, d2, order)
     if not isfinite(h1):
         h1 = h0
     s.size = min(max(min(100.0 * h0, h1), FIRST_ULPS * ulp(s.time)), span)

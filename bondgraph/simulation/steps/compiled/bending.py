@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
+from ..false_position import ROUNDS
 from .shares import tried_at
 from .stepper import Stepper
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from ....door import Floats, Numbers
 
 PLACES = (0.0, *radau.C.tolist())
-NEAREST, ON_IT, CLOSE, ROUNDS = radau.NEAREST, radau.ON_IT, radau.CLOSE, radau.ROUNDS
+NEAREST, ON_IT, CLOSE = radau.NEAREST, radau.ON_IT, radau.CLOSE
 
 
 def first_bend(s: Stepper, size: float) -> float:

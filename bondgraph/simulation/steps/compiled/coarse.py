@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
 AGAIN, NOTES = look.AGAIN, look.NOTES
-GROWN, SAME = look.GROWN, look.SAME
+GROWN, SAME, SLIGHT = look.GROWN, look.SAME, look.SLIGHT
 
 
 class Coarse(Record):
@@ -43,6 +43,7 @@ class Coarse(Record):
     inverse_im: Floats  # n n, or none
     unit: Floats  # n
     found: Floats  # n
+    most: Floats  # n: the largest of the unit after a step
     modes: Floats  # n
 
 
@@ -115,6 +116,12 @@ def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
         return done
     grows = 0
     for i in range(c.n):
+        e.most[i] = 0.0
+    for i in range(c.n):
+        e.most[e.kinds[i]] = max(e.most[e.kinds[i]], max(abs(e.x[i]), e.largest[i]))
+    for i in range(c.n):
+        c.most[i] = e.most[e.kinds[i]]
+    for i in range(c.n):
         c.found[i] = e.x[i]
         grows += has_grown(c, e, i)
     if grows == 0 or not careful:
@@ -135,7 +142,8 @@ def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
 
 def has_grown(c: Coarse, e: Euler, i: int) -> bool:
     """Whether a state is much larger after a step, and by so much larger than ever before: what stays within that does no harm."""
-    return abs(c.found[i]) > max(GROWN * abs(c.state[i]), SAME * e.largest[i]) and c.state[i] != 0.0
+    beyond = max(max(GROWN * abs(c.state[i]), SAME * e.largest[i]), SLIGHT * c.most[i])
+    return abs(c.found[i]) > beyond and c.state[i] != 0.0
 
 
 def single_step(e: Euler, time: float, size: float) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...segments import mode_size
-from ...start.coarse import smallest_angles
+from ...start.coarse import smallest_angles, unit_numbers
 from ...start.kept import keeps_factors
 from .coarse import Coarse
 from .code import called
@@ -33,12 +33,12 @@ def _room(program: Program, constants: Any) -> dict[str, Any]:
     entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
     numbers = {
         "n": n, "differential": len(program.states.names), "entry_count": entries, "time": 0.0, "size": 0.0, "sparse": int(is_sparse(program)),
-        "kept": 0.0, "factorised": 0, "keeping": int(keeps_factors(program)),
+        "slight": 0.0, "kept": 0.0, "factorised": 0, "keeping": int(keeps_factors(program)),
     }  # fmt: skip
-    arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached")}
+    arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "most")}
     arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
     return numbers | arrays | {
-        "mode": np.zeros(mode_size(program, constants)), "smallest": smallest_angles(program),
+        "mode": np.zeros(mode_size(program, constants)), "smallest": smallest_angles(program), "kinds": unit_numbers(program),
         "real": room_for(Factors, 0 if is_sparse(program) else n),
     }  # fmt: skip
 
@@ -92,7 +92,7 @@ class CompiledCoarse:
                 "noted": 0,
                 "taken": 0,
             }
-            return numbers | {"n": n} | {name: np.zeros(n) for name in ("found", "modes")}
+            return numbers | {"n": n} | {name: np.zeros(n) for name in ("found", "most", "modes")}
 
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = (

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ....door import Floats, Ints
 
 NEWTON_ITERATIONS = look.NEWTON_ITERATIONS
-CLOSE, ROUNDING, SMALLEST_RATIO = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO
+CLOSE, ROUNDING, SMALLEST_RATIO, PEERS = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO, look.PEERS
 INFINITE = float("inf")
 KEPT_ITERATIONS, FAR, SHRINKS = kept.KEPT_ITERATIONS, kept.FAR, kept.SHRINKS
 
@@ -36,6 +36,9 @@ class Euler(Record):
     columns: Ints  # entry_count
     largest: Floats  # n: so far
     smallest: Floats  # n: what is rounding below
+    kinds: Ints  # n: the number of the unit
+    most: Floats  # n: room, the largest of each unit
+    slight: float  # the last change in parts of at least a small share of the unit's largest
     start: Floats  # n: the state at its start
     x: Floats  # n: that at its end
     time: float  # of its end
@@ -81,14 +84,14 @@ def euler(e: Euler) -> int:
         for i in range(n):
             e.slope[i] *= e.scale[i]
         norm = moved_share(e)
-        if not isfinite(norm) or norm > 2.0 * before:
+        if not isfinite(norm) or (norm > 2.0 * before and e.slight > CLOSE):
             return SINGULAR
         for i in range(n):
             e.x[i] += e.slope[i]
-        if norm <= CLOSE:
+        if norm <= CLOSE or norm > 2.0 * before:
             return FINE
         before = norm
-    return SINGULAR
+    return FINE if e.slight <= CLOSE else SINGULAR
 
 
 def with_kept_factors(e: Euler) -> int:
@@ -175,9 +178,10 @@ def magnitudes(e: Euler) -> None:
 
 
 def moved_share(e: Euler) -> float:
-    """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing."""
+    """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing. The other share goes into `slight`."""
     for i in range(e.n):
         e.reached[i] = 0.0
+        e.most[i] = 0.0
     for k in range(e.entry_count):
         column = e.columns[k]
         e.reached[e.rows[k]] = max(
@@ -187,6 +191,13 @@ def moved_share(e: Euler) -> float:
     for i in range(e.differential):
         whole = max(max(e.largest[i], ROUNDING * e.reached[i]), max(abs(e.x[i]), abs(e.x[i] + e.slope[i])))
         whole = max(whole, e.smallest[i])
+        e.reached[i] = whole
+        e.most[e.kinds[i]] = max(e.most[e.kinds[i]], whole)
         part = abs(e.slope[i]) / (whole if whole > 0.0 else 1.0)
         result = part if not part <= result else result
+    e.slight = 0.0
+    for i in range(e.differential):
+        whole = max(e.reached[i], PEERS * e.most[e.kinds[i]])
+        part = abs(e.slope[i]) / (whole if whole > 0.0 else 1.0)
+        e.slight = part if not part <= e.slight else e.slight
     return result

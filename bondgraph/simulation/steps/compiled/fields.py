@@ -16,7 +16,7 @@ from .. import pair
 from ..factorise import is_large
 from ..methods import ENERGY, RADAU
 from ..radau import STUBBORN
-from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance
+from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
 from .factors import ComplexFactors, Factors, room_for
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def given_at(
         "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
+        "stagnation_tolerance": stagnation_tolerance(relative),
         **signal_fields(signals, stretch.start),
         "earliest": earliest, "latest": latest, "longest": longest, "usual": longest, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
         "state": np.array(scaled, dtype=float), "tolerance": relative,

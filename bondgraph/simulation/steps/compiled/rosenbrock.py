@@ -12,6 +12,7 @@ from .. import rodas
 from .along import first_bend_along
 from .bending import after_bend
 from .dense import factorise_real, solve_real
+from .norms import factor
 from .sparse import ANEW, SINGULAR
 from .step import (
     BENT,
@@ -25,7 +26,6 @@ from .step import (
     ROUND_OFF,
     SEEN,
     UNSEEN,
-    factor,
     first_size,
     is_stubborn,
     look_at_side,

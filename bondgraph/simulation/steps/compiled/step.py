@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from math import isfinite, pow, sqrt, ulp
+from math import isfinite, sqrt, ulp
 from typing import TYPE_CHECKING
 
 from ... import segments
-from .. import radau
+from .. import radau, tolerances
 from .bending import after_bend, bends_of, first_bend
 from .dense import factorise, factorise_real, solve_complex, solve_real
 from .holding import hold, put_multipliers
+from .norms import factor, most_left, squares
 from .sparse import ANEW, FINE, SINGULAR
 from .stepper import Stepper
 
@@ -20,9 +21,9 @@ C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
-SLOWEST, CREEPING = radau.SLOWEST, radau.CREEPING
 UNSOLVED, SOLVED, ROUNDED = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED
 SHORTER = radau.SHORTER
+STAGNANT, ASIDE = tolerances.STAGNANT, tolerances.ASIDE
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 POWER = 0.25  # of the estimate, as steps go
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
@@ -333,7 +334,7 @@ def newton(s: Stepper, size: float) -> int:
             for _ in range(NEWTON_ITERATIONS - iteration):
                 left *= s.contraction
             if s.contraction >= 1.0 or left / (1.0 - s.contraction) * norm > s.newton_tolerance:
-                return 0
+                return stagnant(s, iteration + 1, norm)
         for i in range(3 * n):
             s.w[i] += s.change[i]
         for i in range(3):
@@ -347,7 +348,36 @@ def newton(s: Stepper, size: float) -> int:
         last = norm
         for i in range(3 * n):
             s.last_change[i] = s.change[i]
-    return 0
+    return stagnant(s, NEWTON_ITERATIONS, last)
+
+
+def stagnant(s: Stepper, iterations: int, norm: float) -> int:
+    """See `radau.Radau._stagnant`."""
+    if norm > s.stagnation_tolerance or not norm <= STAGNANT * rounding(s):
+        return 0
+    s.contraction = 0.0
+    return iterations
+
+
+def rounding(s: Stepper) -> float:
+    """See `radau.Radau.rounding`."""
+    n = s.n
+    for i in range(n):
+        s.rest[i] = s.state[i] * (1.0 + (ASIDE if i % 2 == 0 else -ASIDE))
+    rates(s, s.time, s.rest, s.error)
+    for i in range(n):
+        s.rest[i] = s.state[i] * (1.0 - (ASIDE if i % 2 == 0 else -ASIDE))
+    rates(s, s.time, s.rest, s.f)
+    for i in range(n):
+        s.error[i] += s.f[i] - 2.0 * s.rate[i]
+        if not isfinite(s.error[i]):
+            s.error[i] = 0.0
+    solve_real(s, s.error)
+    total = 0.0
+    for i in range(n):
+        part = s.error[i] * s.per_tolerance[i]
+        total += part * part
+    return sqrt(total) / sqrt(float(n))
 
 
 def correct(s: Stepper, size: float) -> bool:
@@ -375,35 +405,6 @@ def correct(s: Stepper, size: float) -> bool:
     solve_real(s, s.change)
     solve_complex(s, s.change[n:], s.change[2 * n :])
     return True
-
-
-def squares(s: Stepper) -> float:
-    """The sum of the squares of the changes in units of the tolerance."""
-    n = s.n
-    one = 0.0
-    two = 0.0
-    three = 0.0
-    for k in range(n):
-        a = s.change[k] * s.per_tolerance[k]
-        b = s.change[n + k] * s.per_tolerance[k]
-        c = s.change[2 * n + k] * s.per_tolerance[k]
-        one += a * a
-        two += b * b
-        three += c * c
-    return one + two + three
-
-
-def most_left(s: Stepper) -> float:
-    """See `radau._left`."""
-    most = 0.0
-    for i in range(3):
-        for k in range(s.n):
-            now = abs(s.change[i * s.n + k])
-            before = abs(s.last_change[i * s.n + k])
-            if now > CREEPING * before and before > 0.0:
-                rate = min(now / before, SLOWEST)
-                most = max(most, now * s.per_tolerance[k] * rate / (1.0 - rate))
-    return most
 
 
 def estimate(s: Stepper, size: float, rejected: bool) -> float:
@@ -475,13 +476,3 @@ def misses(s: Stepper, end: float, size: float) -> bool:
         if not abs(s.w[i]) * s.per_tolerance[i] <= SOLVED:
             return True
     return False
-
-
-def factor(s: Stepper, size: float, norm: float, power: float) -> float:
-    """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8); steps go as that power of the error."""
-    if norm == 0.0:
-        return LARGEST
-    result = pow(norm, -power)
-    if s.last_error > 0.0 and s.last_size > 0.0:
-        result = min(result, size / s.last_size * pow(s.last_error / norm, power) * result)
-    return result

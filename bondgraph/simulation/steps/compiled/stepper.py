@@ -51,6 +51,7 @@ class Stepper(Record):
     newton_tolerance: float
     first_newton_tolerance: float
     creeping_tolerance: float
+    stagnation_tolerance: float
     allowed_estimate: float  # of Radau, in units of the tolerance
     # what a step must see
     signal_count: int

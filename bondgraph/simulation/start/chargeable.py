@@ -1,0 +1,49 @@
+"""Upper bounds of how large states may get, from the rates at a start alone: for those of which a pilot run has said nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+from ..segments import Segment
+
+PLACES = 9  # of a stretch at which the rates are looked at
+MOST_STRETCHES = 64
+
+
+def chargeable(
+    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], known: Any
+) -> Any:
+    """Magnitudes of all states and unknowns, shape (n,), positive: what the largest rates over the whole run would bring together, then what others
+    bring, link by link of the Jacobian. `known`: those that are known, 0 elsewhere. What nothing moves and nothing couples gets the largest of all."""
+    whole = stretches[-1].stop - stretches[0].start
+    result = np.array(known, dtype=float)
+    differential = np.arange(len(result)) < len(program.states.names)
+    rates = np.zeros(len(result))
+    with np.errstate(all="ignore"):
+        for stretch in stretches[:: max(1, len(stretches) // MOST_STRETCHES)]:
+            for time in np.linspace(stretch.start, stretch.stop, PLACES):
+                slope = np.abs(program.derivative(time, state, inputs, constants, stretch.mode))
+                rates = np.maximum(rates, np.where(np.isfinite(slope), slope, 0.0))
+        first = stretches[0]
+        gain = np.abs(program.jacobian_entries(first.start, state, inputs, constants, first.mode))
+    missing = result == 0
+    result[missing & differential] = (rates * whole)[missing & differential]
+    rows, columns = program.pattern
+    gain = np.where(np.isfinite(gain), gain, 0.0) * np.where(differential[rows], whole, 1.0)
+    for _ in range(len(result)):
+        missing = (result == 0) | ~np.isfinite(result)
+        if not missing.any():
+            break
+        brought = np.zeros(len(result))
+        np.maximum.at(brought, rows, gain * np.where(missing, 0.0, result)[columns])
+        new = missing & (brought > 0) & np.isfinite(brought)
+        if not new.any():
+            break
+        result[new] = brought[new]
+    left = (result == 0) | ~np.isfinite(result)
+    result[left] = result[~left].max(initial=0.0) or 1.0
+    return result

@@ -1,0 +1,49 @@
+"""Norms of changes and the factor between two steps, of the methods that have a Jacobian: see `radau.py`, whose names stand here."""
+
+from __future__ import annotations
+
+from math import pow
+
+from .. import radau
+from .stepper import Stepper
+
+SLOWEST, CREEPING, LARGEST = radau.SLOWEST, radau.CREEPING, float(radau.LARGEST)
+
+
+def squares(s: Stepper) -> float:
+    """The sum of the squares of the changes in units of the tolerance."""
+    n = s.n
+    one = 0.0
+    two = 0.0
+    three = 0.0
+    for k in range(n):
+        a = s.change[k] * s.per_tolerance[k]
+        b = s.change[n + k] * s.per_tolerance[k]
+        c = s.change[2 * n + k] * s.per_tolerance[k]
+        one += a * a
+        two += b * b
+        three += c * c
+    return one + two + three
+
+
+def most_left(s: Stepper) -> float:
+    """See `radau._left`."""
+    most = 0.0
+    for i in range(3):
+        for k in range(s.n):
+            now = abs(s.change[i * s.n + k])
+            before = abs(s.last_change[i * s.n + k])
+            if now > CREEPING * before and before > 0.0:
+                rate = min(now / before, SLOWEST)
+                most = max(most, now * s.per_tolerance[k] * rate / (1.0 - rate))
+    return most
+
+
+def factor(s: Stepper, size: float, norm: float, power: float) -> float:
+    """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8); steps go as that power of the error."""
+    if norm == 0.0:
+        return LARGEST
+    result = pow(norm, -power)
+    if s.last_error > 0.0 and s.last_size > 0.0:
+        result = min(result, size / s.last_size * pow(s.last_error / norm, power) * result)
+    return result
