@@ -34,16 +34,11 @@ TODAY = frozenset(
     (
         "nand_if_laws_chatter",
         "nand_slow_look_ahead",
-        "nand_explicit_rtol1e-11",
         "kite_swing_rtol1e-11",
         "start_double_pendulum",
         "start_rates_move_pose",
         "start_rates_move_pose_planar",
         "start_winds_turns",
-        "diode_chain_tolerance_lost/1e-4",
-        "diode_chain_tolerance_lost/1e-9",
-        "mesh8_tolerance_lost/1e-4",
-        "mesh8_tolerance_lost/1e-9",
     )
 )
 pytestmark = pytest.mark.machine_code  # bounds on time; the parts' own tests run interpreted too
@@ -480,7 +475,6 @@ def test_what_a_tolerance_means(
         assert found[output][-1] == pytest.approx(value, rel=30 * rtol), output
 
 
-@wrong_today
 def test_elements_in_an_array_are_elements(tmp_path: Path) -> None:
     told = [
         json.loads(command("run", file_of(name), "--to", "40 ms", "--json").stdout)
