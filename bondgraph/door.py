@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from compiler.graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
     from compiler.graph.network import Node as GraphNode
     from compiler.graph.units import SECOND
+    from compiler.graph.valves import Valve
     from compiler.memory import uncollected
     from compiler.native.arrays import Floats, Ints, Numbers, Record
     from compiler.native.kinds import INTS, Fields, Handed, record_of
@@ -106,6 +107,7 @@ _HOMES = {
     "ValuesNeeded": "errors",
     "render": "errors",
     "SECOND": "graph.units",
+    "Valve": "graph.valves",
     "Experiment": "syntax.tree",
     "LinearLoop": "reduction.state_space",
     "StateSpace": "reduction.state_space",
@@ -220,6 +222,7 @@ __all__ = [
     "Unknown",
     "Unsupported",
     "ValuesNeeded",
+    "Valve",
     "Varying",
     "address_of",
     "affine_parts",

@@ -16,11 +16,13 @@ from .codegen.lower import Lowered, lower, moving
 from .codegen.products import with_shared_products
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
+from .equations.companion import companion, companion_inputs
 from .errors import CompilationFailed, Diagnostic
 from .graph.later import over_arguments
 from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.switch import off_at_the_start, switch_off
+from .graph.valves import Valve, switched_gaps, valves
 from .memory import uncollected
 from .nouns import dataclass
 from .reduction import (
@@ -99,8 +101,25 @@ class Compilation:
 
     @cached_property
     def _wished(self) -> BondGraph:
-        graph = switch_off(self.whole_graph, self.off)
+        if self.scene.companion:
+            return prune(companion(switch_off(self.whole_graph, self.off), self.gaps), self.zeros)
+        graph = switch_off(self.whole_graph, self.off, frozenset(v.junction for v in self.valves))
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
+
+    @cached_property
+    def valves(self) -> tuple[Valve, ...]:
+        """The switched junctions whose effort and flow are complementary."""
+        return valves(self.whole_graph) if self.whole_graph.switches else ()
+
+    @cached_property
+    def gaps(self) -> tuple[str, ...]:
+        """All two-terminal switches, valves first."""
+        return switched_gaps(self.whole_graph) if self.whole_graph.switches else ()
+
+    @property
+    def _free(self) -> frozenset[str]:
+        """The inputs and parameters that stay arguments of the program."""
+        return self.scene.free if not self.scene.companion else self.scene.free | {*companion_inputs(self.gaps)}
 
     @cached_property
     def off(self) -> tuple[str, ...]:
@@ -119,7 +138,7 @@ class Compilation:
             try:
                 with uncollected():
                     causal = assign_causality(graph)
-                    equations = derive_equations(causal, self.zeros, self.scene.free, self._changed)
+                    equations = derive_equations(causal, self.zeros, self._free, self._changed)
                     reduced = reduce_equations(equations, self.everything, graph.span)
             except CompilationFailed as failed:
                 endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
@@ -145,12 +164,14 @@ class Compilation:
     @cached_property
     def equations(self) -> EquationSystem:
         with self._instances():
-            return derive_equations(self.causal, self.zeros, self.scene.free, self._changed)
+            return derive_equations(self.causal, self.zeros, self._free, self._changed)
 
     @cached_property
     def state_space(self) -> StateSpace:
         with self._instances():
             space = self._reduced
+            if self.scene.companion:  # lossy at each valve, whatever its numbers are
+                return space
             refuse_singular_loops(space, self.equations, self.scene.free)
             refuse_idle_coordinates(space)
             return space
@@ -210,7 +231,7 @@ class Compilation:
         looped = frozenset() if not self.later else behind_loops(space) & self.later
         return Facts(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
-            _following(space, places),
+            _following(space, places), self.valves, self.gaps,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -12,6 +12,7 @@ from .source import Span
 
 if TYPE_CHECKING:
     from .algebra.expression import Expression as Formula
+    from .graph.valves import Valve
     from .syntax.tree import Expression
 
 
@@ -55,6 +56,9 @@ class Scene:
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
     fixed: frozenset[str] = frozenset()  # of what is set: a zero there is one for the whole run, as if the text said so
     conserving: bool = False  # the run asks for the stored energy and its slopes at each step
+    companion: bool = (
+        False  # instead of the model itself its companion network; `off` are then its other switched junctions
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,3 +224,5 @@ class Facts:
     identity: str = ""  # of the equations: a run goes on only from what was computed with the same
     # What shares a state, and outputs that are: which state, and by what factor if no parameter decides it.
     following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)
+    valves: tuple[Valve, ...] = ()  # switched junctions that act together
+    gaps: tuple[str, ...] = ()  # all two-terminal switches, valves first

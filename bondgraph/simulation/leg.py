@@ -14,7 +14,7 @@ from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, Usag
 from ..results import EnergyBalance, Occurrence, ToleranceDoubt
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
-from .segments import Segment, mode_after, timeline_in_parts
+from .segments import Segment, Timeline, mode_after, rest_of, timeline_in_parts
 from .start.coarse import Looks
 from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 from .start.start import consistent_start
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..left_out import LeftOut
     from ..prepared import Prepared
     from .bandwidth.leave import Leaving, Removal
+    from .events.complementarity import Companion
     from .events.events import Events
     from .events.history import History
     from .events.impulse import Jump
@@ -51,8 +52,12 @@ class Leg:
         off: tuple[str, ...] = (),
         bandwidth: float | None = None,
         parts: int = 1,
+        companion: Companion | None = None,
+        modes: Mapping[str, float] | None = None,
+        smooth: dict[Program, Timeline] | None = None,
     ) -> None:
         self.solver, self.parts = solver, parts
+        self.companion, self.modes_at_start = companion, modes or {}  # of the ideal valves
         self.compilation, self.plan, self.begin = compilation, plan, begin
         self.set = values or {}  # what is set when a run begins
         self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
@@ -65,7 +70,7 @@ class Leg:
         self.inputs = np.array(program.input_defaults, dtype=float)
         self.constraints = self._constraints(program)
         start = instants[0] if begin is None else begin.time
-        course = timeline_in_parts(program, self.constraints.constants, (start, float(instants[-1])), self.parts)
+        course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
         self.events: Events | None = None
         self.jumps: tuple[Jump, ...] = ()  # of what is stored, where other junctions went on or off
@@ -106,6 +111,13 @@ class Leg:
     def _constraints(self, program: Program) -> Constraints:
         return Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
 
+    def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
+        """The stretches of this leg: of a program that was there before those that are left. `known`: of all programs of the run."""
+        if self.history is not None or program not in known:
+            known[program] = timeline_in_parts(program, self.constraints.constants, ends, self.parts)
+            return replace(known[program], segments=list(known[program].segments))
+        return replace(known[program], segments=rest_of(known[program].segments, ends[0]))
+
     def _start(
         self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
     ) -> tuple[Any, tuple[str, ...]]:
@@ -121,7 +133,7 @@ class Leg:
         if self.begin is not None and program.hybrid is not None:
             from .events.begin import continued
 
-            self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon)
+            self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon, self.companion)
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:
@@ -136,8 +148,9 @@ class Leg:
             loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
             return loops.solve(first.start, full, first.mode), ()
         if program.hybrid is not None:
-            from .events.begin import with_mode
+            from .events.begin import with_mode, with_modes
 
+            first = with_modes(program, first, self.modes_at_start)
             first = with_mode(compilation, constraints, state, first, horizon)
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
@@ -148,7 +161,7 @@ class Leg:
             from .events.begin import begun, off_in
 
             self.begins_without = off_in(constraints, full, first)
-            self.events, moment = begun(constraints, full, first, horizon)
+            self.events, moment = begun(constraints, full, first, horizon, self.companion)
             full, stretches[0] = moment.state, replace(first, mode=moment.mode)
         return full, moved
 

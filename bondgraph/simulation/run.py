@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from ..left_out import LeftOut
     from ..model import Model
     from ..prepared import Prepared
+    from .events.complementarity import Companion
     from .events.impulse import Jump
+    from .segments import Timeline
 
 DEFAULT_RTOL = 1e-6
 RTOL = 1e-13, 0.1
@@ -35,6 +37,7 @@ ATOL = 1e-200, 1e200  # in SI units: squares of numbers in parts of it must be n
 DEFAULT_POINTS = 501
 ENERGY_METHOD = "energy"  # the solver that asks for the stored energy
 MOST_CHOICES = 1000  # of states in one run
+MOST_AT_ONCE = 100  # legs that begin at one instant
 RECENT = 4  # legs among which one of the same program tells the method that goes on
 
 
@@ -209,6 +212,8 @@ class Run:
         """All legs, to the end. Raises `RunFailed`."""
         wishes, tried = dict(self.scene.preferences), set[tuple[str, ...]]()
         begin, left, legs = self.begin, self.instants, self.legs
+        companion, modes = self._valves()
+        smooth: dict[Program, Timeline] = {}  # the stretches of programs that were there before
         while not legs or begin is not None:
             self.leg = None
             preferences = tuple(sorted(wishes.items()))
@@ -217,7 +222,7 @@ class Run:
             )
             leg = Leg(
                 self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
-                self.solver, bandwidth=self.bandwidth, parts=self.parts,
+                self.solver, bandwidth=self.bandwidth, parts=self.parts, companion=companion, modes=modes, smooth=smooth,
             )  # fmt: skip
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
@@ -238,7 +243,41 @@ class Run:
             self.begins_now = begin
             if begin.off is not None:
                 self.scene = replace(self.scene, off=begin.off)
+            self._check_progress(begin)
             begin = _with_earlier(begin, before, leg)
+
+    def _check_progress(self, begin: Handover) -> None:
+        """Raise `RunFailed` where junctions go on and off without end at one instant."""
+        last = self.legs[-MOST_AT_ONCE:]
+        if len(last) == MOST_AT_ONCE and last[0].stretches[0].start == begin.time:
+            names = ", ".join(f"`{n}`" for n in sorted({*(begin.off or ())} | {n for leg in last for n in leg.off}))
+            raise RunFailed(
+                f"at t = {begin.time:.9g} s junctions go on and off without end ({names}): no set of them agrees with its own "
+                "conditions; give them a hysteresis, or put a resistor or a storage beside them"
+            )
+
+    def _valves(self) -> tuple[Companion | None, dict[str, float]]:
+        """The companion of the ideal valves, and their modes where the run begins; none of them without valves."""
+        first = self.made(self.scene, self.energy)
+        valves = first.facts.valves
+        if not valves:
+            return None, {}
+        from .events.complementarity import Companion
+
+        def made(off: tuple[str, ...]) -> Prepared:
+            return self.made(replace(self.scene, preferences=(), off=off, companion=True, conserving=False), False)
+
+        companion = Companion(first.facts, made, self.values, self.stop - self.plan.start)
+        if self.begin is not None:
+            return companion, {}
+        own = {v.junction: v for v in valves}
+        modes = companion.begin(self.plan.start, tuple(j for j in first.compilation.off if j not in own))
+        hybrid = first.program.hybrid
+        assert hybrid is not None
+        off = {j for j in first.compilation.off if j not in own}
+        off |= {v.junction for v in valves if modes[v.mode] == v.conducting}
+        self.scene = replace(self.scene, off=tuple(name for name, _ in hybrid.junctions if name in off))
+        return companion, modes
 
     def cut(self, why: str) -> Result | None:
         """What is sure where the run broke off; None if it had not begun."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import PurePath
@@ -165,6 +166,16 @@ def timeline_in_parts(program: Program, constants: Any, ends: tuple[float, float
     return Timeline(
         [s for part in found for s in part.segments], tuple(dict.fromkeys(n for part in found for n in part.notes))
     )
+
+
+def rest_of(stretches: Sequence[Segment], start: float) -> list[Segment]:
+    """What is left of stretches from an instant on; of the last one at least an end."""
+    first = bisect_right(stretches, start, key=lambda s: s.stop)
+    while first < len(stretches) - 1 and stretches[first].stop - start <= ROUNDING * np.spacing(abs(start)):
+        first += 1
+    rest = list(stretches[min(first, len(stretches) - 1) :])
+    rest[0] = rest[0].up_to(start, rest[0].stop)
+    return rest
 
 
 def _multiples(period: float, start: float, stop: float) -> Any:

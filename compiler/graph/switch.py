@@ -11,13 +11,14 @@ from dataclasses import replace
 
 from ..algebra.expression import ZERO, Symbol, evaluate
 from .network import TIME, Bond, BondGraph, Element, End, Junction, Kind, Law, Node, Own, Port, Quantity
+from .sharing import shared
 
 
-def switch_off(graph: BondGraph, names: Iterable[str]) -> BondGraph:
-    """The graph with these junctions off."""
+def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = frozenset()) -> BondGraph:
+    """The graph with these junctions off. `valves`: the ideal ones, which share what the network leaves open."""
     off = frozenset(names)
     if not off:
-        return graph
+        return shared(graph, valves, off)
     nodes: list[Node] = list(graph.nodes)
     ends: dict[tuple[int, int], int] = {}  # node and bond -> the node where the bond ends instead
     for number, node in enumerate(graph.nodes):
@@ -35,7 +36,7 @@ def switch_off(graph: BondGraph, names: Iterable[str]) -> BondGraph:
         return End(ends.get((end.node, bond), end.node), end.port)
 
     bonds = tuple(Bond(moved(b.tail, n), moved(b.head, n), b.domain, b.span) for n, b in enumerate(graph.bonds))
-    return replace(graph, nodes=tuple(nodes), bonds=bonds)
+    return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off)
 
 
 def off_at_the_start(graph: BondGraph, time: float) -> tuple[str, ...]:

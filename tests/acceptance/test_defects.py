@@ -210,7 +210,6 @@ def buck(end: float) -> tuple[Any, Any]:
     return np.array(times), np.array(states)
 
 
-@wrong_today
 def test_a_buck_converter_with_an_ideal_diode(tmp_path: Path) -> None:
     times, states = buck(5e-3)
     found = values("buck_ideal_diode", tmp_path, "--points", "501")
@@ -219,7 +218,6 @@ def test_a_buck_converter_with_an_ideal_diode(tmp_path: Path) -> None:
     assert found["u"][-1] == pytest.approx(9.6, abs=0.1)
 
 
-@wrong_today
 def test_a_freewheeling_diode(tmp_path: Path) -> None:
     """The inductor's current never falls to zero: one of the diodes conducts, and the node has the source's positive half."""
 
@@ -231,7 +229,6 @@ def test_a_freewheeling_diode(tmp_path: Path) -> None:
     np.testing.assert_allclose(found["i"], truth.y[0], atol=2e-5)
 
 
-@wrong_today
 def test_a_bridge_of_ideal_diodes(tmp_path: Path) -> None:
     def rate(t: float, u: Any) -> Any:
         return (np.maximum(abs(10 * math.sin(100 * math.pi * t)) - u, 0) - u / 100) / 100e-6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from ..segments import Segment
 from ..start.assembly import choose_rows
 from ..start.start import consistent_start
 from ..watch.choice import Choice, Handover
+from .complementarity import Companion
 from .events import Events, Moment
 from .impulse import Jump, after_impulse
 
@@ -36,6 +38,15 @@ class UntilEvent:
         if (self.events.truth(self.events.roots(time, state, mode)) != said).any():
             return time
         return self.choice.look(time, state, mode)
+
+
+def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> Segment:
+    """A stretch with what some modes start as."""
+    assert program.hybrid is not None
+    mode = np.array(first.mode, dtype=float)
+    for place, name in enumerate(program.hybrid.modes.names):
+        mode[place] = modes.get(name, mode[place])
+    return replace(first, mode=mode)
 
 
 def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segment, horizon: float) -> Segment:
@@ -64,14 +75,18 @@ def off_in(constraints: Constraints, full: Any, first: Segment) -> tuple[str, ..
     return Events(constraints, _size(full), 1.0).actives(Moment(first.start, full, first.mode))
 
 
-def begun(constraints: Constraints, full: Any, first: Segment, horizon: float) -> tuple[Events, Moment]:
+def begun(
+    constraints: Constraints, full: Any, first: Segment, horizon: float, companion: Companion | None
+) -> tuple[Events, Moment]:
     """The events of a run, and the moment after all that happens where it begins."""
-    events = Events(constraints, _size(full), horizon)
-    return events, events.happen(Moment(first.start, full, first.mode), due=events.due(first.start))
+    events = Events(constraints, _size(full), horizon, companion=companion)
+    moment = events.happen(Moment(first.start, full, first.mode), due=events.due(first.start))
+    events.tell_valves(first.mode)
+    return events, moment
 
 
 def continued(
-    constraints: Constraints, state: Any, first: Segment, begin: Handover, horizon: float
+    constraints: Constraints, state: Any, first: Segment, begin: Handover, horizon: float, companion: Companion | None
 ) -> tuple[Events, Moment, tuple[Jump, ...]]:
     """The events of a run that goes on in this program, the moment at which it does, and what jumped there."""
     program = constraints.program
@@ -84,7 +99,7 @@ def continued(
     mode = np.array(first.mode, dtype=float)
     for place, name in enumerate(hybrid.modes.names):
         mode[place] = begin.modes.get(name, mode[place])
-    events = Events(constraints, _size(full), horizon, dict(begin.on))
+    events = Events(constraints, _size(full), horizon, dict(begin.on), companion=companion)
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(Moment(first.start, full, mode))

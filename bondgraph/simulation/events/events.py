@@ -9,7 +9,7 @@ Equations with Discontinuous Righthand Sides, 1988, has what one could read into
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
 
@@ -20,6 +20,7 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..start.claims import fulfil
+from .complementarity import Companion, Instant
 
 NOISE = 1e-13  # of the magnitudes: what rounding leaves of a root that is zero
 REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the magnitudes: how far the flow is followed to see where a root goes
@@ -30,6 +31,7 @@ LEFT = 3  # times in a row that a condition fails right after its event: then it
 SHRUNK = 1e-2  # of the longest interval between its events: a shorter one tells that they pile up
 LATE = 32  # units in the last place of a time: what a root moves in it cannot be told from zero
 CLOSE = 1e-9  # of its size: how well what is set must hold
+UPHELD = 1e4  # of rounding: what a valve may miss its sign by
 
 
 @dataclass(slots=True)
@@ -59,6 +61,7 @@ class Events:
     horizon: float  # how long the run is
     on: dict[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
     log: list[Happening] = field(default_factory=list)
+    companion: Companion | None = None  # of the ideal valves, if there are any
 
     def __post_init__(self) -> None:
         self.program, self.inputs = self.constraints.program, self.constraints.inputs
@@ -78,6 +81,18 @@ class Events:
         self.sampled = np.array([i for i, e in enumerate(hybrid.events) if e.sampled], dtype=int)
         self.periods = np.asarray(hybrid.sampling(self.constants), dtype=float)
         self.settings = [s for e in hybrid.events for s in e.settings]
+        self._find_valves()
+
+    def _find_valves(self) -> None:
+        """Where the valves are: their modes, events and conditions; rows are valves, columns conducting and blocking."""
+        valves = () if self.companion is None else self.companion.valves
+        names = self.hybrid.modes.names
+        self.valve_modes = np.array([names.index(v.mode) for v in valves], dtype=int)
+        self.conducts = np.array([v.conducting for v in valves])
+        self.valve_events = np.array([[self.keys.index(k) for k in v.events] for v in valves], dtype=int).reshape(-1, 2)
+        own = [(c.owner, c.span.start) for c in self.hybrid.conditions]
+        chosen = [self.keys[i] for i in self.valve_events.ravel()]
+        self.valve_conditions = np.array([k for k, key in enumerate(own) if key in chosen], dtype=int)
 
     def measure(self, magnitude: Any) -> None:
         """Other magnitudes of states and unknowns."""
@@ -132,10 +147,13 @@ class Events:
         now = self.settled(Moment(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
             holds = self.triggers(now)
+            holds[self.valve_events] = False
             rising = [*due, *(i for i, key in enumerate(self.keys) if holds[i] and not self.on.get(key, False))]
             due = ()
             self.on.update(zip(self.keys, map(bool, holds), strict=True))
             if not rising:
+                now, switching = self._with_valves(now)
+                acted += switching
                 break
             acted += rising
             now = self.settled(self.set(now, rising))
@@ -148,10 +166,77 @@ class Events:
         self._check_left(at.time, acted)
         return now
 
+    def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
+        """The moment with all valves as they are just after, and the events of those that switch: then another program goes on."""
+        companion = self.companion
+        if companion is None:
+            return at, []
+        instant = self._instant(at)
+        said = at.mode[self.valve_modes] == self.conducts
+        found = companion.conducting(instant, said)
+        if (found == said).all():
+            if not self._contradicted(at):
+                return at, []
+            other = companion.another(instant, said)
+            if other is None:
+                if not self._upheld(at):
+                    raise companion.without_a_set(at.time)
+                companion.against = at.time, frozenset()
+                return at, []
+            found = other
+        companion.switched(at.time)
+        mode = at.mode.copy()
+        mode[self.valve_modes] = np.where(found, self.conducts, 1.0 - self.conducts)
+        changed = np.flatnonzero(found != said)
+        return Moment(at.time, at.state, mode), [int(self.valve_events[k, 0 if found[k] else 1]) for k in changed]
+
+    def tell_valves(self, mode: Any) -> None:
+        """Add to the first instant the events of the valves that are other than they are written to start."""
+        if not len(self.valve_modes):
+            return
+        written = np.asarray(self.hybrid.start(self.constants))[self.valve_modes] == self.conducts
+        on = np.asarray(mode)[self.valve_modes] == self.conducts
+        acted = (int(self.valve_events[k, 0 if on[k] else 1]) for k in np.flatnonzero(on != written))
+        self.log[-1] = replace(self.log[-1], events=(*self.log[-1].events, *acted))
+
+    def _instant(self, at: Moment) -> Instant:
+        """All that is stored, by name, and what only events change."""
+        assert self.companion is not None
+        program = self.program
+        fixed = (self.inputs, self.constants, at.mode)
+        stored = self.companion.stored
+        stored.update(zip(program.states.names, map(float, at.state), strict=False))
+        stored.update(
+            zip(program.dependents.names, map(float, program.dependent(at.time, at.state, *fixed)), strict=True)
+        )
+        valves = {v.junction for v in self.companion.valves}
+        off = tuple(name for name in self.actives(at) if name not in valves)
+        return Instant(at.time, stored, dict(zip(self.hybrid.modes.names, map(float, at.mode), strict=False)), off)
+
+    def _contradicted(self, at: Moment) -> bool:
+        """Whether a valve that conducts or blocks has the condition of its event, just after this moment."""
+        return bool(self.triggers(at)[self.valve_events].any())
+
+    def _upheld(self, at: Moment) -> bool:
+        """Whether no valve has a positive effort where it blocks, or a negative flow where it conducts, beyond rounding. What rounding
+        leaves of these does not count, and is not seen as a crossing."""
+        places = self.valve_conditions
+        roots = self.roots(at.time, at.state, at.mode)
+        against = np.zeros(len(roots), dtype=bool)
+        against[places] = self.truth(roots)[places]
+        limit = UPHELD * self._noise(at, roots)
+        if (np.abs(roots[against]) > limit[against]).any():
+            return False
+        at.mode[self.places[against]] = 0.0
+        self.floor[against] = np.maximum(self.floor[against], 2 * np.abs(roots[against]))
+        return True
+
     def _check_left(self, time: float, acted: Sequence[int]) -> None:
         """An event that so far undid its own condition and now does not: what it sets has become too small to be seen."""
         for i in acted:
             key = self.keys[i]
+            if i in self.valve_events:
+                continue
             if not self.on[key]:
                 self.left[key] = self.left.get(key, 0) + 1
             else:

@@ -1,0 +1,269 @@
+"""Which ideal valves conduct just after an instant: one linear complementarity problem for all of them.
+
+The companion network (`compiler/equations/companion.py`) is the model over one short step h of the implicit Euler method. Seen from its
+valves it is b = S a + c, with waves a = e - z f into it and b = e + z f out of it. Each valve asks for -e >= 0, z f >= 0 and one of them zero:
+(1 + S) z f = (1 - S)(-e) + c. A network that creates no energy makes this monotone, so that the set that conducts is found by block
+principal pivoting (Judice and Pires, Computers and Operations Research 21, 1994). Loops of valves that conduct, and parts that float between
+valves that block, leave combinations open: there the smallest waves are taken, as equal small resistances and leakages would.
+
+As h goes to zero this is the state just after the instant: impulses pass where the network ties storages, values decide where
+there are any, derivatives where values are zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import LoopSolver
+
+if TYPE_CHECKING:
+    from ...door import Facts, Program
+    from ...prepared import Prepared
+
+STEPS = (
+    1e-5,
+    1e-6,
+    1e-4,
+    1e-7,
+    1e-3,
+    1e-9,
+)  # of the time between switching instants: the steps h that are tried, the first first
+RECENT = 8  # switching instants that tell how far apart they lie
+OPEN = 1e-13  # singular values below this share leave a combination open
+MET = 1e-9  # of the waves: how well a combination that is left open must fit
+FIRM = 1e-12  # of what gives an open combination that does not fit its sign
+ZERO = 1e-13  # of the largest wave: what counts as zero, where a valve stays as it is
+MOST_PIVOTS = 1000
+PATIENCE = 4  # block pivots without progress before one valve at a time changes
+SETTLED = 1e-6  # of the waves: where the iteration over laws that bend ends
+NEWTON = 30  # iterations for networks with laws that bend
+IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
+STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, beside waves
+IMPULSE = 1e-6  # of an impulse: how well two steps must agree on it
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """A time with all that is stored and all that only events change, by name; `off`: switched junctions that are no valves."""
+
+    time: float
+    stored: Mapping[str, float]
+    modes: Mapping[str, float]
+    off: tuple[str, ...]
+    delayed: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """A companion program with the values of this run."""
+
+    program: Program
+    constraints: Constraints
+    places: Mapping[str, int]  # of its inputs
+    impedance: list[float]  # of the waves; chosen at the first use
+    linear: bool  # whether one row of differences tells all
+
+
+class Companion:
+    """The valves of a run, and its other two-terminal switches. `made`: the companion program with some junctions off. `values`: what is
+    set when the run begins."""
+
+    def __init__(
+        self,
+        facts: Facts,
+        made: Callable[[tuple[str, ...]], Prepared],
+        values: Mapping[str, float],
+        horizon: float,
+    ) -> None:
+        self.valves, self.gaps = facts.valves, facts.gaps
+        self.made, self.values, self.horizon = made, values, horizon
+        self.networks: dict[tuple[str, ...], Network] = {}
+        self.instants: list[float] = []  # at which valves switched
+        self.stored: dict[str, float] = {}  # by name: all that has been known of storages so far
+        self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets that did not hold at an instant
+
+    # ------------------------------------------------------------ valves
+    def another(self, at: Instant, guess: Any) -> Any:
+        """A set that conducts by a longer or shorter step, where this one did not hold in its own program; None if all lead to sets that did not."""
+        self.against = at.time, self._refused(at.time) | {guess.tobytes()}
+        refused = self._refused(at.time)
+        for share in STEPS:
+            found = self._solved(at, guess, self.step(share, at.time))
+            if found is not None and found[0].tobytes() not in refused:
+                return found[0]
+        return None
+
+    def conducting(self, at: Instant, guess: Any) -> Any:
+        """Which valves conduct just after an instant, as a mask. Raises `RunFailed`."""
+        refused = self._refused(at.time)
+        for share in STEPS:
+            found = self._solved(at, guess, self.step(share, at.time))
+            if found is not None and found[0].tobytes() not in refused:
+                return found[0]
+        raise self.without_a_set(at.time)
+
+    def without_a_set(self, time: float) -> RunFailed:
+        """The error that no set of valves goes on."""
+        names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
+        return RunFailed(
+            f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every "
+            "effort at or below zero and every flow at or above zero; look for a source that works against another "
+            "through valves, or put a resistor in line with one of them"
+        )
+
+    def _refused(self, time: float) -> frozenset[bytes]:
+        """The sets that did not hold at an instant."""
+        return self.against[1] if self.against[0] == time else frozenset()
+
+    def begin(self, time: float, off: tuple[str, ...]) -> dict[str, float]:
+        """The modes of the valves where a run begins, as far as the starts that are written tell. `off`: other junctions that are off."""
+        on = self.conducting(Instant(time, {}, {}, off), np.zeros(len(self.valves), dtype=bool))
+        return {v.mode: v.conducting if c else 1.0 - v.conducting for v, c in zip(self.valves, on, strict=True)}
+
+    def step(self, share: float, time: float) -> float:
+        """A step h: a share of the time between the last switching instants, which rounding of the time still resolves."""
+        between = np.diff(np.array(self.instants[-RECENT:]))
+        usual = float(between.max()) if len(between) and between.max() > 0 else self.horizon
+        return max(share * min(usual, self.horizon), 1e3 * float(np.spacing(abs(time))))
+
+    def switched(self, time: float) -> None:
+        """Remember an instant at which valves switched."""
+        if not self.instants or time > self.instants[-1]:
+            self.instants = [*self.instants[-RECENT:], time]
+
+    def _solved(self, at: Instant, guess: Any, step: float) -> tuple[Any, Any] | None:
+        """Which valves conduct, and the outputs of the companion with them; None where no set was found."""
+        network, count = self._network(at.off), len(self.gaps)
+        if not network.impedance:
+            network.impedance.append(self._impedance(network, at))
+        z = network.impedance[0]
+        states, mode = _state(network.program, network.constraints, at, step)
+        others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a gap that is off is closed
+        waves, on = np.zeros(count), np.array([*guess, *others], dtype=bool)
+        size = 1.0
+        for _ in range(NEWTON):
+            rows = np.concatenate([waves[None], waves + size * np.eye(count)])
+            seen = self._outputs(network, at, (states, mode), (step, z, rows))
+            if not np.isfinite(seen).all():
+                return None
+            back = seen[:, :count] + z * seen[:, count : 2 * count]
+            slopes = (back[1:] - back[0]).T / size
+            found = complementary(slopes, back[0] - slopes @ waves, on, len(self.valves))
+            if found is None:
+                return None
+            before, waves, on = waves, found[1], found[0]
+            if network.linear or np.abs(waves - before).max(initial=0.0) <= SETTLED * np.abs(waves).max(initial=0.0):
+                break
+            size = 1e-4 * max(float(np.abs(waves).max()), 1e-300)
+        return on[: len(self.valves)], self._outputs(network, at, (states, mode), (step, z, waves[None]))[0]
+
+    def _outputs(self, network: Network, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:
+        """The outputs of the companion for rows of waves, shape (rows, outputs)."""
+        program, constraints = network.program, network.constraints
+        (state, mode), (step, z, rows) = where, values
+        inputs = np.tile(constraints.inputs, (len(rows), 1))
+        given: dict[str, Any] = {STEP: step, IMPEDANCE: z, **at.delayed}
+        given |= {f"wave of {name}": rows[:, k] for k, name in enumerate(self.gaps)}
+        for name, value in given.items():
+            if name in network.places:
+                inputs[:, network.places[name]] = value
+        states = np.tile(state, (len(rows), 1))
+        times: Any = np.full(len(rows), at.time + step)
+        if len(program.unknowns.names):
+            for row in range(len(rows)):
+                loops = LoopSolver(program, constraints.constants, inputs[row], np.ones(len(state)))
+                states[row] = loops.solve(at.time + step, states[max(row - 1, 0)], mode)
+        return np.asarray(program.output(times, states, inputs, constraints.constants, mode))
+
+    def _network(self, off: tuple[str, ...]) -> Network:
+        """The companion with these junctions off that are no two-terminal switches, compiled at the first use."""
+        off = tuple(name for name in off if name not in self.gaps)
+        if off not in self.networks:
+            made = self.made(off)
+            program = made.program
+            given = zip(program.parameters.names, program.defaults, strict=True)
+            parameters = np.array([self.values.get(n, d) for n, d in given])
+            inputs = np.array(program.input_defaults, dtype=float)
+            constraints = Constraints(program, parameters, inputs, np.ones(len(program.states.names)))
+            places = {n: i for i, n in enumerate(program.inputs.names)}
+            self.networks[off] = Network(program, constraints, places, [], made.certificate.linear)
+        return self.networks[off]
+
+    def _impedance(self, network: Network, at: Instant) -> float:
+        """The impedance of the waves: the geometric mean of what the valves see of the network over a long step."""
+        z, count = 1.0, len(self.gaps)
+        step = 1e-3 * self.horizon
+        where = _state(network.program, network.constraints, at, step)
+        for _ in range(IMPEDANCES):
+            seen = self._outputs(network, at, where, (step, z, np.concatenate([np.zeros((1, count)), np.eye(count)])))
+            change = np.diagonal(
+                (seen[1:, :count] - seen[0, :count]) + z * (seen[1:, count : 2 * count] - seen[0, count : 2 * count])
+            )
+            own = change[np.abs(change) < 1 - 1e-6]  # no source and nothing that floats: these have no size
+            factor = float(np.exp(np.mean(np.log((1 + own) / (1 - own))))) if len(own) else 1.0
+            z = float(np.clip(z * factor, 1e-12, 1e12))
+            if 0.1 < factor < 10:
+                break
+        return z
+
+
+def _state(program: Program, constraints: Constraints, at: Instant, step: float) -> tuple[Any, Any]:
+    """The state and the mode of a companion program at an instant."""
+    state = np.array(program.start(constraints.constants), dtype=float)
+    for place, name in enumerate(program.states.names):
+        state[place] = at.stored.get(name, state[place])
+    mode = np.array(program.mode_at(at.time + step, state, constraints.inputs, constraints.constants), dtype=float)
+    if program.hybrid is not None:
+        from .events import Events, Moment
+
+        for place, name in enumerate(program.hybrid.modes.names):
+            mode[place] = at.modes.get(name, mode[place])
+        events = Events(constraints, np.where(state != 0, np.abs(state), 1.0), 1.0)
+        mode = events.guess(Moment(at.time + step, state, mode))
+    return state, mode
+
+
+def complementary(slopes: Any, offset: Any, guess: Any, valves: int) -> tuple[Any, Any, Any] | None:
+    """The ports that conduct, and the waves a into and b out of a network b = S a + c, shapes (n,); None if no set fits.
+
+    `guess`: what is tried first, and what stays where both sides are zero, and for all ports behind the first ones, the `valves`.
+    """
+    count = len(offset)
+    through, across = np.eye(count) + slopes, np.eye(count) - slopes
+    on, best, patience = np.array(guess, dtype=bool), count + 1, PATIENCE
+    if not np.abs(offset).max(initial=0.0) > 0:
+        return on, np.zeros(count), np.zeros(count)
+    for _ in range(MOST_PIVOTS):
+        sizes, firm = _least(np.where(on[None, :], through, -across), offset, slopes)
+        wrong = np.flatnonzero(sizes[:valves] < -ZERO * np.abs(sizes).max())
+        if not len(wrong):
+            return (on, -sizes, np.where(on, sizes, -sizes)) if firm else None
+        if len(wrong) < best:
+            best, patience = len(wrong), PATIENCE
+        elif patience > 0:
+            patience -= 1
+        else:
+            wrong = wrong[-1:]
+        on = on.copy()
+        on[wrong] = ~on[wrong]
+    return None
+
+
+def _least(matrix: Any, right: Any, slopes: Any) -> tuple[Any, bool]:
+    """The least solution of a square system, and whether it fits: where a singular row does not, the ports are taken as a little lossy."""
+    left, values, rows = np.linalg.svd(matrix)
+    share, size = left.T @ right, np.abs(right).max()
+    values, size = values / 2, size / 2  # of a network that creates no energy none is above 2
+    small = values <= OPEN
+    misfit = small & (np.abs(share) > MET * size)
+    inverse = np.where(small, 0.0, 1 / np.where(small, 1.0, values))
+    if misfit.any():
+        losses = -np.einsum("ij,ij->j", left, slopes @ rows.T)
+        inverse = np.where(misfit, np.sign(losses) / FIRM, inverse)
+    return rows.T @ (inverse * share / 2), not misfit.any()
