@@ -232,6 +232,7 @@ class Compilation:
         return Facts(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
+            tuple(self.whole_graph.integrals) if self.whole_graph.switches else (),
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -226,3 +226,4 @@ class Facts:
     following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)
     valves: tuple[Valve, ...] = ()  # switched junctions that act together
     gaps: tuple[str, ...] = ()  # all two-terminal switches, valves first
+    integrals: tuple[str, ...] = ()  # signals with memory, where junctions switch: impulses pass into them

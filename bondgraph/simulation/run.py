@@ -257,10 +257,10 @@ class Run:
             )
 
     def _valves(self) -> tuple[Companion | None, dict[str, float]]:
-        """The companion of the ideal valves, and their modes where the run begins; none of them without valves."""
+        """The companion of the switched junctions, if valves or integrals need it, and the modes of the valves where the run begins."""
         first = self.made(self.scene, self.energy)
         valves = first.facts.valves
-        if not valves:
+        if not valves and not first.facts.integrals:
             return None, {}
         from .events.complementarity import Companion
 
@@ -268,7 +268,7 @@ class Run:
             return self.made(replace(self.scene, preferences=(), off=off, companion=True, conserving=False), False)
 
         companion = Companion(first.facts, made, self.values, self.stop - self.plan.start)
-        if self.begin is not None:
+        if self.begin is not None or not valves:
             return companion, {}
         own = {v.junction: v for v in valves}
         modes = companion.begin(self.plan.start, tuple(j for j in first.compilation.off if j not in own))

@@ -513,7 +513,6 @@ def test_a_unit_that_is_a_parameter_is_noted() -> None:
     assert "N*m" in done.stdout + done.stderr
 
 
-@wrong_today
 def test_an_integral_across_an_impulse(tmp_path: Path) -> None:
     found = values("charge_shared", tmp_path)
     np.testing.assert_allclose(found["moved"], found["q"], atol=1e-9)

@@ -15,7 +15,7 @@ from ..segments import Segment
 from ..start.assembly import choose_rows
 from ..start.start import consistent_start
 from ..watch.choice import Choice, Handover
-from .complementarity import Companion
+from .complementarity import Companion, Instant
 from .events import Events, Moment
 from .impulse import Jump, after_impulse
 
@@ -108,7 +108,28 @@ def continued(
         full, jumps = after_impulse(
             constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes}
         )
+        if jumps and companion is not None:
+            full, passed = _through_integrals(program, full, begin, companion)
+            jumps += passed
     return events, events.happen(Moment(first.start, full, mode)), jumps
+
+
+def _through_integrals(
+    program: Program, full: Any, begin: Handover, companion: Companion
+) -> tuple[Any, tuple[Jump, ...]]:
+    """The state with what an impulse adds to the integrals of the model, and their jumps."""
+    names = [n for n in program.states.names if n in companion.integrals]
+    if not names:
+        return full, ()
+    at = Instant(begin.time, begin.stored, begin.modes, begin.off or ())
+    full, jumps = np.array(full), []
+    for name, jump in companion.impulses(at, names).items():
+        place = program.states.names.index(name)
+        before = float(full[place])
+        full[place] += jump
+        if full[place] != before:
+            jumps.append(Jump(name, program.states.units[place], before, float(full[place])))
+    return full, tuple(jumps)
 
 
 def unknowns_in(program: Program, begin: Handover, state: Any) -> list[float]:

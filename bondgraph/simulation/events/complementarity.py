@@ -12,7 +12,7 @@ there are any, derivatives where values are zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +45,7 @@ SETTLED = 1e-6  # of the waves: where the iteration over laws that bend ends
 NEWTON = 30  # iterations for networks with laws that bend
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, beside waves
-IMPULSE = 1e-6  # of an impulse: how well two steps must agree on it
+IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the steps that tell an impulse
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Companion:
         values: Mapping[str, float],
         horizon: float,
     ) -> None:
-        self.valves, self.gaps = facts.valves, facts.gaps
+        self.valves, self.gaps, self.integrals = facts.valves, facts.gaps, frozenset(facts.integrals)
         self.made, self.values, self.horizon = made, values, horizon
         self.networks: dict[tuple[str, ...], Network] = {}
         self.instants: list[float] = []  # at which valves switched
@@ -137,8 +137,40 @@ class Companion:
         if not self.instants or time > self.instants[-1]:
             self.instants = [*self.instants[-RECENT:], time]
 
-    def _solved(self, at: Instant, guess: Any, step: float) -> tuple[Any, Any] | None:
-        """Which valves conduct, and the outputs of the companion with them; None where no set was found."""
+    # ------------------------------------------------------------ impulses
+    def impulses(self, at: Instant, names: Sequence[str]) -> dict[str, float]:
+        """By how much integrals jump where what is stored passes over at an instant. `at`: with what was stored before, and what is off after.
+
+        Raises `RunFailed` where an impulse has no integral (the square of a current).
+        """
+        on = np.array([v.junction in at.off for v in self.valves], dtype=bool)
+        chosen = [self._outputs_of(at.off).index(f"rate of {name}") for name in names]
+        passed = []
+        for share in IMPULSES:
+            step = self.step(share, at.time)
+            found = self._solved(at, on, step, 0)
+            if found is None or not np.isfinite(found[1][chosen]).all():
+                raise RunFailed(
+                    f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`: put a resistor or a "
+                    "damper where the storages are tied"
+                )
+            passed.append(step * found[1][chosen])
+        long, short = passed
+        bad = np.flatnonzero(~(np.abs(short - long) <= 0.5 * np.abs(long) + 1e-300) & (np.abs(short) > np.abs(long)))
+        if len(bad):
+            raise RunFailed(
+                f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not "
+                "proportional to the current or force of the impulse; put a resistor or a damper where the storages are tied"
+            )
+        ratio = IMPULSES[0] / IMPULSES[1]
+        exact = (ratio * short - long) / (ratio - 1)
+        return dict(zip(names, np.where(np.abs(short) < np.abs(long) / 2, 0.0, exact).tolist(), strict=True))
+
+    def _outputs_of(self, off: tuple[str, ...]) -> tuple[str, ...]:
+        return self._network(off).program.outputs.names
+
+    def _solved(self, at: Instant, guess: Any, step: float, valves: int | None = None) -> tuple[Any, Any] | None:
+        """Which valves conduct, and the outputs of the companion with them; None where no set was found. `valves`: how many may change."""
         network, count = self._network(at.off), len(self.gaps)
         if not network.impedance:
             network.impedance.append(self._impedance(network, at))
@@ -154,7 +186,7 @@ class Companion:
                 return None
             back = seen[:, :count] + z * seen[:, count : 2 * count]
             slopes = (back[1:] - back[0]).T / size
-            found = complementary(slopes, back[0] - slopes @ waves, on, len(self.valves))
+            found = complementary(slopes, back[0] - slopes @ waves, on, len(self.valves) if valves is None else valves)
             if found is None:
                 return None
             before, waves, on = waves, found[1], found[0]

@@ -169,7 +169,7 @@ class Events:
     def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
         """The moment with all valves as they are just after, and the events of those that switch: then another program goes on."""
         companion = self.companion
-        if companion is None:
+        if companion is None or not len(self.valve_modes):
             return at, []
         instant = self._instant(at)
         said = at.mode[self.valve_modes] == self.conducts
