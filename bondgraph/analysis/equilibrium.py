@@ -67,7 +67,7 @@ def equilibrium(point: OperatingPoint) -> Equilibrium:
     growth, stable = stability(point)
     outputs = named(program.outputs.names, point.outputs)
     return Equilibrium(
-        program.name, point.made.plan.experiment, point.time, named(program.states.names, point.state[:n]),
+        program.name, point.made.plan.experiment, point.time, point.stored(point.state),
         named(program.unknowns.names, point.state[n:]), outputs, units_of(point), growth, stable, point.made.plan.report,
     )  # fmt: skip
 
@@ -83,4 +83,5 @@ def units_of(point: OperatingPoint) -> dict[str, str]:
     """SI units by name."""
     program = point.program
     kinds = (program.states, program.unknowns, program.outputs, program.inputs, program.parameters)
-    return {n: u for kind in kinds for n, u in zip(kind.names, kind.units, strict=True)}
+    found = {n: u for kind in kinds for n, u in zip(kind.names, kind.units, strict=True)}
+    return found | {n: f.unit for n, f in point.followers.items()}

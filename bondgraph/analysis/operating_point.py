@@ -17,14 +17,15 @@ import numpy as np
 from ..door import Leaf, NoSlope, Tape
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
+from .told import named
 
 if TYPE_CHECKING:
     from ..door import Compilation, Expression, Lowered, Program
     from ..model import Model
     from ..simulation.closed.constraints import Constraints
+    from .following import Follower
 
 RANK = 1e-9  # of the largest: a constraint that says less follows from others
-SAME = 1e-9  # of the values of what shares a state
 AHEAD = 1.0  # s: how far ahead instants are looked for, where a model is asked at one
 
 
@@ -138,6 +139,18 @@ class OperatingPoint:
         )
         given = {n: whole[n].value for n in names if n in whole} | dict(self.values)
         return np.array([values.get(n, given.get(n)) for n in names], dtype=float)
+
+    def stored(self, state: Any) -> dict[str, float]:
+        """States (n,) by name, and what shares them."""
+        found = named(self.program.states.names, state[: self.count])
+        return found | {name: follower.at(state) for name, follower in self.followers.items()}
+
+    @cached_property
+    def followers(self) -> Mapping[str, Follower]:
+        """Storages and integrals that share a state."""
+        from .following import followers
+
+        return followers(self.compilation, self.constraints.parameters) if self.made.facts.following else {}
 
     # ------------------------------------------------------------ slopes
     def rate_slopes(self, states: Sequence[int]) -> Any:
@@ -355,9 +368,11 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
     """The state with given values, on the constraints, with the unknowns that belong to it."""
     from ..simulation.loops.loops import LoopSolver
+    from .following import led
 
     names = leg.program.states.names
-    given = {n: v for n, v in given.items() if n not in leg.compilation.facts.following} | _led(leg, given)
+    if any(n in leg.compilation.facts.following for n in given):
+        given = led(leg.compilation.compilation, leg.parameters, given)
     unknown = sorted(set(given) - set(names))
     if unknown:
         raise UsageError(f"`{unknown[0]}` is no state; states are {', '.join(names) or 'none'}")
@@ -367,31 +382,3 @@ def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
     size = np.where(state != 0, np.abs(state), 1.0)
     state = leg.constraints.project(time, state, mode)
     return LoopSolver(leg.program, leg.constants, leg.inputs, size).solve(time, state, mode)
-
-
-def _led(leg: Any, given: Mapping[str, float]) -> dict[str, float]:
-    """The values of states that others follow for which values are given. Raises `UsageError` where two of them differ."""
-    following = {n: leg.compilation.facts.following[n][0] for n in given if n in leg.compilation.facts.following}
-    if not following:
-        return {}
-    compilation, names = leg.compilation.compilation, leg.program.states.names
-    variables = {
-        compilation.state_space.variables[f.variable].name: f.variable for f in compilation.state_space.following
-    }
-    variables |= compilation.state_space.outputs
-    tape = Tape([compilation.lowered.values[variables[n]] for n in following])
-
-    def at(state: float) -> Any:
-        return np.array(
-            tape.values(lambda leaf: state if leaf.role == "state" else float(leg.parameters[leaf.position]))
-        )
-
-    found: dict[str, float] = {}
-    offsets = at(0.0)
-    for (name, place), offset, slope in zip(following.items(), offsets, at(1.0) - offsets, strict=True):
-        leader, value = names[place], float((given[name] - offset) / slope)
-        other = found.get(leader, given.get(leader, value))
-        if abs(other - value) > SAME * max(abs(other), abs(value), abs(offset / slope)):
-            raise UsageError(f"`{name}` follows `{leader}`: their values contradict each other")
-        found[leader] = value
-    return found

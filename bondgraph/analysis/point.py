@@ -10,11 +10,13 @@ import numpy as np
 from ..door import Compilation, LinearLoop, StateSpace, evaluate
 from ..errors import RunFailed, UsageError
 from ..simulation.loops.loops import LoopSolver
+from .following import led
 
 
 def values_at(compilation: Compilation, state: Mapping[str, float], time: float) -> dict[int, float]:
     """Variable -> value; states that are not given stand at their start. Raises `UsageError`, `RunFailed`."""
     space, program = compilation.state_space, compilation.program
+    state = led(compilation, program.defaults, state)
     unknown = sorted(set(state) - set(program.states.names))
     if unknown:
         raise UsageError(f"`{unknown[0]}` is no state; states are {', '.join(program.states.names) or 'none'}")

@@ -333,3 +333,29 @@ def test_command(tmp_path: Path) -> None:
     assert "derivatives taken: x 4, y 4, phi 4" in shown
     wrong = CliRunner().invoke(commands, [*arguments[:-4], "--out", str(table)])
     assert wrong.exit_code == 2 and "say with --to until when" in wrong.output
+
+
+def test_a_model_that_is_written_starts_all_that_shares_a_state(tmp_path: Path) -> None:
+    """A path that begins beside the model's start: what follows a state has a start of its own, else the constant between them moves."""
+    text = """model T {
+  input load: N = 0
+  MSe p : F = load
+  C a : F = 10 [N/m]*x { start x = 3 mm }
+  C b : F = 30 [N/m]*x
+  I m : p = 1 kg*v
+  R r : F = 4 [N*s/m]*v
+  p -> 1(a, b, m, r)
+  output y = a.x, z = b.x
+}
+"""
+    (tmp_path / "T.bg").write_text(text, encoding="utf-8")
+    model = bondgraph.load(tmp_path / "T.bg")
+    found = model.invert({"y": "0.1 m + 0.2 m*smoothstep9(time, 0 s, 3 s)"}, ["load"], to="4 s", points=201)
+    assert found.inputs["load"][0] == pytest.approx(10 * 0.1 + 30 * 0.097, rel=1e-12)  # b.x = a.x - 3 mm
+    assert found.inputs["load"][-1] == pytest.approx(10 * 0.3 + 30 * 0.297, rel=1e-12)
+    assert found.start == {
+        "a.x": pytest.approx(0.1), "b.x": pytest.approx(0.097), "m.p": pytest.approx(0, abs=1e-12)
+    }  # fmt: skip
+    found.to_model(tmp_path / "driven.bg")
+    ran = bondgraph.load(tmp_path / "driven.bg").simulate("follow")
+    np.testing.assert_allclose(ran["y"], found.outputs["y"], rtol=0, atol=1e-7)

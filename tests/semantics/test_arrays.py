@@ -172,5 +172,5 @@ def test_instances_in_rounds_with_lists_of_parameters() -> None:
         "model A {\n  parameter k: N/m = (1, 2, 3)\n  1 body\n  I m : p = 1 kg*v\n  body -> m\n  for i in 1..3 {\n    Spring s[i] { k = k[i] }\n    body -> s[i].end\n  }\n  output y = s[3].c.F, z = s[1].k\n}\n"
     )
     running = Running(compiled(text))
-    found = running.outputs({"s[3].c.x": 5.0})
+    found = running.outputs({"s[1].c.x": 5.0})  # whose state the others share
     assert found == {"y": 15.0, "z": 1.0}

@@ -108,11 +108,11 @@ class TestArrows:
         assert (out["mass.p"], into["mass.p"]) == (5.0, -5.0)
 
     def test_between_junctions_either_way(self) -> None:
-        text = "model A {{\n  1 a, b : translation\n  I m, n : p = 1 kg*v\n  0 j\n  C k : F = x*2 [N/m]\n  a -> m\n  b -> n\n  j -> k\n  a -> j\n  {}\n}}\n"
+        text = "model A {{\n  1 a, b : translation\n  I m, n : p = 1 kg*v\n  0 j\n  C k : F = x*2 [N/m]\n  R r : F = 5 [N*s/m]*v\n  a -> m\n  b -> n, r\n  j -> k\n  a -> j\n  {}\n}}\n"
         along = Running(compiled(text.format("j -> b"), everything=True)).rates({"k.x": 1.0, "m.p": 3.0, "n.p": 1.0})
         against = Running(compiled(text.format("b -> j"), everything=True)).rates({"k.x": 1.0, "m.p": 3.0, "n.p": 1.0})
-        assert along == {"m.p": -2.0, "n.p": 2.0, "k.x": 2.0}
-        assert against == {"m.p": -2.0, "n.p": -2.0, "k.x": 4.0}
+        assert along == {"m.p": -2.0, "n.p": 2.0 - 5.0, "k.x": 2.0}
+        assert against == {"m.p": -2.0, "n.p": -2.0 - 5.0, "k.x": 4.0}
 
 
 class TestMultibonds:

@@ -13,7 +13,6 @@ from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ..equilibrium import units_of
 from ..operating_point import Asked, OperatingPoint
-from ..told import named
 from .drives import Drive, drives_of
 from .equations import Equations
 from .feed_forward import NEAR, FeedForward, within_limits
@@ -202,7 +201,7 @@ def _start(point: OperatingPoint, states: Any) -> dict[str, float]:
     largest = np.array([max(x for x, u in zip(size, units, strict=True) if u == unit) for unit in units])
     if (np.abs(states - own) <= np.maximum(NEAR * largest, 1e-18)).all():
         return {}
-    return named(program.states.names, states)
+    return point.stored(states)
 
 
 def _inside(eigenvalues: Any, search: Search, first: Any, units: Mapping[str, str]) -> list[str]:

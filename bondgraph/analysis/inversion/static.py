@@ -218,7 +218,7 @@ def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
     units = units_of(point)
     return Inversion(
         program.name, point.made.plan.experiment, dict(targets), search.settings(search.strengths),
-        named(program.outputs.names, point.outputs), named(program.states.names, point.state[: point.count]), stability(point)[1], units,
+        named(program.outputs.names, point.outputs), point.stored(point.state), stability(point)[1], units,
     )  # fmt: skip
 
 

@@ -1,0 +1,68 @@
+"""Storages and integrals that share a state: their values from the states, and the states from theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..door import Tape
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from ..door import Compilation
+
+SAME = 1e-9  # of the values of what shares a state
+
+
+@dataclass(frozen=True, slots=True)
+class Follower:
+    """What is `slope` times the state at a place, plus `offset`; its `unit` in SI."""
+
+    place: int
+    slope: float
+    offset: float
+    unit: str
+
+    def at(self, state: Any) -> float:
+        """Its value where the states (n, ...) are these."""
+        return float(self.slope * state[self.place] + self.offset)
+
+
+def followers(compilation: Compilation, parameters: Any) -> dict[str, Follower]:
+    """By name, with the parameters (p,) of the program."""
+    space, lowered = compilation.state_space, compilation.lowered
+    if not space.following:
+        return {}
+    tape = Tape([lowered.values[f.variable] for f in space.following])
+
+    def at(state: float) -> Any:
+        return np.array(
+            tape.values(lambda leaf: state if leaf.role == "state" else float(parameters[leaf.position])), dtype=float
+        )
+
+    offsets, places = at(0.0), {s.variable: i for i, s in enumerate(space.states)}
+    variables = [space.variables[f.variable] for f in space.following]
+    return {
+        v.name: Follower(places[f.state], float(slope), float(offset), v.unit)
+        for v, f, slope, offset in zip(variables, space.following, at(1.0) - offsets, offsets, strict=True)
+    }
+
+
+def led(compilation: Compilation, parameters: Any, given: Mapping[str, float]) -> dict[str, float]:
+    """Given values of states by name, without followers: the states that these follow have the values with which they are so.
+
+    Raises `UsageError` where two of them contradict each other.
+    """
+    if all(name in compilation.program.states.names for name in given):
+        return dict(given)
+    names, known = compilation.program.states.names, followers(compilation, parameters)
+    found = {n: v for n, v in given.items() if n not in known}
+    for name, follower in ((n, known[n]) for n in given if n in known):
+        leader, value = names[follower.place], (given[name] - follower.offset) / follower.slope
+        other = found.setdefault(leader, value)
+        if abs(other - value) > SAME * max(abs(other), abs(value), abs(follower.offset / follower.slope)):
+            raise UsageError(f"`{name}` follows `{leader}`: their values contradict each other")
+    return found
