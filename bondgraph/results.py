@@ -101,10 +101,15 @@ class LimitLeft:
     stands: str = ""
 
     def __str__(self) -> str:
+        return f"from t = {self.time:.9g} s {self.words_at_rest}"
+
+    @property
+    def words_at_rest(self) -> str:
+        """The same without the instant."""
         who = f"`{self.owner}` ({self.stands})" if self.owner else "the model"
         shown = ", ".join(f"{name} = {value:.6g}{f' {unit}' * (unit != '1')}" for name, value, unit in self.values)
         about = f" ({self.text})" if self.text else ""
-        where = f"from t = {self.time:.9g} s {who} is outside of `{self.condition}`{about}, {self.place}"
+        where = f"{who} is outside of `{self.condition}`{about}, {self.place}"
         return f"{where}: {shown}" if shown else where
 
 

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from .linear import linearization
+from ..errors import UsageError
 from .operating_point import OperatingPoint
-from .spectrum import spectrum
-from .told import named, with_units
+from .sampled import is_sampled, sampled_verdict
+from .told import finite, named, pair, with_units
+from .verdict import Verdict, verdict
 
 if TYPE_CHECKING:
     from ..results import Reporting
 
 SCHEMA = "bondgraph-equilibrium/1"
-ROUNDING = 1e-9  # of the fastest mode: a growth below it is none
-NEVER = 1e-12  # 1/s: nor is one that takes thirty thousand years
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """States, unknowns of loops and outputs by name, in SI, where all rates vanish at `time` (s).
 
-    `growth` is the largest real part of an eigenvalue, in 1/s; `stable` whether it is not above rounding. What nothing brings back
-    (the position of a free body) has a growth of zero and counts as stable.
+    `verdict` has the largest real part of an eigenvalue (1/s) with a bound, and those that rounding hides. What nothing brings back
+    (the position of a free body) has a growth of zero and no part in it. `steady`: the rates of angles that turn steadily, by name.
     """
 
     model: str
@@ -36,9 +34,19 @@ class Equilibrium:
     unknowns: Mapping[str, float]
     outputs: Mapping[str, float]
     units: Mapping[str, str]
-    growth: float
-    stable: bool
+    verdict: Verdict
     report: Sequence[Reporting] = ()  # how the experiment shows outputs
+    steady: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def growth(self) -> float:
+        """The largest real part of an eigenvalue that decides, in 1/s."""
+        return self.verdict.growth
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether no eigenvalue grows; None if rounding hides that."""
+        return self.verdict.stable
 
     def __getitem__(self, name: str) -> float:
         """An output, state or unknown by name. Raises KeyError."""
@@ -49,10 +57,18 @@ class Equilibrium:
         raise KeyError(f"there is no `{name}` in the equilibrium of {self.model}; it has {', '.join(known)}")
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-equilibrium/1`: {schema, model, experiment, time, states, unknowns, outputs, growth, stable}."""
+        """By the schema `bondgraph-equilibrium/1`: {schema, model, experiment, time, states, unknowns, outputs, growth, stable (null: not decided)},
+        and where there are some `bound` of the growth and `undecided` eigenvalues, `undamped` ones, and `steady` rates."""
         parts = {word: with_units(getattr(self, word), self.units) for word in ("states", "unknowns", "outputs")}
-        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
-        return {**told, **parts, "growth": self.growth, "stable": self.stable}
+        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
+        told |= {**parts, "growth": finite(self.growth), "stable": self.stable}
+        if self.verdict.undecided:
+            told |= {"bound": finite(self.verdict.bound), "undecided": [pair(v) for v in self.verdict.undecided]}
+        if self.verdict.undamped:
+            told["undamped"] = [pair(v) for v in self.verdict.undamped]
+        if self.steady:
+            told["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
+        return told
 
     def summary(self) -> str:
         """A table for terminals."""
@@ -64,19 +80,26 @@ class Equilibrium:
 def equilibrium(point: OperatingPoint) -> Equilibrium:
     """What is told of a point where all rates vanish."""
     program, n = point.program, point.count
-    growth, stable = stability(point)
     outputs = named(program.outputs.names, point.outputs)
     return Equilibrium(
         program.name, point.made.plan.experiment, point.time, point.stored(point.state),
-        named(program.unknowns.names, point.state[n:]), outputs, units_of(point), growth, stable, point.made.plan.report,
+        named(program.unknowns.names, point.state[n:]), outputs, units_of(point), _verdict(point), point.made.plan.report, point.steady,
     )  # fmt: skip
 
 
-def stability(point: OperatingPoint) -> tuple[float, bool]:
-    """The largest real part of an eigenvalue (1/s), and whether that is no growth."""
-    values = spectrum(linearization(point).A).values
-    growth = float(values.real.max(initial=-np.inf)) if len(values) else -np.inf
-    return growth, growth <= max(ROUNDING * float(np.abs(values).max(initial=0.0)), NEVER)
+def _verdict(point: OperatingPoint) -> Verdict:
+    if not is_sampled(point):
+        return verdict(point)
+    try:
+        return sampled_verdict(point)
+    except UsageError:  # samples of several periods
+        return Verdict(math.nan, math.nan, None)
+
+
+def stability(point: OperatingPoint) -> tuple[float, bool | None]:
+    """The largest real part of an eigenvalue that decides (1/s), and whether the point is stable; None if that is not decided."""
+    found = verdict(point)
+    return found.growth, found.stable
 
 
 def units_of(point: OperatingPoint) -> dict[str, str]:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SCHEMA = "bondgraph-response-sensitivity/1"
+ON = 1e-9  # of a frequency: an end of the range that lies on an undamped mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,11 +185,22 @@ def response_sensitivity(
     on a pole."""
     moving = _Moving(point, inputs, parameters)
     found = response(moving.linear, low, high, points)
+    for peak in (e.frequency for e in found.extrema if np.isinf(e.magnitude)):
+        if peak in (found.frequencies[0], found.frequencies[-1]) or any(
+            f is not None and abs(f - peak) <= ON * peak for f in (low, high)
+        ):
+            raise _without_bound(peak)
     slopes = np.empty((*found.values.shape, len(parameters)), dtype=complex)
     for number, frequency in enumerate(found.frequencies):
         slopes[number] = _moves(moving, 2j * np.pi * frequency)
     units = {p: moving.units[p] for p in parameters}
     return ResponseSensitivity(found, parameters, moving.at, slopes, units)
+
+
+def _without_bound(frequency: float) -> RunFailed:
+    return RunFailed(
+        f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there"
+    )
 
 
 def _moves(moving: _Moving, s: complex) -> Any:
@@ -203,9 +215,7 @@ def _moves(moving: _Moving, s: complex) -> Any:
         forwards = columns[:, None] * np.linalg.solve(scaled, rows[:, None] * moving.W[:size, size:])
         backwards = np.linalg.solve(scaled.T, columns[:, None] * moving.W[size:, :size].T).T * rows
     except np.linalg.LinAlgError as problem:
-        raise RunFailed(
-            f"at {abs(s) / (2 * np.pi):.6g} Hz an undamped mode answers without bound: its response does not move smoothly there"
-        ) from problem
+        raise _without_bound(abs(s) / (2 * np.pi)) from problem
     whole = np.concatenate([forwards, np.eye(k)])
     left = np.concatenate([backwards, np.eye(len(moving.W) - size)], axis=1)
     return np.einsum("mr,qrc,ck->mkq", left, moving.dW, whole)

@@ -22,10 +22,12 @@ from .told import named
 if TYPE_CHECKING:
     from ..door import Compilation, Expression, Lowered, Program
     from ..model import Model
+    from ..results import LimitLeft
     from ..simulation.closed.constraints import Constraints
     from .following import Follower
 
 RANK = 1e-9  # of the largest: a constraint that says less follows from others
+LIMITS = 1e-9  # of a table's range: as far beyond its ends as rounding leads
 AHEAD = 1.0  # s: how far ahead instants are looked for, where a model is asked at one
 
 
@@ -124,6 +126,13 @@ class OperatingPoint:
         return np.asarray(found, dtype=float)[: self.count]
 
     @cached_property
+    def steady(self) -> dict[str, float]:
+        """The rates, by name, of angles that turn steadily while all else is at rest; of a point that is not at rest nothing is meant."""
+        from ..simulation.start.steady import steady_rates
+
+        return steady_rates(self.program, self.constraints, self.time, self.state, self.inputs, self.mode)
+
+    @cached_property
     def outputs(self) -> Any:
         """Of `program.outputs`, in SI."""
         return np.asarray(
@@ -151,6 +160,22 @@ class OperatingPoint:
         from .following import followers
 
         return followers(self.compilation, self.constraints.parameters) if self.made.facts.following else {}
+
+    @property
+    def left(self) -> tuple[LimitLeft, ...]:
+        """What the model requires and does not hold here. Raises `RunFailed` for a table that is asked outside of its range."""
+        from ..simulation.watch.validity import Watch
+
+        watch = Watch(self.program, self.constants, self.inputs, LIMITS)
+        watch.look(np.array([self.time]), self.mode, lambda times: np.repeat(self.state[None], len(times), axis=0))
+        return watch.warnings
+
+    def check_limits(self) -> OperatingPoint:
+        """The same point, in which all holds that the model requires. Raises `RunFailed`."""
+        left = self.left
+        if left:
+            raise RunFailed(f"no analysis is made where the model does not hold: {left[0].words_at_rest}")
+        return self
 
     # ------------------------------------------------------------ slopes
     def rate_slopes(self, states: Sequence[int]) -> Any:
@@ -225,8 +250,14 @@ class OperatingPoint:
 
     @cached_property
     def reduced(self) -> Reduced:
-        """With unknowns and tied coordinates eliminated."""
-        return _reduced(self)
+        """With unknowns and tied coordinates eliminated. Raises `UsageError` for what is sampled."""
+        sampled = [e for e in getattr(self.program.hybrid, "events", ()) if e.sampled]
+        if sampled:
+            raise UsageError(
+                f"`{sampled[0]}` is sampled, and this analysis is one of continuous equations: `equilibrium` and `bode` (`response`) are made of the "
+                "sampled loop; for others write what it does as a continuous law, or simulate"
+            )
+        return reduction(self)
 
     def of_states(self, variables: Sequence[int]) -> tuple[Any, Any]:
         """The slopes of variables by the free coordinates and by `by`, what is tied following."""
@@ -272,7 +303,8 @@ class Reduced:
         return self.directions @ moved[self.chosen] + self.following if self.tied else moved
 
 
-def _reduced(point: OperatingPoint) -> Reduced:
+def reduction(point: OperatingPoint) -> Reduced:
+    """With unknowns and tied coordinates eliminated. Raises `RunFailed`."""
     n, size, k = point.count, point.all, len(point.by)
     follow = np.zeros((0, n + k))
     if size > n:
@@ -362,7 +394,7 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
             state = _given(leg, asked.state, begins, mode)
         elif asked.state not in ("equilibrium", "start"):
             raise UsageError(f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
-    return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values)
+    return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()
 
 
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import UsageError
+from .extrema import Evaluate, Extremum, extrema
 from .linear import Linearization
 from .spectrum import left_shapes
 from .told import finite, pair
+from .verdict import bounded_eigenvalues
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,12 +23,17 @@ if TYPE_CHECKING:
 SCHEMA = "bondgraph-response/1"
 POINTS = 400
 BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # widths of a resonance
+BEYOND = 1e-9  # of an undamped resonance: as near to it there are no values
 AT_ONCE = 4_000_000  # numbers in the matrices that are solved together
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """`values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input."""
+    """`values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
+
+    `extrema`: peaks and dips between the first and last of them, found from the poles, whatever the frequencies are; an undamped one has a
+    magnitude of infinity. `notes`: what a user should know of it.
+    """
 
     model: str
     experiment: str | None
@@ -35,6 +42,8 @@ class Response:
     units: Mapping[str, str]
     frequencies: NDArray[np.float64]
     values: NDArray[np.complex128]
+    extrema: tuple[Extremum, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def of(self, given: str, seen: str) -> NDArray[np.complex128]:
         """From an input to an output, (f,). Raises `UsageError`."""
@@ -55,29 +64,39 @@ class Response:
         found: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(self.values), axis=0))
         return found
 
+    def extrema_of(self, given: str, seen: str) -> list[Extremum]:
+        """Peaks and dips from an input to an output, rising."""
+        return [e for e in self.extrema if (e.given, e.seen) == (given, seen)]
+
     def peaks(self) -> list[tuple[str, str, float]]:
         """For each way from an input to an output the frequency (Hz) of the largest magnitude: (input, output, frequency)."""
-        size = self.magnitude
-        return [
-            (given, seen, float(self.frequencies[int(size[:, i, j].argmax())]))
-            for j, given in enumerate(self.inputs)
-            for i, seen in enumerate(self.outputs)
-        ]
+        size, found = self.magnitude, []
+        for j, given in enumerate(self.inputs):
+            for i, seen in enumerate(self.outputs):
+                k = int(size[:, i, j].argmax())
+                ends = [(float(size[k, i, j]), float(self.frequencies[k]))]
+                inner = [(e.magnitude, e.frequency) for e in self.extrema_of(given, seen) if e.kind == "peak"]
+                found.append((given, seen, max([*ends, *inner], key=lambda pair: pair[0])[1]))
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """By the schema `bondgraph-response/1`: {schema, model, experiment, frequencies (Hz), responses: [{input, output, unit,
-        values: [{re, im}], magnitude, phase (deg)}]}."""
+        values: [{re, im}], magnitude, phase (deg), extrema: [{kind, frequency, magnitude (null: infinite), undamped, phase}]}], notes}."""
         phase, magnitude = self.phase, self.magnitude
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
         responses = [
             {
                 "input": given, "output": seen, "unit": self.unit(given, seen), "values": [pair(complex(x)) for x in self.values[:, i, j]],
                 "magnitude": [finite(x) for x in magnitude[:, i, j]], "phase": [finite(x) for x in phase[:, i, j]],
+                "extrema": [
+                    {"kind": e.kind, "frequency": e.frequency, "magnitude": finite(e.magnitude), "undamped": math.isinf(e.magnitude), "phase": finite(e.phase)}
+                    for e in self.extrema_of(given, seen)
+                ],
             }
             for j, given in enumerate(self.inputs)
             for i, seen in enumerate(self.outputs)
         ]  # fmt: skip
-        return {**told, "frequencies": self.frequencies.tolist(), "responses": responses}
+        return {**told, "frequencies": self.frequencies.tolist(), "responses": responses, "notes": list(self.notes)}
 
     def unit(self, given: str, seen: str) -> str:
         """Of the output over that of the input, `m/N`."""
@@ -103,11 +122,24 @@ def response(linear: Linearization, low: float | None, high: float | None, point
         raise UsageError(
             "a frequency response leads from an input to an output: name one that the model has (or a parameter as input)"
         )
-    frequencies = _frequencies(np.linalg.eigvals(linear.A), low, high, points)
-    values = transfer(linear, 2j * np.pi * frequencies)
-    return Response(
-        linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, values
+    frequencies = frequencies_between(np.linalg.eigvals(linear.A), low, high, points)
+    found = bounded_eigenvalues(linear.A)
+    undamped = (np.abs(found.values.real) <= found.bounds) & (np.abs(found.values.imag) > found.bounds)
+    return with_extrema(
+        Response(linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex)),
+        lambda f: transfer(linear, 2j * np.pi * f), found.values, undamped,
     )  # fmt: skip
+
+
+def with_extrema(made: Response, evaluate: Evaluate, poles: Any, undamped: Any) -> Response:
+    """The same with values, and with peaks and dips, of which the finite ones stand among its frequencies, and no infinite one."""
+    frequencies = made.frequencies
+    found = extrema(evaluate, poles, undamped, float(frequencies[0]), float(frequencies[-1]), made.inputs, made.outputs)
+    infinite = np.array([e.frequency for e in found if math.isinf(e.magnitude)])
+    frequencies = np.unique([*frequencies, *(e.frequency for e in found if not math.isinf(e.magnitude))])
+    if len(infinite):
+        frequencies = frequencies[np.abs(frequencies[:, None] / infinite - 1).min(axis=1) > BEYOND]
+    return replace(made, frequencies=frequencies, values=evaluate(frequencies), extrema=found)
 
 
 def transfer(linear: Linearization, places: Any) -> Any:
@@ -139,7 +171,7 @@ def _at(matrix: Any, B: Any, C: Any, D: Any) -> Any:
         return np.full(D.shape, np.inf + 0j)
 
 
-def _frequencies(poles: Any, low: float | None, high: float | None, points: int) -> Any:
+def frequencies_between(poles: Any, low: float | None, high: float | None, points: int) -> Any:
     """A logarithmic grid with resonances on it, each with some points on its flanks."""
     moving = np.abs(poles)[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)] / (2 * np.pi)
     if (low is None or high is None) and not len(moving):

@@ -275,7 +275,7 @@ class Flow:
         state = np.concatenate([y[: self.n], self.unknowns])
         if constraints:
             state = constraints.project(time, state, self.mode)
-        point = self.point(state, time)
+        point = self.point(state, time).check_limits()
         outputs = list(point.compilation.state_space.outputs.values())
         C, D = point.reduced.by_states(point.slopes(outputs))
         return point.outputs, C @ point.reduced.held(y[self.n :].reshape(self.n, self.k)) + D

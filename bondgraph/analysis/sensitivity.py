@@ -159,8 +159,10 @@ def _followed(point: OperatingPoint, moved: Any, by: Sequence[int]) -> Any:
 
 
 def _moved(linear: Linearization) -> Any:
-    """How the free coordinates at rest follow the parameters (r, k)."""
-    found, left = balanced_step(linear.A, linear.B)
+    """How the free coordinates at rest follow the parameters (r, k); an angle that turns steadily stays where it is."""
+    turning = (linear.rates != 0) & ~linear.A.any(axis=0)
+    A, B = (np.where(turning[:, None], 0.0, matrix) for matrix in (linear.A, linear.B))
+    found, left = balanced_step(A, B)
     lost = np.flatnonzero(left > LOST)
     if len(lost):
         name = linear.inputs[lost[0]]

@@ -230,11 +230,18 @@ class Analysed(Compiled):
         low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Response:  # fmt: skip
-        """The frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes)."""
+        """The frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes); of a sampled loop
+        (`every`) with its hold, up to half the rate of its samples."""
+        from ..analysis.linear import linearization
+        from ..analysis.operating_point import Asked
         from ..analysis.response import response
+        from ..analysis.sampled import is_sampled, sampled_response
 
-        linear = self.linearize(names_of(inputs), names_of(outputs), experiment, settings, state, time)
-        return response(linear, low, high, points)
+        by = self.inputs if inputs is None else names_of(inputs) or ()
+        point = self.operating_point(Asked(experiment, settings, names_of(outputs), by, state, time))
+        if is_sampled(point):
+            return sampled_response(point, low, high, points)
+        return response(linearization(point), low, high, points)
 
     def excite(
         self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = None,

@@ -154,16 +154,49 @@ class Leg:
             first = with_mode(compilation, constraints, state, first, horizon)
         full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
-            from .start.rest import equilibrium
-
-            full = equilibrium(program, constraints, self.inputs, full, first)
+            full, first = self._at_rest(compilation, constraints, full, first, horizon)
         if program.hybrid is not None:
             from .events.begin import begun, off_in
 
             self.begins_without = off_in(constraints, full, first)
-            self.events, moment = begun(constraints, full, first, horizon, self.companion)
-            full, stretches[0] = moment.state, replace(first, mode=moment.mode)
+            if self.events is None:
+                self.events, moment = begun(constraints, full, first, horizon, self.companion)
+                if self.plan.equilibrium:
+                    self._check_rest(moment.state, full, moment.mode, first.mode)
+                full, first = moment.state, replace(first, mode=moment.mode)
+            stretches[0] = first
         return full, moved
+
+    def _at_rest(
+        self, compilation: Prepared, constraints: Constraints, full: Any, first: Segment, horizon: float
+    ) -> tuple[Any, Segment]:  # fmt: skip
+        """The state at rest that is reached from a consistent one, and the first segment with the mode that holds there. Raises `RunFailed`."""
+        from .start.rest import equilibrium
+        from .start.steady import check_steady, steady_rates
+
+        program = constraints.program
+        if program.hybrid is None or self.companion is not None:
+            full = equilibrium(program, constraints, self.inputs, full, first)
+        else:
+            from .events.events import Events
+            from .start.rest_with_events import rest_with_events
+
+            self.events = Events(constraints, np.where(full != 0, np.abs(full), 1.0), horizon)
+            moment = rest_with_events(constraints, full, first, self.events)
+            full, first = moment.state, replace(first, mode=moment.mode)
+        check_steady(
+            compilation, program, steady_rates(program, constraints, first.start, full, self.inputs, first.mode)
+        )
+        return full, first
+
+    @staticmethod
+    def _check_rest(state: Any, rest: Any, mode: Any, assumed: Any) -> None:
+        """Raises `RunFailed` where ideal diodes or switches go on or off at a rest that was looked for in another mode."""
+        if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
+            raise RunFailed(
+                "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest; start it nearer to its "
+                "rest, or give them resistances"
+            )
 
     def _settle_history(self, history: History, start: float) -> None:
         """A start that reads what was before it, which is what it is at the start."""

@@ -84,6 +84,8 @@ class Numbers:
                 found |= {f"frequency {i}": f for i, f in enumerate(frequencies, 1)}
         if "simulate" in self.of:
             run = simulate(model, self.experiment, settings, self.outputs, self.wanted)
+            if run.warnings:
+                raise RunFailed(f"the model does not hold there: {run.warnings[0]}")
             found |= {name: run.final(name) for name in run.names}
         bad = [name for name, value in found.items() if not np.isfinite(value)]
         if bad:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from .tables import aligned, short, visible
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
     from ..analysis.equilibrium import Equilibrium
+    from ..analysis.extrema import Extremum
     from ..analysis.inversion.static import Inversion
     from ..analysis.linear import Linearization
     from ..analysis.linear_sensitivity import ResponseSensitivity
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from ..analysis.outcome import Outcome
     from ..analysis.response import Response
     from ..analysis.sensitivity import Sensitivity
+    from ..analysis.verdict import Verdict
 
 WIDEST = 12  # columns of a matrix that are shown
 LONGEST = 60  # rows
@@ -45,10 +48,27 @@ def equilibrium_text(found: Equilibrium) -> str:
             unit = found.units.get(name, "1") if as_said is None else as_said.unit
             number = value if as_said is None else value * as_said.scale + as_said.offset
             rows.append((f"  {short(name)}", f"{number:.9g}", _unit(unit)))
-    kind = "stable" if found.stable else f"unstable: it leaves with exp({found.growth:.6g} t/s)"
-    return "\n\n".join(
-        [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><"), kind]
-    )
+    turning = [f"`{short(n)}` turns steadily, by {rate:.9g} 1/s" for n, rate in found.steady.items()]
+    parts = [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><")]
+    return "\n\n".join([*parts, *turning, stability_text(found.verdict)])
+
+
+def stability_text(found: Verdict) -> str:
+    """The verdict in one line."""
+    if found.stable is False:
+        return f"unstable: it leaves with exp({found.growth:.6g} t/s)"
+    if found.stable is None and not found.undecided:
+        return "not decided: what is sampled at several rates has no eigenvalues of one period"
+    if found.stable is None:
+        some = ", ".join(_eigenvalue(v) for v in found.undecided[:SHARES])
+        return f"not decided: the real part of the eigenvalue {some} 1/s cannot be told from zero (within {found.bound:.2g} 1/s)"
+    if found.undamped:
+        return f"stable, undamped: {', '.join(f'{abs(v) / (2 * math.pi):.6g} Hz' for v in found.undamped[:SHARES])} never dies away"
+    return "stable"
+
+
+def _eigenvalue(value: complex) -> str:
+    return f"{value.real:.6g}" if value.imag == 0 else f"{value.real:.6g} +- {value.imag:.6g}i"
 
 
 def linearization_text(found: Linearization) -> str:
@@ -96,23 +116,36 @@ def _unit(unit: str) -> str:
 
 
 def response_text(found: Response) -> str:
-    """For each way from an input to an output: at the ends, and the peaks in between."""
+    """For each way from an input to an output: at the ends, and peaks and dips in between."""
     size, phase = found.magnitude, found.phase
-    rows = [("from", "to", "frequency", "magnitude", "phase", "")]
+    rows: list[tuple[str, ...]] = [("from", "to", "frequency", "magnitude", "phase", "")]
     for j, given in enumerate(found.inputs):
         for i, seen in enumerate(found.outputs):
-            column, unit = size[:, i, j], found.unit(given, seen)
-            last = len(column) - 1
-            chosen = _peaks(column)
-            for k in (0, *chosen, last):
-                note = "peak" if k in chosen else ""
-                numbers = (
-                    f"{found.frequencies[k]:.6g} Hz",
-                    f"{column[k]:.6g} {_unit(unit)}".rstrip(),
-                    f"{phase[k, i, j]:.4g} deg",
-                )
-                rows.append((short(given, 24), short(seen, 24), *numbers, note))
-    return f"{title(found.model, found.experiment, 'frequency response')}\n\n{aligned(rows, '<<>>><')}"
+            unit, names = _unit(found.unit(given, seen)), (short(given, 24), short(seen, 24))
+            ends = [
+                (*names, *_at_frequency(found.frequencies[k], size[k, i, j], phase[k, i, j], unit), "") for k in (0, -1)
+            ]
+            inner = [_extremum_row(names, e, unit) for e in _largest(found.extrema_of(given, seen))]
+            rows += [ends[0], *inner, ends[1]]
+    head = title(found.model, found.experiment, "frequency response")
+    return "\n\n".join([head, aligned(rows, "<<>>><"), *map(visible, found.notes)])
+
+
+def _at_frequency(frequency: float, magnitude: float, phase: float, unit: str) -> tuple[str, str, str]:
+    return f"{frequency:.6g} Hz", f"{magnitude:.6g} {unit}".rstrip(), f"{phase:.4g} deg"
+
+
+def _extremum_row(names: tuple[str, str], found: Extremum, unit: str) -> tuple[str, ...]:
+    if math.isinf(found.magnitude):
+        return (*names, f"{found.frequency:.6g} Hz", "infinite", "", "peak: undamped")
+    return (*names, *_at_frequency(found.frequency, found.magnitude, found.phase, unit), found.kind)
+
+
+def _largest(found: Sequence[Extremum]) -> list[Extremum]:
+    """The highest peaks and the deepest dips, rising in frequency."""
+    peaks = sorted((e for e in found if e.kind == "peak"), key=lambda e: -e.magnitude)[:PEAKS]
+    dips = sorted((e for e in found if e.kind == "dip"), key=lambda e: e.magnitude)[:PEAKS]
+    return sorted([*peaks, *dips], key=lambda e: e.frequency)
 
 
 def response_sensitivity_text(found: ResponseSensitivity) -> str:
@@ -122,7 +155,12 @@ def response_sensitivity_text(found: ResponseSensitivity) -> str:
     for j, given in enumerate(told.inputs):
         for i, seen in enumerate(told.outputs):
             column, unit = told.magnitude[:, i, j], told.unit(given, seen)
-            for k in (0, *_peaks(column), len(column) - 1):
+            peaks = [
+                e.frequency
+                for e in _largest(told.extrema_of(given, seen))
+                if e.kind == "peak" and math.isfinite(e.magnitude)
+            ]
+            for k in (0, *np.searchsorted(told.frequencies, peaks).tolist(), len(column) - 1):
                 size = f"{column[k]:.6g} {_unit(unit)}".rstrip()
                 head = (short(given, 24), short(seen, 24), f"{told.frequencies[k]:.6g} Hz", size)
                 order = sorted(range(len(found.parameters)), key=lambda q: -abs(relative[k, i, j, q]))
@@ -133,12 +171,6 @@ def response_sensitivity_text(found: ResponseSensitivity) -> str:
     return (
         f"{title(told.model, told.experiment, 'sensitivity of the frequency response')}\n\n{aligned(rows, '<<>><>>')}"
     )
-
-
-def _peaks(column: Any) -> list[int]:
-    """The places of the largest peaks, rising."""
-    peaks = [k for k in range(1, len(column) - 1) if column[k - 1] < column[k] >= column[k + 1]]
-    return sorted(sorted(peaks, key=lambda k: -column[k])[:PEAKS])
 
 
 def outcome_text(found: Outcome) -> str:
@@ -192,7 +224,8 @@ def branch_text(found: Branch) -> str:
     chosen = np.unique(np.linspace(0, len(found) - 1, min(len(found), SHOWN)).astype(int))
     for i in chosen:
         numbers = (f"{found[n][i]:.6g}" for n in names)
-        rows.append(("stable" if found.stable[i] else "unstable", *numbers))
+        word = "stable" if found.stable[i] else "unstable" if found.unstable[i] else "not decided"
+        rows.append((word, *numbers))
     head = title(found.model, found.experiment, f"rest against {found.parameter}, {len(found)} points: {found.ended}")
     parts = [head, aligned(rows, "<" + ">" * len(names))]
     crossing = [s for s in found.special if s.kind == "branch"]
@@ -212,5 +245,5 @@ def inversion_text(found: Inversion) -> str:
         rows.append(
             (short(name), f"{value:.9g}", _unit(found.units.get(name, "1")), f"{found.outputs[name] - value:.2g}")
         )
-    kind = "stable" if found.stable else "unstable"
+    kind = "not decided" if found.stable is None else "stable" if found.stable else "unstable"
     return "\n\n".join([title(found.model, found.experiment, "inverted at rest"), aligned(rows, "<><>"), kind])

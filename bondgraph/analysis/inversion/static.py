@@ -44,7 +44,7 @@ class Inversion:
     inputs: Mapping[str, float]
     outputs: Mapping[str, float]
     states: Mapping[str, float]
-    stable: bool
+    stable: bool | None
     units: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
@@ -214,7 +214,7 @@ class Search:
 
 
 def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
-    point, program = search.point, search.point.program
+    point, program = search.point.check_limits(), search.point.program
     units = units_of(point)
     return Inversion(
         program.name, point.made.plan.experiment, dict(targets), search.settings(search.strengths),

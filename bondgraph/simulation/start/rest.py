@@ -3,6 +3,9 @@
 Pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998): implicit Euler steps that grow as the rates
 fall, so that first the way of the motion is followed and then Newton's method takes over. What nothing brings back (the position
 of a free body) stays where it is: the last steps are of least length.
+
+A state that no rate, condition or loop reads is no part of the balance: it stays where it is. If its own rate does not vanish and it is an
+angle, the model turns steadily (a motor that runs). All else that does not come to rest is refused by name.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from ..loops.loops import LoopSolver
 from ..segments import Segment
 from ..steps.factorise import is_large
 from ..watch.stuck import not_finite
+from .steady import CANCELLED, drivers, given_terms, unread_states
 
 STEPS = 400
 GROWTH = 2.0
@@ -25,6 +29,7 @@ LARGEST = 1e100  # what has gone so far has no rest
 SINGULAR = 1e-12  # of the largest singular value
 CLOSE = 1e-9  # of the magnitude of a state: the last correction
 ROUNDING = 1e-12  # of the terms in a rate: less of it is what rounding leaves where they cancel
+RESTING = 1e-8  # of the terms in a rate: more of it than that is a motion
 FIRST = (
     0.1  # of the time in which the first rates make a magnitude: where nothing brings back, eigenvalues tell no time
 )
@@ -32,21 +37,25 @@ FIRST = (
 
 def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
     """The state at rest that is reached from a state, unknowns of loops included. Raises `RunFailed` if there is none."""
-    count = len(program.states.names)
-    if not count:
+    if not len(program.states.names):
         return state
-    search = _search(program, constraints, inputs, first)
+    return found_by(_search(program, constraints, inputs, first), np.array(state))
+
+
+def found_by(search: Search, state: Any) -> Any:
+    """The same by a search that is given. Raises `RunFailed`."""
+    count = search.count
     x, slope, jacobian = search.at(np.array(state))
     if not np.isfinite(slope).all():
-        raise not_finite(program, first.start, slope, x, first.mode)
+        raise search.not_finite(slope, x)
     if not np.isfinite(abs(jacobian).max()):
         raise RunFailed(
-            f"at t = {first.start:.9g} s the rates have slopes that are not finite: no equilibrium is found"
+            f"at t = {search.time:.9g} s the rates have slopes that are not finite: no equilibrium is found"
         )
     if not slope.any():
-        return x
+        return search.rested(x)
     if search.distance(slope, jacobian) <= CLOSE:
-        return search.polished(x, slope, jacobian)
+        return search.rested(search.polished(x, slope, jacobian))
     size = search.first(slope, jacobian)
     for _ in range(STEPS):
         found = search.step(x, slope, jacobian, size)
@@ -54,19 +63,18 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
             size *= 0.25
             continue
         trial, new_slope, new_jacobian = found
-        if not np.abs(trial[:count]).max() < LARGEST:
+        if not np.abs(trial[:count]).max() < search.farthest:
             break
         before, after = search.distance(slope, jacobian), search.distance(new_slope, new_jacobian)
         gain = before / max(after, 1e-300) if np.isfinite(before) and np.isfinite(after) else 1.0
         size *= GROWTH * min(max(gain, 0.5), 100.0)
         x, slope, jacobian = trial, new_slope, new_jacobian
         if after <= CLOSE:
-            return search.polished(x, slope, jacobian)
-    worst = int(np.argmax(np.abs(slope) / search.scale(np.zeros(count))))
-    raise RunFailed(
-        f"no equilibrium was found: the rate of `{program.states.names[worst]}` does not vanish (now {slope[worst]:.6g}); "
-        "does something drive the model for ever, or is it unstable there?"
-    )
+            return search.rested(search.polished(x, slope, jacobian))
+    first_state, first_slope, _ = search.at(np.array(state))
+    if search.cancels(first_state, first_slope):
+        return first_state
+    raise search.no_rest(slope)
 
 
 def _search(program: Program, constraints: Constraints, inputs: Any, first: Segment) -> Search:
@@ -89,10 +97,13 @@ class Search:
         magnitude = np.ones(self.count + len(program.unknowns.names))
         self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude), first.mode
         self.largest = np.zeros(self.count)
-        units = program.states.units
+        self.names, units = program.states.names, program.states.units
         kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
         self.kind = np.array([kinds[unit] for unit in units], dtype=int)  # states of one unit have one number
         self.basis: Any = None  # of the directions that closing joints leave, where the search is
+        self.farthest = LARGEST
+        self.loop_terms: Any = 0.0  # of the unknowns of loops in each rate, where the search is
+        self.unread: Any = None  # states that nothing reads (n,), known with the first state
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
         """State, rates, and their derivatives by the states alone."""
@@ -101,13 +112,23 @@ class Search:
         if self.constraints:
             self.basis = self.constraints.tangents(self.time, full, self.mode)
         n = self.count
-        slope = np.asarray(self.program.derivative(self.time, full, *self.fixed))[:n]
+        if self.unread is None:
+            self.unread = unread_states(self.program, self.time, full, *self.fixed)
+        slope = self.rates(full)
         whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
-        jacobian = whole[:n, :n]
+        jacobian = whole[:n, :n].copy()
+        self.loop_terms = np.abs(whole[:n, n:]) @ np.abs(full[n:])
         if len(full) > n:
             jacobian = jacobian - whole[:n, n:] @ np.linalg.solve(whole[n:, n:], whole[n:, :n])
+        jacobian[self.unread] = 0.0
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
+
+    def rates(self, full: Any) -> Any:
+        """Rates of the states (n,), zero for those that nothing reads."""
+        slope = np.array(self.program.derivative(self.time, full, *self.fixed))[: self.count]
+        slope[self.unread] = 0.0
+        return slope
 
     def first(self, slope: Any, jacobian: Any) -> float:
         """The length of the first step: that of the fastest mode, or of what the rates do to the states."""
@@ -153,7 +174,7 @@ class Search:
 
     def _noise(self, jacobian: Any) -> Any:
         """What rounding may leave of each rate."""
-        return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)))
+        return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.loop_terms)
 
     def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
         rows = np.abs(jacobian).max(axis=1)
@@ -173,23 +194,70 @@ class Search:
                 return np.full(len(slope), np.inf)
             kept = lost / rows / columns  # what every motion keeps (w with w J = 0) stays as it is
             kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
-            whole = np.concatenate([matrix / columns, kept])
-            return np.linalg.lstsq(whole, np.concatenate([needed, np.zeros(len(kept))]), rcond=SINGULAR)[0] / columns
+            whole, wanted = np.concatenate([matrix / columns, kept]), np.concatenate([needed, np.zeros(len(kept))])
+            change = np.linalg.lstsq(whole, wanted, rcond=SINGULAR)[0]
+            beside = np.abs(whole @ change - wanted)  # what is kept may be what drives: then nothing comes to rest
+            allowed = CLOSE * max(np.abs(needed).max(), np.abs(change).max()) + np.concatenate(
+                [noise / rows, np.zeros(len(kept))]
+            )
+            return change / columns if (beside <= allowed).all() else np.full(len(slope), np.inf)
         change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
         return change / columns
 
     def distance(self, slope: Any, jacobian: Any) -> float:
         """How far the equilibrium is, in units of the magnitudes."""
+        if (np.abs(slope) <= ROUNDING * (np.abs(jacobian) @ self.largest + self.loop_terms)).all():
+            return 0.0  # no magnitude of a change is known where only rounding moves
         change = self.correction(slope, jacobian)
-        seen = self.scale(change)
-        fastest = self.fastest(jacobian)
-        if fastest > 0:  # a speed that only rounding ever moved has a magnitude nevertheless
-            seen = np.maximum(seen, np.abs(jacobian) @ seen / fastest)
+        seen = self.moved(self.scale(change), jacobian)
         return float((np.abs(change) / seen).max(initial=0.0))
+
+    def moved(self, seen: Any, jacobian: Any) -> Any:
+        """Magnitudes (n,) with what others move within the time of the fastest mode: a speed that only rounding ever moved has one nevertheless."""
+        fastest = self.fastest(jacobian)
+        return np.maximum(seen, np.abs(jacobian) @ seen / fastest) if fastest > 0 else seen
 
     def polished(self, full: Any, slope: Any, jacobian: Any) -> Any:
         """The last corrections, to round-off."""
         for _ in range(3):
             change = self.correction(slope, jacobian)
+            if not np.isfinite(change).all():
+                break  # what is left is rounding
             full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
         return full
+
+    # ------------------------------------------------------------ what is told
+    def rested(self, full: Any) -> Any:
+        """The state, of which all rates vanish at its scales. Raises `RunFailed` for one that does not rest."""
+        full, slope, jacobian = self.at(full)
+        terms = np.abs(jacobian) @ self.moved(self.scale(np.zeros(self.count)), jacobian) + self.loop_terms
+        shared = np.zeros(self.kind.max(initial=0) + 1)
+        np.maximum.at(shared, self.kind, terms)  # accelerations are solved for together: rounding of one is in all
+        resting = np.abs(slope) <= np.maximum(RESTING * terms, CANCELLED * shared[self.kind])
+        if not resting.all() and not self.cancels(full, np.where(resting, 0.0, slope)):
+            raise self.no_rest(slope)
+        return full
+
+    def cancels(self, full: Any, slope: Any) -> bool:
+        """Whether all rates are what rounding leaves of terms that parameters and inputs make and that cancel each other."""
+        inputs, _, mode = self.fixed
+        terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
+        terms[self.unread] = np.inf
+        return bool((np.abs(slope) <= CANCELLED * terms).all())
+
+    def not_finite(self, slope: Any, full: Any) -> RunFailed:
+        """Rates that are no numbers, where the search begins."""
+        return not_finite(self.program, self.time, slope, full, self.mode)
+
+    def drivers(self, place: int) -> str:
+        """What a rate reads, for messages."""
+        return drivers(self.program, place)
+
+    def no_rest(self, slope: Any) -> RunFailed:
+        """Which states keep moving, and what drives them."""
+        sizes = np.abs(slope) / self.scale(np.zeros(self.count))
+        worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
+        return RunFailed(
+            f"no equilibrium was found: the rate of `{self.names[worst]}` does not vanish (now {slope[worst]:.6g}); "
+            f"{self.drivers(worst)}; does something drive the model for ever, or is it unstable there?"
+        )

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import RunFailed
 from .rest import CLOSE, SINGULAR, Search
+from .steady import unread_states
 
 OFF = 1e-10  # of the largest entries: how far the matrix is moved off its singularity
 COLUMNS = (4, 16, 64)  # that are looked at, more where all of the first are null
@@ -31,11 +32,15 @@ class SparseSearch(Search):
         from scipy.sparse import csc_array
 
         full = self.loops.solve(self.time, full, self.mode)
-        slope = np.asarray(self.program.derivative(self.time, full, *self.fixed))[: self.count]
+        if self.unread is None:
+            self.unread = unread_states(self.program, self.time, full, *self.fixed)
+        slope = self.rates(full)
         entries = np.asarray(self.program.jacobian_entries(self.time, full, *self.fixed), dtype=float)
         whole = csc_array((entries, self.program.pattern), shape=(len(full), len(full)))
+        self.loop_terms = np.abs(whole[: self.count, self.count :]) @ np.abs(full[self.count :])
         self.largest = np.maximum(self.largest, np.abs(full[: self.count]))
-        return full, slope, self._reduced(whole)
+        jacobian = self._reduced(whole)
+        return full, slope, _scaled(jacobian, np.where(self.unread, 0.0, 1.0), 1) if self.unread.any() else jacobian
 
     def _reduced(self, whole: Any) -> Any:
         """By the states alone: unknowns of loops follow them. Raises `RunFailed`."""

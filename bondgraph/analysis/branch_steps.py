@@ -1,0 +1,422 @@
+"""Steps along a branch of states of rest, and the special points between them.
+
+Each step is corrected by Newton's method on the plane across the tangent. A fold, a branch point or an oscillation is one only if its test
+function has another sign on either side of it, close by, and comes to zero there instead of passing a pole.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import RunFailed
+from .operating_point import OperatingPoint
+from .verdict import Eigenvalues, decisive
+
+ITERATIONS = 12
+CLOSE = 1e-13  # of the magnitudes: a last correction
+ENOUGH = 1e-9  # the same, where rounding lets it come no closer
+SINGULAR = 1e-11
+TURN = 0.97  # cosine of the largest turn between two tangents
+SHORTEST = 1e-7  # of the range
+ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # of the magnitudes: first steps onto another branch
+LIMIT_STEPS = 30  # halvings of the step on which the model ceases to hold
+LONGEST = 4.0  # first steps
+# By unit, else in SI: what symmetry and rest leave of an angle, a place, a speed, a momentum is rounding, and no magnitude.
+NOTHING = {"1": 1e-9, "1/s": 1e-9, "m": 1e-12, "m/s": 1e-12}
+LEAST = 1e-25
+RESTING = 1e-6  # of the terms in a rate: more of it is no rest
+NOISE = 1e-14  # of the largest term of a row: what rounding leaves
+CROSSED = 0.5  # of a test function at the ends of a step: how large it may be next to its zero, unlike next to a pole
+BOTH_SIDES = (0.01, 0.05, 0.2)  # of a step: how far beside a zero its sign is verified
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPlace:
+    """A point of the branch: A and b are the slopes of the rates by free coordinates and the parameter."""
+
+    point: OperatingPoint
+    value: float
+    A: Any
+    b: Any
+    tangent: Any  # of all states and the parameter, in scaled coordinates, of length 1
+    eigenvalues: Eigenvalues  # that decide on stability
+    scale: Any  # of the states, with which the tangent was scaled
+    before: BranchPlace | None = None  # of a branch point the point before it, which is a plain one
+
+    @property
+    def forward(self) -> float:
+        return float(self.tangent[-1])
+
+    def unstable(self) -> int:
+        """How many eigenvalues grow."""
+        return self.eigenvalues.growing
+
+    @property
+    def decided(self) -> bool:
+        """Whether each eigenvalue is known to grow or not."""
+        return not self.eigenvalues.undecided
+
+
+class BranchFollower:
+    """Holds the scales, which grow with what is seen, and makes points."""
+
+    def __init__(self, first: OperatingPoint, name: str, low: float, high: float) -> None:
+        self.name, self.range, self.count = name, high - low, first.count
+        self.units = first.program.states.units
+        self.steady, self.neutral = first.steady, 0
+        self.seen, self.unseen = np.zeros(first.count), 1.0
+        self.see(first.state)
+
+    def see(self, state: Any) -> None:
+        """Magnitudes of the states: those of one unit share the largest; 1 for what was never seen."""
+        size = np.abs(state[: self.count])
+        least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
+        self.seen = np.maximum(self.seen, np.where(size > least, size, 0.0))
+        self.scale = np.array(
+            [
+                max(x for x, u in zip(self.seen, self.units, strict=True) if u == unit) or self.unseen
+                for unit in self.units
+            ]
+        )
+
+    def rests(self, place: BranchPlace) -> bool:
+        """Whether all rates that read states of known magnitudes vanish beside their terms."""
+        chosen, size = place.point.reduced.chosen, np.abs(place.point.state[: self.count])
+        least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
+        terms = np.abs(place.A) @ np.where(size > least, size, 0.0)[chosen]
+        rates = np.abs(self.rates(place.point))
+        return not bool(((rates > RESTING * terms) & (terms > 0)).any())
+
+    def shrink(self, state: Any) -> bool:
+        """Smaller magnitudes for what was never seen; False if there is nothing of that kind, or they are very small."""
+        self.unseen *= 1e-4
+        before = self.scale
+        self.see(state)
+        return bool((self.scale != before).any()) and self.unseen > 1e-17
+
+    def slopes(self, point: OperatingPoint) -> tuple[Any, Any]:
+        space = point.compilation.state_space
+        A, b = point.of_states([space.states[i].rate for i in point.reduced.chosen])
+        turning = [n in self.steady for n in np.take(point.program.states.names, point.reduced.chosen)]
+        return np.where(np.array(turning)[:, None], 0.0, A), np.where(turning, 0.0, b[:, 0])
+
+    def rates(self, point: OperatingPoint) -> Any:
+        """Rates of the free coordinates, zero for angles that turn steadily."""
+        names = np.take(point.program.states.names, point.reduced.chosen)
+        return np.where([n in self.steady for n in names], 0.0, point.rates[point.reduced.chosen])
+
+    def system(self, point: OperatingPoint, A: Any, b: Any) -> Any:
+        """Scaled rows of [A b], then what every motion keeps; columns are scaled coordinates and the parameter."""
+        whole = np.concatenate([A * self.scale[point.reduced.chosen], b[:, None] * self.range], axis=1)
+        rows = np.abs(whole).max(axis=1)
+        rows = np.where(rows > 0, rows, 1.0)
+        u, sizes, _ = np.linalg.svd(whole / rows[:, None], full_matrices=True)
+        rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
+        kept = u[:, rank:].T / rows * self.scale[point.reduced.chosen]
+        norm = np.linalg.norm(kept, axis=1, keepdims=True)
+        kept = np.concatenate([kept / np.where(norm > 0, norm, 1.0), np.zeros((len(kept), 1))], axis=1)
+        return rows, whole / rows[:, None], kept
+
+    def place(self, point: OperatingPoint, value: float, along: Any) -> BranchPlace:
+        """With the tangent that goes on like `along`."""
+        A, b = self.slopes(point)
+        _, whole, kept = self.system(point, A, b)
+        _, _, right = np.linalg.svd(np.concatenate([whole, kept]), full_matrices=True)
+        q = right[-1]
+        reduced = point.reduced
+        states = (
+            reduced.directions @ (q[:-1] * self.scale[reduced.chosen]) + reduced.following[:, 0] * q[-1] * self.range
+        )
+        tangent = np.concatenate([states / self.scale, q[-1:]])
+        tangent = tangent / np.linalg.norm(tangent)
+        if tangent @ along < 0:
+            tangent = -tangent
+        found, self.neutral = decisive(point, A, self.neutral)
+        return BranchPlace(point, value, A, b, tangent, found, self.scale)
+
+    def corrected(self, start: BranchPlace, length: float) -> BranchPlace | None:
+        """The point of the branch at a length along the tangent; None if it is not found."""
+        origin = np.concatenate([start.point.state[: self.count] / self.scale, [start.value / self.range]])
+        guess = origin + length * start.tangent
+        before = math.inf
+        for _ in range(ITERATIONS):
+            full = np.concatenate([guess[:-1] * self.scale, start.point.state[self.count :]])
+            value = float(guess[-1] * self.range)
+            try:
+                point = start.point.elsewhere({self.name: value}, full)
+                A, b = self.slopes(point)
+            except RunFailed:
+                return None
+            here = np.concatenate([point.state[: self.count] / self.scale, guess[-1:]])
+            rows, whole, kept = self.system(point, A, b)
+            lift = np.concatenate(
+                [point.reduced.directions * self.scale[point.reduced.chosen], point.reduced.following * self.range],
+                axis=1,
+            )
+            lift = np.concatenate([lift / self.scale[:, None], np.eye(1, lift.shape[1], lift.shape[1] - 1)])
+            matrix = np.concatenate([whole, kept, (start.tangent @ lift)[None]])
+            moved = here - origin
+            rates = self.rates(point)  # near a branch point their rounding would be made large
+            rates = np.where(np.abs(rates) < NOISE * rows, 0.0, rates)
+            right = np.concatenate(
+                [
+                    rates / rows,
+                    kept @ _chosen(moved, point),
+                    [start.tangent @ moved - length],
+                ]
+            )
+            right[len(rates) :][np.abs(right[len(rates) :]) < NOISE] = 0.0
+            step = -np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
+            norm = float(np.abs(step).max(initial=0.0))
+            if not math.isfinite(norm):
+                return None
+            guess = here + lift @ step
+            if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
+                value = float(guess[-1] * self.range)
+                full = np.concatenate([guess[:-1] * self.scale, point.state[self.count :]])
+                return self.place(point.elsewhere({self.name: value}, full), value, start.tangent)
+            before = norm
+        return None
+
+    def beside(self, place: BranchPlace, sign: float) -> BranchPlace | None:
+        """The first point of the branch that crosses at a branch point: two directions keep rest there to first order, one is
+        the branch's own; along the other one steps aside, and corrects on the plane across (Keller's parallel search)."""
+        reduced, before = place.point.reduced, place.before or place
+        rows, _, kept = self.system(
+            before.point, before.A, before.b
+        )  # at the point itself a row may be nothing but rounding
+        whole = np.concatenate([place.A * self.scale[reduced.chosen], place.b[:, None] * self.range], axis=1)
+        _, _, right = np.linalg.svd(np.concatenate([whole / rows[:, None], kept]), full_matrices=True)
+        own = np.concatenate([place.tangent[:-1] * place.scale / self.scale, place.tangent[-1:]])
+        own = own / np.linalg.norm(own)
+        ways = []
+        for q in right[-2:]:
+            states = reduced.directions @ (q[:-1] * self.scale[reduced.chosen])
+            way = np.concatenate([(states + reduced.following[:, 0] * q[-1] * self.range) / self.scale, q[-1:]])
+            ways.append(way - (way @ own) * own)
+        aside = max(ways, key=lambda way: float(np.linalg.norm(way)))
+        aside = sign * aside / np.linalg.norm(aside)
+        for length in ASIDE:
+            moved = self.corrected(replace(place, tangent=aside), length)
+            if moved is not None:
+                return moved
+        return None
+
+
+def _chosen(moved: Any, point: OperatingPoint) -> Any:
+    return np.concatenate([moved[:-1][point.reduced.chosen], moved[-1:]])
+
+
+class BranchLine:
+    """One branch, as far as it goes within a range."""
+
+    def __init__(self, follower: BranchFollower, low: float, high: float, points: int, most: int) -> None:
+        self.follower, self.low, self.high, self.points, self.most = follower, low, high, points, most
+        self.places: list[BranchPlace] = []
+        self.sure: tuple[BranchPlace, float] | None = None  # the last point with a verdict, and how far it lies back
+        self.ended = f"after {most} points"
+
+    def go(self, first: BranchPlace) -> list[tuple[str, BranchPlace]]:
+        """From a first point along its tangent; what is special on the way."""
+        follower, self.places = self.follower, [first]
+        special: list[tuple[str, BranchPlace]] = []
+        length = 1.0 / self.points
+        while len(self.places) < self.most:
+            here = self.places[-1]
+            found = follower.corrected(here, length)
+            if found is None or found.tangent @ here.tangent < TURN:
+                length *= 0.5
+                if length < SHORTEST:
+                    self.ended = "no further state of rest was found"
+                    break
+                continue
+            end = self._passed(found.value)
+            if len(self.places) == 1 and not follower.rests(found) and follower.shrink(here.point.state):
+                self.places = [follower.place(here.point, here.value, here.tangent)]
+                continue
+            limit, whole = self._limit(here, found, length)
+            if limit is not None:
+                found, length, end, self.ended = whole, limit[0], None, limit[1]
+            special += self._passed_between(found, length)
+            if limit is not None:
+                self.places.append(found)
+                break
+            if end is not None:
+                self.places.append(_ended(follower, here, length, end) or found)
+                self.ended = f"`{follower.name}` leaves the range"
+                break
+            self.places.append(found)
+            follower.see(found.point.state)
+            self.places[-1] = follower.place(found.point, found.value, found.tangent)
+            length = min(1.3 * length, LONGEST / self.points)
+        return special
+
+    def _limit(
+        self, here: BranchPlace, found: BranchPlace, length: float
+    ) -> tuple[tuple[float, str] | None, BranchPlace]:
+        """How far the model holds on the way to a point and what it is outside of beyond, with the last point where it holds; None if it
+        holds all the way."""
+        left = found.point.left
+        if not left:
+            return None, found
+        low, high, last = 0.0, length, here
+        for _ in range(LIMIT_STEPS):
+            middle = 0.5 * (low + high)
+            place = self.follower.corrected(here, middle)
+            if place is None:
+                break
+            beyond = place.point.left
+            low, high = (low, middle) if beyond else (middle, high)
+            last, left = (last, beyond) if beyond else (place, left)
+        return (low, f"the model does not hold beyond: {left[0].words_at_rest}"), last
+
+    def _passed_between(self, found: BranchPlace, length: float) -> list[tuple[str, BranchPlace]]:
+        """What lies between the last point at which stability was decided and another."""
+        base, way = self.sure if self.sure is not None else (None, 0.0)
+        way += length
+        here = self.places[-1]
+        if here.decided:
+            base, way = here, length
+        if not found.decided:
+            self.sure = None if base is None else (base, way)
+            return [] if here.forward * found.forward >= 0 else _special(self.follower, here, found, length)
+        self.sure = None
+        return [] if base is None or found is here else _special(self.follower, base, found, way)
+
+    def _passed(self, value: float) -> float | None:
+        """The end of the range that a value lies beyond."""
+        if (value - self.high) * (self.high - self.low) >= 0:
+            return self.high
+        return self.low if (value - self.low) * (self.high - self.low) <= 0 else None
+
+
+def _switches(point: OperatingPoint) -> bool:
+    """Whether conditions on states are no longer what they were at the first point."""
+    program = point.program
+    if program.hybrid is None:
+        return False
+    mode = program.mode_at(point.time, point.state, point.inputs, point.constants)
+    places = [c.position for c in program.hybrid.conditions]
+    return bool((np.asarray(mode)[places] != np.asarray(point.mode)[places]).any())
+
+
+def _bracketed(function: Callable[[float], float], length: float) -> float:
+    from scipy.optimize import brentq
+
+    return float(brentq(function, 0.0, length, xtol=1e-14 * length, rtol=1e-14, maxiter=200))
+
+
+def _special(
+    follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float
+) -> list[tuple[str, BranchPlace]]:
+    """What lies between two points at which each eigenvalue is known to grow or not: a fold, or an eigenvalue that is seen on both sides of zero
+    and gets there. One that passes through infinity is none."""
+    if here.forward * found.forward < 0:
+        place = _at(follower, here, length, lambda p: p.forward)
+        return [("fold", place)] if abs(place.forward) < min(abs(here.forward), abs(found.forward), CROSSED) else []
+    if here.unstable() == found.unstable():
+        return []
+    if _crossing(found if found.unstable() > here.unstable() else here):
+        return _verified("oscillation", follower, here, found, length, lambda p: _largest(p, here, found))
+    return _verified("branch", follower, here, found, length, lambda p: _determinant(p, here))
+
+
+def _verified(
+    kind: str, follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float, test: Callable[[BranchPlace], float]
+) -> list[tuple[str, BranchPlace]]:  # fmt: skip
+    """The point at which a test function changes sign, if it has another sign on either side and an eigenvalue is next to zero there."""
+    first, last = test(here), test(found)
+    if not first * last < 0:
+        return []
+    place, at = _root(follower, here, length, test)
+    for share in BOTH_SIDES:
+        beside = [follower.corrected(here, min(max(at + way * share * length, 0.0), length)) for way in (-1, 1)]
+        if None not in beside:
+            break
+    else:
+        return []
+    before, after = (test(p) for p in beside if p is not None)
+    if not before * after < 0 or not max(abs(before), abs(after)) <= CROSSED * max(abs(first), abs(last)):
+        return []
+    return [(kind, replace(place, tangent=here.tangent, scale=here.scale, before=here) if kind == "branch" else place)]
+
+
+def _determinant(place: BranchPlace, here: BranchPlace) -> float:
+    """The product of the eigenvalues that decide, in units of those of an earlier point: it changes sign where one of them does."""
+    values, units = (p.eigenvalues.values for p in (place, here))
+    if len(values) != len(units):
+        return 0.0  # one of them has become neutral
+    values, units = (v[np.argsort(np.abs(v))] for v in (values, units))
+    return float(np.prod(values / np.abs(units)).real)
+
+
+def _largest(place: BranchPlace, here: BranchPlace, found: BranchPlace) -> float:
+    """The real part of the eigenvalue that crosses: of those sorted, the one after the growing ones of the stabler side."""
+    count = min(here.unstable(), found.unstable())
+    values = place.eigenvalues.values
+    return float(np.sort(values.real)[::-1][count]) if count < len(values) else 0.0
+
+
+def _crossing(place: BranchPlace) -> bool:
+    """Whether the slowest growing eigenvalue is one of a pair."""
+    values, bounds = place.eigenvalues.values, place.eigenvalues.bounds
+    growing = values[values.real > bounds]
+    least = growing[np.argmin(growing.real)] if len(growing) else 0.0
+    return bool(abs(np.imag(least)) > 1e-6 * abs(least))
+
+
+def _at(
+    follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]
+) -> BranchPlace:
+    """The point of a step at which a function of it changes sign."""
+    return _root(follower, here, length, sign)[0]
+
+
+def _root(
+    follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]
+) -> tuple[BranchPlace, float]:  # fmt: skip
+    """The same, and how far along the step it lies."""
+    made: dict[float, BranchPlace] = {0.0: here}
+
+    def value(at: float) -> float:
+        if at not in made:
+            place = follower.corrected(here, at)
+            if place is None:
+                raise RunFailed("the branch could not be followed to a fold that it has")
+            made[at] = place
+        return sign(made[at])
+
+    if value(0.0) * value(length) > 0:
+        return made[length], length
+    try:
+        root = _bracketed(value, length)
+    except RunFailed:  # at a branch point itself Newton's matrix is singular: between two points close to it
+        return _between(made, sign)
+    nearest = min(made, key=lambda at: abs(at - root))
+    return made[nearest], nearest
+
+
+def _between(made: Mapping[float, BranchPlace], sign: Callable[[BranchPlace], float]) -> tuple[BranchPlace, float]:
+    """Where a straight line between the two closest points of unlike sign passes zero."""
+    order = sorted(made)
+    values = [sign(made[at]) for at in order]
+    low = min(
+        (i for i in range(len(order) - 1) if values[i] * values[i + 1] <= 0), key=lambda i: order[i + 1] - order[i]
+    )
+    share = values[low] / (values[low] - values[low + 1]) if values[low] != values[low + 1] else 0.5
+    first, second = made[order[low]], made[order[low + 1]]
+    at = order[low] + share * (order[low + 1] - order[low])
+    return replace(first if share < 0.5 else second, value=first.value + share * (second.value - first.value)), at
+
+
+def _ended(follower: BranchFollower, here: BranchPlace, length: float, end: float) -> BranchPlace | None:
+    """The point at the end of the range."""
+    try:
+        return _at(follower, here, length, lambda p: p.value - end)
+    except RunFailed:
+        return None

@@ -1,0 +1,166 @@
+"""Peaks and dips of a frequency response, from its poles: the same however many points are asked for.
+
+Between frequencies that lie about each pole as closely as its damping asks, peaks and dips are bracketed; then the parabola through
+1/|G|^2 (peaks) or |G|^2 (dips), which next to a single pole or zero is exact, leads to them. A pole on the imaginary axis that an input moves
+and an output shows is an infinite peak.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+PER_DECADE = 50  # frequencies besides those about poles
+NARROWEST = 1e-7  # of a frequency: about a pole without damping
+WIDEST = 0.5
+ROUNDS = 40
+CLOSE = 1e-11  # of a frequency
+NOTHING = 1e-12  # of the magnitude beside it: what is left at a zero on the imaginary axis
+DOUBLED = 30.0  # times as large a hundred times as near: an infinite peak
+FLAT = 1e-9  # of a magnitude: no peak
+
+Evaluate = Callable[[Any], Any]  # frequencies (f,) in Hz -> (f, m, k)
+
+
+@dataclass(frozen=True, slots=True)
+class Extremum:
+    """From `given` to `seen`: a "peak" or a "dip" at a frequency (Hz), with its magnitude in SI (infinite at an undamped resonance) and phase (deg)."""
+
+    given: str
+    seen: str
+    kind: str
+    frequency: float
+    magnitude: float
+    phase: float
+
+
+def extrema(
+    evaluate: Evaluate, poles: Any, undamped: Any, low: float, high: float, given: tuple[str, ...], seen: tuple[str, ...]
+) -> tuple[Extremum, ...]:  # fmt: skip
+    """Of all ways from an input to an output, rising. `undamped` (n,): which of the `poles` (n,), in 1/s, lie on the imaginary axis."""
+    infinite = np.unique(np.abs(poles[undamped].imag) / (2 * np.pi)) if len(poles) else np.zeros(0)
+    infinite = infinite[(infinite >= low) & (infinite <= high)]
+    frequencies = _about(poles, infinite, low, high)
+    size = np.abs(evaluate(frequencies))
+    found: list[Extremum] = []
+    brackets = []
+    for i in range(len(seen)):
+        for j in range(len(given)):
+            sharp = [f for f in infinite if _is_infinite(evaluate, float(f), i, j)]
+            found += [Extremum(given[j], seen[i], "peak", float(f), np.inf, np.nan) for f in sharp]
+            brackets += [
+                (i, j, k, sign) for k, sign in _turns(size[:, i, j])
+                if not any(frequencies[k - 1] < f < frequencies[k + 1] for f in sharp)
+            ]  # fmt: skip
+    for (i, j, k, sign), at, value in zip(brackets, *_refined(evaluate, frequencies, brackets), strict=True):
+        beside = max(size[k - 1, i, j], size[k + 1, i, j])
+        magnitude = abs(value) if sign > 0 or abs(value) > NOTHING * beside else 0.0
+        kind = "peak" if sign > 0 else "dip"
+        found.append(Extremum(given[j], seen[i], kind, float(at), float(magnitude), float(np.degrees(np.angle(value)))))
+    return tuple(sorted(found, key=lambda e: (given.index(e.given), seen.index(e.seen), e.frequency)))
+
+
+def _about(poles: Any, infinite: Any, low: float, high: float) -> Any:
+    """Frequencies (Hz) at which peaks and dips are looked for; none of them is an infinite peak."""
+    count = max(20, int(PER_DECADE * np.log10(high / low)))
+    parts = [np.geomspace(low, high, count)]
+    for pole in poles:
+        centre = abs(pole.imag) / (2 * np.pi)
+        if centre == 0 or abs(pole.real) >= abs(pole.imag):
+            continue
+        narrow = max(abs(pole.real / pole.imag) / 30, NARROWEST)
+        widths = (
+            centre * np.geomspace(narrow, WIDEST, max(2, int(6 * np.log10(WIDEST / narrow))))
+            if narrow < WIDEST
+            else np.zeros(0)
+        )
+        parts += [centre - widths, np.array([centre]), centre + widths]
+    every = np.unique(np.concatenate(parts))
+    every = every[(every >= low) & (every <= high)]
+    if len(infinite):
+        near = np.abs(every[:, None] / infinite - 1).min(axis=1)
+        every = every[near > 0.1 * NARROWEST]
+    return every
+
+
+def _is_infinite(evaluate: Evaluate, frequency: float, i: int, j: int) -> bool:
+    """Whether a response goes to infinity at a frequency: a hundred times as near it is much larger."""
+    near, nearer = frequency * (1 + 1e-4), frequency * (1 + 1e-6)
+    far, close = np.abs(evaluate(np.array([near, nearer]))[:, i, j])
+    return bool(close > DOUBLED * far) or not np.isfinite(close)
+
+
+def _turns(size: Any) -> list[tuple[int, int]]:
+    """Places of local maxima (sign 1) and minima (-1) of magnitudes, without those that are flat but for rounding."""
+    result = []
+    for sign in (1, -1):
+        rising = sign * np.diff(size)
+        places = np.flatnonzero((rising[:-1] > 0) & (rising[1:] <= 0)) + 1
+        swing = np.minimum(np.abs(size[places] - size[places - 1]), np.abs(size[places] - size[places + 1]))
+        result += [
+            (int(k), sign) for k, s in zip(places, swing, strict=True) if s > FLAT * size[k] or (sign < 0 and s > 0)
+        ]
+    return [(k, s) for k, s in result if np.isfinite(size[k - 1 : k + 2]).all()]
+
+
+def _refined(evaluate: Evaluate, frequencies: Any, brackets: list[tuple[int, int, int, int]]) -> tuple[Any, Any]:
+    """Frequencies of the extrema and the responses there, all brackets at once."""
+    if not brackets:
+        return np.zeros(0), np.zeros(0, dtype=complex)
+    rows, columns, places, signs = (np.array(part) for part in zip(*brackets, strict=True))
+
+    def at(f: Any) -> tuple[Any, Any]:
+        unique, back = np.unique(f, return_inverse=True)
+        values = evaluate(unique)[back, rows, columns]
+        squares = np.abs(values) ** 2
+        with np.errstate(divide="ignore"):
+            return values, np.where(signs > 0, 1 / squares, squares)
+
+    x = np.stack([frequencies[places - 1], frequencies[places], frequencies[places + 1]])
+    q = np.stack([at(row)[1] for row in x])
+    for round_ in range(ROUNDS):
+        new = _vertex(x, q) if round_ % 4 != 3 else _halved(x)
+        inside = (new > x[0]) & (new < x[2]) & (np.abs(new - x[1]) > 0.25 * CLOSE * x[1])
+        new = np.where(inside, new, _halved(x))
+        value = at(new)[1]
+        done = (x[2] - x[0] <= CLOSE * x[1]) | (np.abs(new - x[1]) <= CLOSE * x[1])
+        x, q = _narrowed(x, q, new, value)
+        if done.all():
+            break
+    best = x[1]
+    return best, at(best)[0]
+
+
+def _vertex(x: Any, q: Any) -> Any:
+    """Of the parabolas through three points each."""
+    left, right = x[1] - x[0], x[1] - x[2]
+    above = left**2 * (q[1] - q[2]) - right**2 * (q[1] - q[0])
+    below = left * (q[1] - q[2]) - right * (q[1] - q[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = x[1] - 0.5 * above / below
+    return np.where(np.isfinite(found), found, x[1])
+
+
+def _halved(x: Any) -> Any:
+    """The middles of the longer sides."""
+    return np.where(x[2] - x[1] > x[1] - x[0], 0.5 * (x[1] + x[2]), 0.5 * (x[0] + x[1]))
+
+
+def _narrowed(x: Any, q: Any, new: Any, value: Any) -> tuple[Any, Any]:
+    """The three points about each minimum, with a new one taken in."""
+    right, better = new > x[1], value < q[1]
+    triples = {
+        (True, True): ((x[1], new, x[2]), (q[1], value, q[2])), (True, False): ((x[0], x[1], new), (q[0], q[1], value)),
+        (False, True): ((x[0], new, x[1]), (q[0], value, q[1])), (False, False): ((new, x[1], x[2]), (value, q[1], q[2])),
+    }  # fmt: skip
+    for side in (0, 1):
+        first = np.where(better, np.stack(triples[True, True][side]), np.stack(triples[True, False][side]))
+        second = np.where(better, np.stack(triples[False, True][side]), np.stack(triples[False, False][side]))
+        if side == 0:
+            points = np.where(right, first, second)
+        else:
+            squares = np.where(right, first, second)
+    return points, squares

@@ -1,0 +1,353 @@
+"""Verdict of stability from eigenvalues with error bounds, right beside ones 1e12 times as large.
+
+Each eigenvalue has a first-order bound |w|'(|r| + c eps |A| |v|) / |w'v| with its left and right vectors w, v and its residual r, entry by
+entry, so that no scaling of states changes it (Higham and Higham, SIAM J. Matrix Anal. Appl. 20, 1998). Slow eigenvalues that the rounding
+of fast ones hides are computed again from the pencil (R A C) y = lambda (R C) y, whose rows and columns are scaled to entries of at most
+one and in which the fast states have hardly any part of the right side: the fast part is eliminated as by a singular perturbation.
+
+Where states fall into two kinds and each rate reads only the other kind (displacements and momenta without loss), eigenvalues come as
++-lambda: those on the imaginary axis are there exactly, and such a rest is stable without damping. A zero eigenvalue is no part of the verdict
+if the rest lies on a continuum of rests (something is conserved, or nothing brings back), which is seen by walking along the null space,
+or if its left vector is conserved for all states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import RunFailed
+from .linear import state_matrix
+
+if TYPE_CHECKING:
+    from .operating_point import OperatingPoint
+
+EPS = float(np.finfo(float).eps)
+ENTRIES = 8.0  # units in the last place, of the entries of A as they are evaluated
+TRUSTED = 1e-4  # of an eigenvalue: a bound below that needs no second computation
+ROUNDS = 8  # of smaller and smaller scales
+EXTENDED = 300  # states up to which residuals are computed in extended precision
+ROUNDED = 64 * EPS  # of the scaled entries of a lossless model
+NULL = 1e-9  # of the largest singular value of the scaled matrix: what may be null
+CLEAN = 1e-11  # of the largest component of a scaled null vector: rounding
+NULL_ENTRIES = 64.0  # units in the last place of the terms that cancel in A v
+WALK = 0.03  # of the magnitudes: how far along a null space rests are looked for
+BESIDE = 0.2  # of that: how far from the straight line the next rest may be
+NEWTON = 8
+REST = 1e-10  # of the terms of a rate
+SEED = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenvalues:
+    """`values` (n,) in 1/s, and by how much each may be off, `bounds` (n,); `undamped` (n,): on the imaginary axis by structure."""
+
+    values: Any
+    bounds: Any
+    undamped: Any
+
+    @property
+    def growing(self) -> int:
+        """How many surely grow."""
+        return int((self.values.real > self.bounds).sum())
+
+    @property
+    def undecided(self) -> tuple[complex, ...]:
+        """Those whose real part cannot be told from zero; of a pair the one with the positive imaginary part."""
+        unsure = self.values[(np.abs(self.values.real) <= self.bounds) & ~self.undamped]
+        return tuple(complex(v) for v in unsure if v.imag >= 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """Stability of a rest: `growth` (1/s) is the largest real part, off by at most `bound`; `undecided` lists eigenvalues whose real part cannot be
+    told from zero; `stable` is None if these decide. `undamped` lists those on the imaginary axis by the structure of the equations (of a pair the one
+    with the positive imaginary part); `neutral` counts zero eigenvalues of continua of rests."""
+
+    growth: float
+    bound: float
+    stable: bool | None
+    undecided: tuple[complex, ...] = ()
+    undamped: tuple[complex, ...] = ()
+    neutral: int = 0
+
+    @property
+    def word(self) -> str:
+        """`stable`, `unstable` or `not decided`."""
+        return {True: "stable", False: "unstable", None: "not decided"}[self.stable]
+
+
+def verdict(point: OperatingPoint) -> Verdict:
+    """Of a point at rest."""
+    return verdict_of(*decisive(point, state_matrix(point)))
+
+
+def decisive(point: OperatingPoint, A: Any, known: int = 0) -> tuple[Eigenvalues, int]:
+    """The eigenvalues of A that decide on stability, and how many neutral ones there are beside them. `known`: so many have been shown to be
+    neutral at another point of the same branch."""
+    active, sizes, neutral = _without_neutral(point, A, known)
+    return bounded_eigenvalues(active, sizes, lossless(point)), neutral
+
+
+def lossless(point: OperatingPoint) -> bool:
+    """Whether nothing in a model takes or gives energy but storages and sources of a constant effort or flow."""
+    key = "constant sources alone"
+    if key not in point.made.kept:
+        ports = point.compilation.state_space.ports
+        given = [p.effort if p.kind == "Se" else p.flow for p in ports if p.kind in ("Se", "Sf")]
+        others = any(p.kind not in ("C", "I", "IC", "Se", "Sf", "TF", "GY") for p in ports)
+        point.made.kept[key] = not others and not any(c < point.all for c in point.slopes_of(tuple(given)).columns)
+    return bool(point.made.kept[key])
+
+
+def verdict_of(found: Eigenvalues, neutral: int = 0) -> Verdict:
+    """From the eigenvalues that decide."""
+    if not len(found.values):
+        return Verdict(0.0 if neutral else -np.inf, 0.0, True, neutral=neutral)
+    worst = int(np.argmax(found.values.real))
+    undecided, undamped = found.undecided, tuple(complex(v) for v in found.values[found.undamped] if v.imag > 0)
+    stable = False if found.growing else None if undecided else True
+    growth = float(found.values.real[worst])
+    return Verdict(
+        max(growth, 0.0) if neutral else growth, float(found.bounds[worst]), stable, undecided, undamped, neutral
+    )
+
+
+# ---------------------------------------------------------------- eigenvalues
+
+
+def bounded_eigenvalues(A: Any, sizes: Any = None, lossless: bool = False) -> Eigenvalues:
+    """Eigenvalues of a real matrix (n, n), each with a bound. `sizes` (n, n): of the terms that make the entries; None: the entries. `lossless`:
+    of a model without losses, in which entries of the size of rounding are none."""
+    from scipy.linalg import eig, matrix_balance
+
+    if not len(A):
+        return Eigenvalues(np.zeros(0, dtype=complex), np.zeros(0), np.zeros(0, dtype=bool))
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    terms = np.abs(A) if sizes is None else sizes
+    terms = terms * scale[None, :] / scale[:, None]
+    values, left, right = eig(balanced, left=True, right=True)
+    bounds = _bounds(balanced, terms, values, left, right)
+    for _ in range(ROUNDS):
+        unsure = (bounds > TRUSTED * np.abs(values)) | (
+            (np.abs(values.real) <= bounds) & (bounds > 64 * len(A) * EPS * np.abs(values))
+        )
+        if not unsure.any():
+            break
+        scale_of = float(np.abs(values[unsure]).max())
+        if scale_of < 1e-290:
+            break
+        again = np.flatnonzero(np.abs(values) <= 1.01 * scale_of)
+        if len(again) == len(values) and _ > 0:
+            break
+        new_values, new_bounds = _of_pencil(balanced, terms, scale_of, len(again))
+        before = float(np.sort(bounds[again])[::-1].sum())
+        if not np.isfinite(new_bounds).all() or not new_bounds.sum() < 0.5 * before:
+            break
+        values[again], bounds[again] = new_values, new_bounds
+    undamped = (np.abs(values.real) <= bounds) & (np.abs(values.imag) > bounds)
+    if lossless and undamped.any():
+        rows, columns = equilibrated(balanced, float(np.abs(values[undamped]).min()))
+        balanced = np.where(np.abs(balanced) > ROUNDED * rows[:, None] * columns, balanced, 0.0)
+    undamped &= bool(undamped.any()) and two_sided(balanced)
+    return Eigenvalues(np.where(undamped, 1j * values.imag, values), bounds, undamped)
+
+
+def two_sided(A: Any) -> bool:
+    """Whether states fall into two kinds of which each rate reads only the other: then -lambda is an eigenvalue with lambda."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+    if np.diag(A).any():
+        return False
+    joined = csr_array(((A != 0) | (A.T != 0)).astype(float))
+    side = np.zeros(len(A), dtype=int)
+    _, label = connected_components(joined, directed=False)
+    for root in np.unique(label, return_index=True)[1]:
+        order, before = breadth_first_order(joined, root, directed=False)
+        for i in order[1:]:
+            side[i] = 1 - side[before[i]]
+    rows, columns = np.nonzero(A)
+    return bool((side[rows] != side[columns]).all())
+
+
+def _of_pencil(A: Any, terms: Any, scale: float, count: int) -> tuple[Any, Any]:
+    """The smallest eigenvalues and their bounds from the pencil in which none of the states is faster than a scale (1/s)."""
+    from scipy.linalg import eig
+
+    rows, columns = equilibrated(A, scale)
+    values, left, right = eig(A / rows[:, None] / columns, np.diag(scale / (rows * columns)), left=True, right=True)
+    values = np.where(np.isfinite(values), values * scale, np.inf)
+    chosen = np.argsort(np.abs(values), kind="stable")[:count]
+    v, w = right[:, chosen] / columns[:, None], left[:, chosen] / rows[:, None]
+    return values[chosen], _bounds(A, terms, values[chosen], w, v)
+
+
+def equilibrated(A: Any, least: float) -> tuple[Any, Any]:
+    """Factors r (n,) and c (n,) with |a_ij| <= r_i c_j, each product r_i c_i at least `least` (by Ruiz's iteration, upwards only)."""
+    size = np.abs(A)
+    rows = columns = np.full(len(A), np.sqrt(least))
+    for _ in range(20):
+        scaled = size / rows[:, None] / columns
+        up, across = np.maximum(scaled.max(axis=1), 1.0), np.maximum(scaled.max(axis=0), 1.0)
+        rows, columns = rows * np.sqrt(up), columns * np.sqrt(across)
+        if max(up.max(), across.max()) < 2.0:
+            break
+    return rows, columns
+
+
+def _bounds(A: Any, terms: Any, values: Any, left: Any, right: Any) -> Any:
+    """First-order bounds (k,) on the errors of eigenvalues with vectors `left` and `right` (n, k)."""
+    if len(A) <= EXTENDED:
+        long = A.astype(np.longdouble)
+        real, imaginary = right.real.astype(np.longdouble), right.imag.astype(np.longdouble)
+        moved = long @ real + 1j * (long @ imaginary)
+        residual = np.abs(moved - values * (real + 1j * imaginary)).astype(float)
+    else:
+        residual = np.abs(A @ right - values * right) + len(A) * EPS * (np.abs(A) @ np.abs(right))
+    lengths = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    above = np.einsum("ij,ij->j", np.abs(left), residual + ENTRIES * EPS * (terms @ np.abs(right)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = above / lengths
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+# ---------------------------------------------------------------- what is neutral
+
+
+def null_space(A: Any) -> Any:
+    """Right null vectors (n, k) of a matrix up to the rounding of its entries, the largest component of each 1 in its scales."""
+    n = len(A)
+    if not n:
+        return np.zeros((0, 0))
+    rows = np.abs(A).max(axis=1, initial=0.0)
+    rows = np.where(rows > 0, rows, 1.0)
+    columns = np.abs(A / rows[:, None]).max(axis=0, initial=0.0)
+    columns = np.where(columns > 0, columns, 1.0)
+    scaled = A / rows[:, None] / columns
+    _, sizes, right = np.linalg.svd(scaled)
+    vectors = right[sizes <= NULL * max(sizes.max(initial=0.0), 1e-300)].T
+    vectors = _reduced_columns(vectors)
+    vectors = np.where(np.abs(vectors) > CLEAN, vectors, 0.0)
+    terms = np.abs(scaled) @ np.abs(vectors)
+    null = (np.abs(scaled @ vectors) <= NULL_ENTRIES * n * EPS * terms).all(axis=0)
+    return vectors[:, null] / columns[:, None]
+
+
+def _reduced_columns(vectors: Any) -> Any:
+    """Another basis of the same space, with an identity in k of its rows: it has the zeros that the space has."""
+    from scipy.linalg import qr
+
+    if not vectors.shape[1]:
+        return vectors
+    _, _, order = qr(vectors.T, pivoting=True, mode="economic")
+    chosen = order[: vectors.shape[1]]
+    found = np.linalg.solve(vectors[chosen].T, vectors.T).T
+    found[chosen] = np.eye(len(chosen))
+    return found
+
+
+def _without_neutral(point: OperatingPoint, A: Any, known: int) -> tuple[Any, Any, int]:
+    """The matrix without directions along which rests lie and without what is conserved, the sizes of its terms, and how many went."""
+    sizes, neutral = np.abs(A), 0
+    vectors = null_space(A)
+    if not vectors.shape[1]:
+        return A, sizes, 0
+    count = vectors.shape[1]
+    keep = [i for i in range(count) if count <= known or leads_to_rests(point, vectors[:, i])]
+    if not keep:
+        return A, sizes, 0
+    vectors, places = vectors[:, keep], np.arange(len(A))
+    A, sizes, left = _quotient(A, sizes, vectors)
+    places, neutral = places[left], len(keep)
+    while True:
+        kept = null_space(A.T)
+        count = kept.shape[1]
+        kept = kept[:, [i for i in range(count) if neutral + count <= known or _conserved(point, places, kept[:, i])]]
+        if not kept.shape[1]:
+            return A, sizes, neutral
+        A, sizes, left = _quotient(A.T, sizes.T, kept)
+        A, sizes, places, neutral = A.T, sizes.T, places[left], neutral + kept.shape[1]
+
+
+def _quotient(A: Any, sizes: Any, vectors: Any) -> tuple[Any, Any, Any]:
+    """The matrix (n - k, n - k) of motions up to null vectors (n, k), the sizes of its terms, and the places that are left."""
+    from scipy.linalg import qr
+
+    _, _, order = qr(vectors.T, pivoting=True, mode="economic")
+    pivots, left = np.sort(order[: vectors.shape[1]]), np.sort(order[vectors.shape[1] :])
+    follow = np.linalg.solve(vectors[pivots].T, vectors[left].T).T
+    inner = A[np.ix_(left, left)] - follow @ A[np.ix_(pivots, left)]
+    size = sizes[np.ix_(left, left)] + np.abs(follow) @ sizes[np.ix_(pivots, left)]
+    return inner, size, left
+
+
+def leads_to_rests(point: OperatingPoint, vector: Any) -> bool:
+    """Whether other rests lie along a null vector of the free coordinates: a continuum, not a point where branches meet."""
+    reduced, n = point.reduced, point.count
+    state = np.array(point.state)
+    scale = magnitudes(point)
+    along = reduced.directions @ vector
+    along = along / np.max(np.abs(along) / scale)
+    for share in (WALK, -WALK):
+        aim = state[:n] + share * along
+        try:
+            moved = point.elsewhere({}, np.concatenate([aim, state[n:]]))
+            for _ in range(NEWTON):
+                rates = resting_rates(moved)
+                if not rates.any():
+                    break
+                step = least_step(state_matrix(moved), rates, scale[reduced.chosen])
+                change = reduced.directions @ step
+                moved = point.elsewhere({}, np.concatenate([moved.state[:n] + change, moved.state[n:]]))
+                if np.max(np.abs(change) / scale) < 1e-9 * WALK:
+                    break
+            terms = np.abs(state_matrix(moved)) @ scale[reduced.chosen]
+        except (RunFailed, np.linalg.LinAlgError):
+            return False
+        rest = (np.abs(resting_rates(moved)) <= REST * np.maximum(terms, REST * terms.max(initial=0.0))).all()
+        if not rest or not np.max(np.abs(moved.state[:n] - aim) / scale) <= BESIDE * WALK:
+            return False
+    return True
+
+
+def resting_rates(point: OperatingPoint) -> Any:
+    """Rates of the free coordinates, zero for angles that turn steadily."""
+    names = np.take(point.program.states.names, point.reduced.chosen)
+    return np.where([n in point.steady for n in names], 0.0, point.rates[point.reduced.chosen])
+
+
+def least_step(A: Any, rates: Any, scale: Any) -> Any:
+    """Newton's step to a rest, the shortest in units of `scale`."""
+    rows = np.abs(A * scale).max(axis=1, initial=0.0)
+    rows = np.where(rows > 0, rows, 1.0)
+    return -scale * np.linalg.lstsq(A * scale / rows[:, None], rates / rows, rcond=1e-10)[0]
+
+
+def magnitudes(point: OperatingPoint) -> Any:
+    """Of the states (n,): those of one unit share the largest; 1 where none is known."""
+    state, units = np.abs(point.state[: point.count]), np.array(point.program.states.units)
+    found = np.array([np.max(state[units == unit]) for unit in units])
+    return np.where(found > 0, found, 1.0)
+
+
+def _conserved(point: OperatingPoint, places: Sequence[int], vector: Any) -> bool:
+    """Whether a combination of free coordinates has no rate at any state near."""
+    if point.reduced.tied:
+        return False
+    random, scale, n = np.random.default_rng(SEED), magnitudes(point), point.count
+    weights = np.zeros(n)
+    weights[np.asarray(places)] = vector
+    for _ in range(3):
+        state = point.state[:n] + 0.1 * scale * random.uniform(-1, 1, n)
+        try:
+            rates = resting_rates(point.elsewhere({}, np.concatenate([state, point.state[n:]])))
+        except RunFailed:
+            return False
+        terms = np.abs(weights) @ np.abs(rates)
+        if not abs(float(weights @ rates)) <= 1e-10 * terms:
+            return False
+    return True

@@ -1,0 +1,168 @@
+"""Rest of a model with events: the mode is one that holds at the rest, and what samples set is what they would set again.
+
+A law that is sampled (`every`) rests where x' = f(x, m) vanishes and the held values m are their own successors, m = g(x, m), whatever its period:
+m' = (g(x, m) - m)/T has the same rest, and is what the search follows. Conditions and `when`s are looked at where the search ends; if they
+hold otherwise there, it goes on in the mode that they make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..events.events import Events, Moment
+from ..segments import Segment
+from .rest import Search, equilibrium, found_by
+
+MOST_MODES = 30  # in which a rest is looked for
+SAME = 1e-9  # of the magnitudes: a state that an event leaves where it is
+FARTHEST = 1e8  # of what is seen first: a counter would come to where rounding lets it stand
+STEP = 2.0**-13  # of a magnitude: for differences of what is sampled, of which Newton's method asks no more
+
+
+def rest_with_events(constraints: Constraints, state: Any, first: Segment, events: Events) -> Moment:
+    """The moment at rest, and the segment with its mode. Raises `RunFailed` if there is none."""
+    program, seen = constraints.program, []
+    at, sampled = (
+        Moment(first.start, np.asarray(state, dtype=float), np.array(first.mode)),
+        sampled_settings(program, constraints),
+    )
+    for _ in range(MOST_MODES):
+        segment = replace(first, mode=at.mode)
+        if sampled:
+            search = SampledSearch(program, constraints, segment, sampled)
+            full = found_by(search, search.joined(at.state, at.mode))
+            at = Moment(at.time, search.split(full)[0], search.split(full)[1])
+        else:
+            at = Moment(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
+        events.measure(np.where(at.state != 0, np.abs(at.state), 1.0))
+        events.log.clear()
+        after = events.happen(at, due=events.due(at.time))
+        moved = np.abs(after.state - at.state) > SAME * np.maximum(np.abs(after.state), np.abs(at.state))
+        other = np.abs(after.mode - at.mode) > SAME * np.maximum(np.abs(after.mode), np.abs(at.mode))
+        if not moved[: events.count].any() and not other.any():
+            return after
+        key = (after.mode.tobytes(), after.state.round(12).tobytes())
+        if key in seen:
+            break
+        seen.append(key)
+        at = after
+    acted = ", ".join(dict.fromkeys(str(events.hybrid.events[i]) for h in events.log for i in h.events))
+    raise RunFailed(
+        f"no equilibrium was found: in no mode that holds at a rest does the model stay there{f' ({acted})' * bool(acted)}; the "
+        "conditions of the model make it go to and fro, as a thermostat does"
+    )
+
+
+def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[int, int, float], ...]:
+    """What samples set: the place of each among all settings and in the mode, and its period (s). Raises `RunFailed` for what is stored."""
+    hybrid = program.hybrid
+    if hybrid is None:
+        return ()
+    periods = iter(np.asarray(hybrid.sampling(constraints.constants), dtype=float).tolist())
+    result, place = [], 0
+    for event in hybrid.events:
+        period = next(periods) if event.sampled else 0.0
+        for setting in event.settings:
+            if event.sampled and setting.kind != "mode":
+                raise RunFailed(
+                    f"no equilibrium was found: `{event}` sets `{setting.words}` at each sample, which is stored"
+                )
+            if event.sampled:
+                result.append((place, setting.position, period))
+            place += 1
+    return tuple(result)
+
+
+class SampledSearch(Search):
+    """Rates of states and of what samples set; a full state is states, set values, unknowns of loops."""
+
+    def __init__(
+        self, program: Program, constraints: Constraints, first: Segment, sampled: Sequence[tuple[int, int, float]]
+    ) -> None:
+        super().__init__(program, constraints, constraints.inputs, first)
+        assert program.hybrid is not None
+        self.hybrid, self.states = program.hybrid, len(program.states.names)
+        self.settings = [s for s, _, _ in sampled]
+        self.places, self.periods = np.array([p for _, p, _ in sampled]), np.array([t for _, _, t in sampled])
+        modes = program.hybrid.modes
+        self.names = (*program.states.names, *(modes.names[p] for p in self.places))
+        units = (*program.states.units, *(modes.units[p] for p in self.places))
+        kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
+        self.kind = np.array([kinds[unit] for unit in units], dtype=int)
+        self.count, self.largest = len(self.names), np.zeros(len(self.names))
+
+    def joined(self, state: Any, mode: Any) -> Any:
+        """A full state from the program's and the mode."""
+        return np.concatenate([state[: self.states], mode[self.places], state[self.states :]])
+
+    def split(self, full: Any) -> tuple[Any, Any]:
+        """The program's state and the mode of a full state."""
+        mode = np.array(self.mode, dtype=float)
+        mode[self.places] = full[self.states : self.count]
+        return np.concatenate([full[: self.states], full[self.count :]]), mode
+
+    def at(self, full: Any) -> tuple[Any, Any, Any]:
+        """As `Search.at`, by differences."""
+        full = self._kept(full)
+        state, mode = self.split(full)
+        if self.unread is None:
+            from .steady import unread_states
+
+            own = unread_states(self.program, self.time, state, *self.fixed[:2], mode)
+            self.unread = np.concatenate([own, np.zeros(len(self.places), dtype=bool)])
+        if self.constraints:
+            basis = self.constraints.tangents(self.time, state, mode)
+            self.basis = np.zeros((self.count, basis.shape[1] + len(self.places)))
+            self.basis[: self.states, : basis.shape[1]] = basis
+            self.basis[self.states :, basis.shape[1] :] = np.eye(len(self.places))
+        self.largest = np.maximum(self.largest, np.abs(full[: self.count]))
+        steps, jacobian = STEP * self.scale(np.zeros(self.count)), np.zeros((self.count, self.count))
+        for i, step in enumerate(steps):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = full.copy()
+                moved[i] += sign * step
+                ends.append(self.rates(self._solved(moved)))
+            jacobian[:, i] = (ends[0] - ends[1]) / (2 * step)
+        self.loop_terms, rates = np.zeros(self.count), self.rates(full)
+        first = max(np.abs(full[: self.count]).max(), np.abs(rates).max() * self.periods.max())
+        self.farthest = min(self.farthest, FARTHEST * first) if first > 0 else self.farthest
+        return full, rates, jacobian
+
+    def rates(self, full: Any) -> Any:
+        """As `Search.rates`: what is set comes to its successor within a period."""
+        state, mode = self.split(full)
+        fixed = (*self.fixed[:2], mode)
+        own = np.array(self.program.derivative(self.time, state, *fixed))[: self.states]
+        new = np.asarray(self.hybrid.values(self.time, state, *fixed))[self.settings]
+        rates = np.concatenate([own, (new - mode[self.places]) / self.periods])
+        rates[self.unread] = 0.0
+        return rates
+
+    def not_finite(self, slope: Any, full: Any) -> RunFailed:
+        """As `Search.not_finite`."""
+        bad = ", ".join(f"`{self.names[i]}`" for i in np.flatnonzero(~np.isfinite(slope))[:4])
+        return RunFailed(f"at t = {self.time:.9g} s the rate of {bad} is not finite")
+
+    def drivers(self, place: int) -> str:
+        """As `Search.drivers`."""
+        return super().drivers(place) if place < self.states else "it is set anew at each sample"
+
+    def cancels(self, full: Any, slope: Any) -> bool:
+        """As `Search.cancels`; not asked of samples."""
+        return False
+
+    def _kept(self, full: Any) -> Any:
+        state, mode = self.split(full)
+        return self._solved(self.joined(self.constraints.project(self.time, state, mode), mode))
+
+    def _solved(self, full: Any) -> Any:
+        state, mode = self.split(full)
+        return self.joined(self.loops.solve(self.time, state, mode), mode)

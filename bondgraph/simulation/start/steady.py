@@ -1,0 +1,120 @@
+"""Steady rotation: an angle that nothing reads goes on at a constant rate while all else is at rest (an ignorable coordinate)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ...quantities import behind
+
+if TYPE_CHECKING:
+    from ...prepared import Prepared
+    from ..closed.constraints import Constraints
+
+SHIFTS = (-1e6, -37.0, -1.0, -1e-3, 1e-3, 1.0, 59.0, 1e6)  # of a state, to see whether a condition reads it
+CANCELLED = 1e-14  # of the terms of parameters and inputs in a rate: what rounding leaves where they cancel
+SHARE = 1e-4  # of a parameter: by how much it is moved to see its term
+ROUNDING = 1e-8  # of the terms in a rate: below it an angle stands still
+TURNING = ("1", "1/s")  # units of an angle and of its rate
+
+
+def unread_states(program: Program, time: float, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
+    """The states (n,) that no rate, unknown of a loop, closing joint or event reads: what nothing brings back."""
+    count = len(program.states.names)
+    key = "states that no rate reads"
+    if key not in program.kept:
+        free = np.ones(count + len(program.unknowns.names), dtype=bool)
+        free[np.asarray(program.pattern[1], dtype=int)] = False
+        free[np.asarray(program.invariant_pattern[1], dtype=int)] = False
+        program.kept[key] = free[:count]
+    unread = np.array(program.kept[key])
+    hybrid = program.hybrid
+    if hybrid is not None:
+        for i in np.flatnonzero(unread):
+            moved = np.repeat(np.asarray(state, dtype=float)[None], len(SHIFTS) + 1, axis=0)
+            moved[1:, i] += SHIFTS
+            rows = [
+                np.concatenate([f(time, x, inputs, constants, mode) for f in (hybrid.roots, hybrid.triggers, hybrid.values)])
+                for x in moved
+            ]  # fmt: skip
+            unread[i] = all(np.array_equal(row, rows[0], equal_nan=True) for row in rows)
+    return unread
+
+
+def drivers(program: Program, place: int) -> str:
+    """The states that the rate of a state reads, for messages."""
+    rows, columns = (np.asarray(part, dtype=int) for part in program.pattern)
+    names = (*program.states.names, *program.unknowns.names)
+    read = [f"`{names[j]}`" for j in columns[rows == place]]
+    return f"its rate reads {', '.join(read[:4])}{' …' if len(read) > 4 else ''}" if read else "its rate reads no state"
+
+
+def given_terms(program: Program, parameters: Any, time: float, state: Any, inputs: Any, mode: Any) -> Any:
+    """The largest term (n,) that a parameter or an input has in each rate, by moving each of them by a share."""
+    constants, count = program.constants(parameters), len(program.states.names)
+    others = [(inputs, program.constants(moved)) for moved in _each_moved(np.asarray(parameters, dtype=float))]
+    others += [(moved, constants) for moved in _each_moved(np.asarray(inputs, dtype=float))]
+    rates, terms = (
+        np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)[:count],
+        np.zeros(count),
+    )
+    for given, other in others:
+        rate = np.asarray(program.derivative(time, state, given, other, mode), dtype=float)[:count]
+        terms = np.fmax(terms, np.abs(rate - rates) / SHARE)
+    return terms
+
+
+def _each_moved(given: Any) -> list[Any]:
+    """The values with one of those that are not zero moved by a share, for each of them."""
+    return [np.where(np.arange(len(given)) == i, given * (1 + SHARE), given) for i in np.flatnonzero(given)]
+
+
+def steady_rates(
+    program: Program, constraints: Constraints, time: float, state: Any, inputs: Any, mode: Any
+) -> dict[str, float]:  # fmt: skip
+    """The rates, by name, of the states that move on where all others rest; none where all rest."""
+    constants = constraints.constants
+    rates = np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)
+    unread = unread_states(program, time, state, inputs, constants, mode)
+    names, count = program.states.names, len(program.states.names)
+    moving = np.flatnonzero(unread & (rates[:count] != 0))
+    if not len(moving):
+        return {}
+    from scipy.sparse import coo_array
+
+    entries = np.abs(np.asarray(program.jacobian_entries(time, state, inputs, constants, mode), dtype=float))
+    size = len(np.asarray(state))
+    jacobian = coo_array((entries, program.pattern), shape=(size, size)).tocsr()
+    scale = _magnitudes(program, np.abs(np.asarray(state, dtype=float)))
+    fastest = float(jacobian.max()) if jacobian.nnz else 0.0
+    terms = jacobian @ (np.maximum(scale, jacobian @ scale / fastest) if fastest > 0 else scale)
+    terms = np.maximum(
+        ROUNDING * terms[:count], CANCELLED * given_terms(program, constraints.parameters, time, state, inputs, mode)
+    )
+    return {names[i]: float(rates[i]) for i in moving if abs(rates[i]) > terms[i]}
+
+
+def _magnitudes(program: Program, sizes: Any) -> Any:
+    """Of states and unknowns: those of one unit share the largest."""
+    units = np.array([*program.states.units, *program.unknowns.units])
+    return np.array([sizes[units == unit].max() for unit in units])
+
+
+def check_steady(made: Prepared, program: Program, moving: dict[str, float]) -> None:
+    """Raises `RunFailed` for what drifts without being a steady rotation: an angle whose speed is decided by a balance."""
+    rows, columns = (np.asarray(part, dtype=int) for part in program.pattern)
+    rates_of = {made.state_space.variables[s.variable].name: s.rate for s in made.state_space.states} if moving else {}
+    for name, rate in moving.items():
+        place = program.states.names.index(name)
+        unit, own = program.states.units[place], made.state_space.variables[rates_of[name]].unit
+        constant = sorted(set(columns[rows == place].tolist()) - set(rows.tolist()))
+        if (unit, own) == TURNING and not constant:
+            continue
+        why = f"nothing changes `{program.states.names[constant[0]]}`" if constant else "nothing reads it"
+        raise RunFailed(
+            f"no equilibrium was found: `{name}` drifts for ever, by {rate:.6g}{behind(own)} ({drivers(program, place)}; {why}); "
+            "leave it out, or let something balance what drives it"
+        )
