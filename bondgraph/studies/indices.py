@@ -20,12 +20,14 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 RESAMPLES = 200
 LEAST = 8  # rows
+ROUNDING = 1e-12  # of a quantity: a deviation below it is rounding
+VAGUE = 1.0  # width of an interval that tells nothing of a share between 0 and 1
 
 
 @dataclass(frozen=True, eq=False)
 class Indices:
-    """Shape (quantities, parameters); the intervals (quantities, parameters, 2) hold 95 % of bootstrapped estimates. NaN where a quantity
-    does not vary. `count`: rows of A that they stand on."""
+    """Shape (quantities, parameters); the intervals (quantities, parameters, 2) hold 95 % of bootstrapped estimates. An index is NaN where it is
+    not determined: a quantity does not vary but for rounding, or the interval holds all shares. `count`: rows of A that they stand on."""
 
     count: int
     first: Array
@@ -44,8 +46,11 @@ def mixed(first: Array, second: Array) -> Array:
     return np.concatenate(blocks)
 
 
-def indices(at_a: Array, at_b: Array, at_mixed: Array, seed: int) -> tuple[Indices | None, int]:
-    """From values (n, m) at A and B and (k n, m) at the mixed points; and how many rows failed somewhere. None if too few are left."""
+def indices(
+    at_a: Array, at_b: Array, at_mixed: Array, seed: int, noise: Array | float = ROUNDING
+) -> tuple[Indices | None, int]:  # fmt: skip
+    """From values (n, m) at A and B and (k n, m) at the mixed points; and how many rows failed somewhere. None if too few are left. `noise` (m,): the
+    relative error of the values, a deviation below which tells nothing."""
     n, m = at_a.shape
     mixes = at_mixed.reshape(-1, n, m)
     good = np.isfinite(at_a).all(axis=1) & np.isfinite(at_b).all(axis=1) & np.isfinite(mixes).all(axis=(0, 2))
@@ -54,12 +59,15 @@ def indices(at_a: Array, at_b: Array, at_mixed: Array, seed: int) -> tuple[Indic
         return None, lost
     count = 1 << (left.bit_length() - 1)  # the estimators want a power of two
     rows = np.flatnonzero(good)[:count]
-    varies = at_a[rows].std(axis=0) > 1e-12 * np.abs(at_a[rows]).max(axis=0)
+    varies = at_a[rows].std(axis=0) > np.maximum(noise, ROUNDING) * np.abs(at_a[rows]).max(axis=0)
     shape = (m, mixes.shape[0])
     found = {w: np.full(shape, np.nan) for w in ("first", "total")}
     found |= {f"{w}_interval": np.full((*shape, 2), np.nan) for w in ("first", "total")}
     if varies.any():
         _estimate(at_a[rows][:, varies], at_b[rows][:, varies], mixes[:, rows][:, :, varies], seed, found, varies)
+    for word in ("first", "total"):
+        interval = found[f"{word}_interval"]
+        found[word][~(interval[..., 1] - interval[..., 0] < VAGUE)] = np.nan
     return Indices(count, **found), lost
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RunFailed, UsageError
-from ..simulation.run import Wanted, check_wanted
+from ..simulation.run import DEFAULT_RTOL, Wanted, check_wanted
 from .asked import Failed, Numbers, Settings, compilation_notes
 from .distributions import Distribution, distribution
 from .indices import Indices, indices, mixed
@@ -78,8 +78,8 @@ def montecarlo(
     told: Indices | None = None
     notes = [*_notes(tables[0], quantities, failures), *compilation_notes(model, experiment, settings, points)]
     if rows:
-        told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed)
-        notes += _index_notes(told, lost, rows)
+        told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed, _noise(of, wanted, quantities))
+        notes += [*_index_notes(told, lost, rows), *_vague_notes(told, names, quantities)]
     elif correlation is not None:
         notes.append(
             "the parameters are correlated: no share of a variance is one's own, so there are no Sobol indices"
@@ -172,6 +172,35 @@ def _index_notes(told: Indices | None, lost: int, rows: int) -> list[str]:
     if lost:
         return [f"the Sobol indices stand on {told.count} of {rows} rows: {lost} have points that failed"]
     return []
+
+
+def _noise(of: tuple[str, ...], wanted: Wanted, quantities: Sequence[str]) -> Array:
+    """The relative errors of quantities (m,): the tolerance of what a run ends with, else 0."""
+    rtol = (wanted.rtol or DEFAULT_RTOL) if "simulate" in of else 0.0
+    return np.array([0.0 if n.startswith("frequency ") else rtol for n in quantities])
+
+
+def _vague_notes(told: Indices | None, names: Sequence[str], quantities: Sequence[str]) -> list[str]:
+    """Of quantities whose shares of variance are not determined."""
+    notes = []
+    for i, quantity in enumerate(quantities if told is not None else ()):
+        assert told is not None
+        vague = [
+            n
+            for n, first, total in zip(names, told.first[i], told.total[i], strict=True)
+            if not np.isfinite(first + total)
+        ]
+        if not vague:
+            continue
+        still = not np.isfinite(told.total_interval[i]).any()
+        why = (
+            "it does not vary but for rounding and tolerance"
+            if still
+            else f"{told.count} rows of points leave intervals that hold all shares"
+        )
+        some = "no parameter" if len(vague) == len(names) else f"not {', '.join(f'`{n}`' for n in vague)}"
+        notes.append(f"the shares of the variance of `{quantity}` are not determined ({some} can be told): {why}")
+    return notes
 
 
 def _text(given: Distribution) -> str:

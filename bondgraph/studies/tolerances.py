@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-montecarlo/1"
+ROUNDING = 4e-15  # of a quantity: a deviation below it is not determined
 SHARES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
@@ -76,12 +77,14 @@ class MonteCarlo:
         return self.samples[:, self.parameters.index(name)]
 
     def statistics(self, name: str) -> dict[str, float]:
-        """`count` of the points that have it, `mean`, `standard deviation`, `minimum`, `maximum`, and quantiles by `2.5 %` and so on."""
+        """`count` of the points that have it, `mean`, `standard deviation` (NaN: not determined), `minimum`, `maximum`, and quantiles by `2.5 %` and so on."""
         column = self(name)
         column = column[np.isfinite(column)]
         if not len(column):
             return {"count": 0.0}
         spread = float(column.std(ddof=1)) if len(column) > 1 else math.nan
+        if 0 < spread <= ROUNDING * float(np.abs(column).max()):
+            spread = math.nan  # rounding alone
         found = {"count": float(len(column)), "mean": float(column.mean()), "standard deviation": spread}
         found |= {"minimum": float(column.min()), "maximum": float(column.max())}
         return found | {f"{100 * s:g} %": float(q) for s, q in zip(SHARES, np.quantile(column, SHARES), strict=True)}

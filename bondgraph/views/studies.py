@@ -35,7 +35,8 @@ def _statistics(found: MonteCarlo) -> str:
         unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
         numbers = [told.get(w, np.nan) * scale + offset for w in ("mean", "2.5 %", "50 %", "97.5 %")]
         mean, *quantiles = (f"{x:.7g}" for x in numbers)
-        spread = f"{told.get('standard deviation', np.nan) * scale:.4g}"
+        deviation = told.get("standard deviation", np.nan) * scale
+        spread = f"{deviation:.4g}" if np.isfinite(deviation) else "not determined"
         rows.append((short(name), "" if unit == "1" else visible(unit), mean, spread, *quantiles))
     return aligned(rows, "<<>>>>>")
 
@@ -55,10 +56,14 @@ def _shares(found: MonteCarlo, i: int) -> str:
         row = [short(found.parameters[j]), *(f"{x * scale:+.4g}" for x in ends[j])]
         if found.indices is not None:
             around = found.indices.total_interval[i, j]
-            row += [f"{100 * found.indices.first[i, j]:.1f} %", f"{100 * found.indices.total[i, j]:.1f} %"]
-            row += [f"{50 * (around[1] - around[0]):.1f} %"]
+            row += [_share(found.indices.first[i, j]), _share(found.indices.total[i, j])]
+            row += [f"{50 * (around[1] - around[0]):.1f} %" if np.isfinite(found.indices.total[i, j]) else ""]
         rows.append(tuple(row))
     return aligned(rows, "<" + ">" * (len(head) - 1))
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.1f} %" if np.isfinite(value) else "not determined"
 
 
 def fit_text(found: Fit) -> str:

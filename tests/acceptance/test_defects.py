@@ -413,7 +413,6 @@ def test_the_modes_of_a_bicycle_at_rest() -> None:
         assert np.abs(found - value).min() < 1e-4
 
 
-@wrong_today
 def test_shares_of_a_variance_of_rounding() -> None:
     done = command("run", file_of("hardly_moves"))
     assert "determined" in done.stdout + done.stderr

@@ -172,3 +172,45 @@ def test_plots(tmp_path: Path) -> None:
         "utf-8"
     )
     assert "what moves frequency 1" in found.summary() and "99.7 %" in found.summary()
+
+
+class TestNotDetermined:
+    """Shares of a variance that the sample does not tell are said to be so, in words and as null."""
+
+    @pytest.mark.parametrize("size", [0.0, 1e-17, 5e-16, 1e-13])
+    def test_an_output_that_hardly_moves(self, size: float) -> None:
+        text = f"model A {{\n parameter a = 1, b = 1\n C c : u = q/(1 F)\n R r : u = 1 ohm*i\n 0 k\n k -> c, r\n output y = 1 + {size!r}*(a + b*a), z = a + 2*b + c.u/(1 V)\n}}"
+        vary = {"a": "uniform(0.9, 1.1)", "b": "uniform(0.9, 1.1)"}
+        found = bondgraph.load(text).montecarlo(vary, "equilibrium", samples=64, indices=64, sharing=ALONE)
+        told = found.to_json()["quantities"]
+        assert [told["y"]["indices"][p]["first"] for p in "ab"] == [None, None]
+        assert told["z"]["indices"]["a"]["first"] == pytest.approx(0.2, abs=0.15)
+        assert "not determined" in found.summary() and any("`y` are not determined" in n for n in found.notes)
+
+    @pytest.mark.parametrize("samples", [8, 16])
+    def test_intervals_that_hold_all_shares(self, samples: int) -> None:
+        """A product of many factors far from the mean, by few rows."""
+        names = [f"p{i}" for i in range(6)]
+        text = (
+            "model A {\n parameter "
+            + ", ".join(f"{n} = 0" for n in names)
+            + "\n C c : u = q/(1 F)\n R r : u = 1 ohm*i\n 0 k\n k -> c, r\n"
+        )
+        text += " output y = " + "*".join(f"exp(3*{n})" for n in names) + " + c.u/(1 V)\n}"
+        found = bondgraph.load(text).montecarlo(
+            dict.fromkeys(names, "normal(0, 1)"), "equilibrium", samples=samples, indices=samples, sharing=ALONE
+        )
+        assert found.indices is not None
+        wide = found.indices.total_interval[0, :, 1] - found.indices.total_interval[0, :, 0] >= 1
+        assert (
+            wide.any()
+            and np.isnan(found.indices.total[0][wide]).all()
+            and np.isfinite(found.indices.total[0][~wide]).all()
+        )
+        assert "not determined" in found.summary()
+
+    def test_a_run_that_moves_by_less_than_its_tolerance(self) -> None:
+        text = "model A {\n parameter a = 1, b = 1\n I m : p = 1 kg*v { start v = 1 [m/s] }\n R r : F = (1 + 1e-9*a*b)*1 [N*s/m]*v\n 1 k\n k -> m, r\n output v = m.v\n}"
+        vary = {"a": "uniform(0.9, 1.1)", "b": "uniform(0.9, 1.1)"}
+        found = bondgraph.load(text).montecarlo(vary, "simulate", samples=16, indices=16, to=1.0, sharing=ALONE)
+        assert found.indices is not None and np.isnan(found.indices.total).all()
