@@ -75,7 +75,7 @@ class Leg:
         self.events: Events | None = None
         self.jumps: tuple[Jump, ...] = ()  # of what is stored, where other junctions went on or off
         self.known = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
-        self.state, self.moved = self._start(program, compilation, self.constraints, self.stretches)
+        self.state, self.start_notes = self._start(program, compilation, self.constraints, self.stretches)
         if self.history is not None and begin is None:
             self._settle_history(self.history, start)
         self.looked_from = self.state  # where a look ahead begins
@@ -121,7 +121,7 @@ class Leg:
     def _start(
         self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
     ) -> tuple[Any, tuple[str, ...]]:
-        """The state at the start, unknowns of loops included, and what the author's starts moved. With events, the first
+        """The state at the start, unknowns of loops included, and notes about it. With events, the first
         stretch gets its mode."""
         constants = constraints.constants
         state = np.asarray(program.start(constants), dtype=float)
@@ -152,7 +152,7 @@ class Leg:
 
             first = with_modes(program, first, self.modes_at_start)
             first = with_mode(compilation, constraints, state, first, horizon)
-        full, moved = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
+        full, notes = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
         if self.plan.equilibrium:
             full, first = self._at_rest(compilation, constraints, full, first, horizon)
         if program.hybrid is not None:
@@ -165,7 +165,7 @@ class Leg:
                     self._check_rest(moment.state, full, moment.mode, first.mode)
                 full, first = moment.state, replace(first, mode=moment.mode)
             stretches[0] = first
-        return full, moved
+        return full, notes
 
     def _at_rest(
         self, compilation: Prepared, constraints: Constraints, full: Any, first: Segment, horizon: float
@@ -207,7 +207,7 @@ class Leg:
                 break
             ends = (start, float(self.instants[-1]))
             self.stretches = timeline_in_parts(self.program, self.constraints.constants, ends, self.parts).segments
-            self.state, self.moved = self._start(self.program, self.compilation, self.constraints, self.stretches)
+            self.state, self.start_notes = self._start(self.program, self.compilation, self.constraints, self.stretches)
 
     def _tolerances(self) -> Tolerances:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""

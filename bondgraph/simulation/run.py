@@ -319,7 +319,7 @@ class Run:
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
             balance, _warnings(legs), legs[0].compilation.certificate,
-            tuple(dict.fromkeys([*(note for leg in legs for note in leg.notes), *told, *_impulses(legs)])),
+            tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs)])),
             tuple(o for leg in legs for o in leg.occurrences), stopped, end, lacking,
         )  # fmt: skip
         if self.before is None:

@@ -68,7 +68,9 @@ class Lowered:
     rates: tuple[Expression, ...] = ()  # of the states, then the residuals of the unknowns
     jacobian: dict[tuple[int, int], Expression] = field(default_factory=dict)  # (row, column) -> nonzero entry
     starts: tuple[Expression, ...] = ()
-    claims: tuple[Expression, ...] = ()  # by how much a start that the author gave to what is computed is missed
+    claims: tuple[
+        Expression, ...
+    ] = ()  # by how much a start of what is computed is missed; `moved` less the drawing; what is claimed of poses
     forced: tuple[Expression, ...] = ()  # what must not jump with time
     invariants: tuple[Expression, ...] = ()  # gaps (and norms), then the rates of gaps: all zero along a run
     invariant_slopes: dict[tuple[int, int], Expression] = field(
@@ -187,7 +189,10 @@ def lower(
             if entry != ZERO and column < count:
                 result.jacobian[row, column] = entry
     result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
-    result.claims = tuple(result.values[c.variable] - _entry(result, c.start) for c in space.claims)
+    said = [(c.variable, c.start) for c in space.claims]
+    drawn = [(s.variable, s.drawn) for s in (space.states[i] for i in space.moved) if s.drawn is not None]
+    posed = [(c.variable, 0.0) for c in space.posed]
+    result.claims = tuple(result.values[v] - _entry(result, start) for v, start in (*said, *drawn, *posed))
     _lower_invariants(result, slopes)
     result.dependents = tuple(result.values[d.variable] for d in space.dependents)
     for row, dependent in enumerate(space.dependents):
@@ -308,7 +313,7 @@ def _used(space: StateSpace) -> set[int]:
             used.update(a for a in step.arguments if not isinstance(a, float))
     for state in space.states:
         used.add(state.rate)
-        used.update(e for e in (state.start, state.nominal) if isinstance(e, int))
+        used.update(e for e in (state.start, state.nominal, state.drawn) if isinstance(e, int))
     used.update(v for c in space.claims for v in (c.variable, c.start) if isinstance(v, int))
     used.update(event_variables(space))
     used.update(v for d in space.delays for v in (d.value, d.lag) if isinstance(v, int))

@@ -157,10 +157,12 @@ class EquationBuilder:
         self.assigned[assignment.target] = assignment
 
     def state(
-        self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True
+        self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True, drawn: Expression | None = None
     ) -> None:  # fmt: skip
-        """A state with its rate, and its start as an expression of parameters; `given` if the author said it."""
-        self.states.append(State(variable, rate, self.static(start, f"{name} at the start", span), None, span, given))
+        """A state with its rate, its start over parameters (`given` if the author said it) and, of a coordinate, its value in the drawing."""
+        begins = self.static(start, f"{name} at the start", span)
+        rest = None if drawn is None else begins if drawn == start else self.static(drawn, f"{name} drawn", span)
+        self.states.append(State(variable, rate, begins, None, span, given, None, rest))
 
     def claim(self, value: Expression, start: Expression, name: str, span: Span) -> None:
         """A start that the author gives to what is computed from states."""
@@ -449,7 +451,7 @@ class EquationBuilder:
             replace(
                 s, variable=root(s.variable), rate=root(s.rate), start=through(s.start),
                 nominal=None if s.nominal is None else through(s.nominal),
-                conjugate=None if s.conjugate is None else root(s.conjugate),
+                conjugate=None if s.conjugate is None else root(s.conjugate), drawn=None if s.drawn is None else through(s.drawn),
             )
             for s in self.states
         ]  # fmt: skip

@@ -74,6 +74,7 @@ class State:
     span: Span
     given: bool = False  # whether the author said the start
     conjugate: int | None = None  # of a storage, the effort for a displacement, the flow for a momentum
+    drawn: Argument | None = None  # of a coordinate of a mechanism: its value in the drawing
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,7 @@ class Claim:
     start: Argument
     element: str
     span: Span
+    on_pose: bool = False  # it binds coordinates of mechanisms and nothing else that may move
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, multiply
+from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, call, divide, multiply
 from ..graph.mechanism import Body, Joint
 from ..nouns import dataclass
 from .rotation_vectors import turned_by_rates
@@ -111,8 +111,8 @@ class Coordinates:
 
     def _state(self, state: int, rate: int, part: Joint | Body, key: str, reference: Expression, name: str) -> None:
         """A state where the author starts it, else as it was drawn: then claims may move it."""
-        start = self._start(part, key, reference)
-        self.script.builder.state(state, rate, start, name, self.script.span, key in part.starts)
+        start, drawn = self._start(part, key, reference), None if key.endswith(".f") else reference
+        self.script.builder.state(state, rate, start, name, part.span, key in part.starts, drawn)
 
     # ------------------------------------------------------------ turns in space
     def attitude(self, link: Link) -> Attitude:
@@ -138,10 +138,10 @@ class Coordinates:
             builder.assign(rate, value, script.span, script.owner)
         norm = script.held(f"{part.name}.attitude norm", add(*(c * c for c in made.parts)) - 1, "1")
         builder.invariant(norm, None, script.named(f"{part.name}.attitude"), part.span)
-        for variable, rate, value, name in zip(p, rates, start, names, strict=True):
-            builder.state(variable, rate, value, name, script.span, given)
+        for variable, rate, value, name, drawn in zip(p, rates, start, names, (ONE, ZERO, ZERO, ZERO), strict=True):
+            builder.state(variable, rate, value, name, part.span, given, drawn)
         for variable, rate, value, name in zip(omega, targets, spin_start, spins, strict=True):
-            builder.state(variable, rate, value, name, script.span, given_spin)
+            builder.state(variable, rate, value, name, part.span, given_spin)
         self.attitudes[part.name] = made
         return made
 

@@ -165,6 +165,7 @@ class Leaves:
             f"{name} turned",
             joint.span,
             False,
+            ZERO,
         )
         s, c = script.let(f"{joint.name}.{letter} sin", sine), script.let(f"{joint.name}.{letter} cos", cosine)
         by, to = call("sin", Symbol(angle)), call("cos", Symbol(angle))

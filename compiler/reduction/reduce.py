@@ -77,7 +77,7 @@ class _Reduction:
         invariants = self._invariants(used, inputs, reach)
         states = [s for s in system.states if s.variable in used]
         for state in states:  # starts and nominals are computed from parameters alone
-            extra = [e for e in (state.start, state.nominal) if isinstance(e, int)]
+            extra = [e for e in (state.start, state.nominal, state.drawn) if isinstance(e, int)]
             used |= needed(extra, inputs)
         following = tuple(f for f in system.following if f.variable in used)
         if dependents:  # of which one may change places with a state that others follow
@@ -129,6 +129,9 @@ class _Reduction:
         kept: list[Claim] = []
         left = list(self.system.claims)
         states = {s.variable for s in self.system.states}
+        poses = {s.variable for s in self.system.states if s.drawn is not None}
+        rates = needed([s.rate for s in self.system.states if s.drawn is not None], inputs) & states - poses
+        held = {s.variable for s in self.system.states if s.given} - rates
         while left:
             read = {c: needed([c.variable], inputs) & states for c in left}
             found = [c for c in left if read[c] & used or not read[c] or c.variable in used]
@@ -136,7 +139,7 @@ class _Reduction:
                 break
             for claim in found:
                 left.remove(claim)
-                kept.append(claim)
+                kept.append(replace(claim, on_pose=bool(read[claim] & poses) and read[claim] <= poses | held))
                 used |= needed([claim.variable], reach)
                 used |= needed([claim.start] if isinstance(claim.start, int) else [], inputs)
         return tuple(kept)

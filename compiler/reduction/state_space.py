@@ -114,6 +114,18 @@ class StateSpace:
     following: tuple[Following, ...] = ()
 
     @property
+    def posed(self) -> tuple[Claim, ...]:
+        """The claims that bind coordinates of mechanisms alone."""
+        return tuple(c for c in self.claims if c.on_pose)
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """Places, among the states, of the coordinates that start beside the drawing where others have to follow them."""
+        if not self.posed and all(i.multiplier is None for i in self.invariants):
+            return ()
+        return tuple(i for i, s in enumerate(self.states) if s.drawn is not None and s.drawn != s.start)
+
+    @property
     def dependent(self) -> tuple[str, ...]:
         """The storages in derivative form."""
         return tuple(dict.fromkeys(d.element for d in self.dependents if d.element))

@@ -1,6 +1,6 @@
-"""Mechanisms with closing joints at the start: put together, and which of their constraints are independent.
+"""Mechanisms with closing joints at the start: their rates, and which of their constraints are independent.
 
-What is drawn closes by construction; where starts move it, the states of which nothing was said follow, as little as it takes, and
+The pose is there already (`poses.py`), and rates never move it: those of which nothing was said follow, as little as it takes, and
 where that is not enough (digits that were rounded) those of which something was said give way by what rounding allows. Then the
 rank is looked at: rows that hang on others at this pose and at poses beside it are redundant and take no part in the run; rows that
 do so only here make the start a singular pose, from which nothing says how the mechanism goes on.
@@ -26,33 +26,55 @@ BESIDE = 1e-2  # radians or shares of the size: where the rank is looked at agai
 Missed = Callable[[Any], Any]  # states (…, n) -> by how much the author's claims are missed
 
 
-def assemble(constraints: Constraints, claims: Missed, time: float, mode: Any, state: Any, movable: Any) -> Any:
-    """The state, shape (n,), nearest to the given one that keeps all invariants and claims; only what is `movable` (a mask over the
-    states) moves, if that is enough. Raises `RunFailed`."""
-    found = _solved(constraints, claims, time, mode, state, movable)
-    if constraints.missed(time, found, mode) > FULL:
-        loose = _solved(constraints, claims, time, mode, state, np.ones(constraints.count, dtype=bool))
-        given, count = ~movable, constraints.count
-        size = np.maximum(np.abs(state[:count]), sizes(constraints, time, state, mode))
-        off = np.abs(loose - state)[:count][given] > CLOSE * size[given]
-        if off.any() or constraints.missed(time, loose, mode) > FULL:
-            raise RunFailed(_contradiction(constraints, time, mode, found, given))
+def rates_closed(
+    constraints: Constraints, claims: Missed, at: tuple[float, Any], state: Any, masks: tuple[Any, Any], claimed: tuple[str, ...]
+) -> Any:  # fmt: skip
+    """The states with rates, and all else that is no pose, at which nothing opens and the claims hold; shape (n,).
+
+    `at`: time and mode; `masks`: the states that are movable, and the poses; `claimed`: what claims are of. Only what is movable moves, beside
+    rounding of the others' starts; a pose never does. Raises `RunFailed`.
+    """
+    movable, poses = masks
+    size = sizes(constraints, at[0], state, at[1])
+    fixed = (constraints.inputs, constraints.constants, at[1])
+
+    def missed(x: Any) -> Any:
+        gaps = constraints.program.invariant(at[0], x, *fixed)
+        return np.concatenate([claims(x), np.asarray(gaps)[..., constraints.gaps :]], axis=-1)
+
+    count = constraints.count
+    found = _search(missed, state, np.flatnonzero(movable & ~poses), size)
+    opening = _opening(constraints, at, found, size)
+    if opening is not None:
+        loose = _search(missed, state, np.flatnonzero(~poses), size)
+        off = np.abs(loose - state)[:count] > CLOSE * _fastest(constraints, loose, size) * size[:count]
+        if off[~movable & ~poses].any() or _opening(constraints, at, loose, size) is not None:
+            given = np.flatnonzero(~movable[:count] & ~poses[:count])
+            rates = [constraints.program.states.names[i].rpartition(".")[0] for i in given]
+            raise RunFailed(
+                f"the starts of rates of {_told(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` "
+                "would not stay closed; leave one of them out"
+            )
         found = loose
-    return constraints.project(time, found, mode)
+    return found
 
 
-def _contradiction(constraints: Constraints, time: float, mode: Any, state: Any, given: Any) -> str:
-    gaps = constraints.values(time, state, mode)[: constraints.gaps]
-    slopes, _ = constraints.slopes(time, state, mode)
-    worst = int(np.argmax(np.abs(gaps) / constraints.sizes(slopes)))
-    names = constraints.program.invariants
-    states = [n for n, g in zip(constraints.program.states.names, given, strict=False) if g]
-    joint = names.names[worst].rpartition(".")[0]
-    starts = f" with the starts of {', '.join(f'`{n}`' for n in states[:6])}" if states else ""
-    return (
-        f"`{joint}` cannot be closed{starts}: {abs(gaps[worst]):.3g} {names.units[worst]} are left open; "
-        "the parts do not reach each other there, or starts contradict each other"
-    )
+def _opening(constraints: Constraints, at: tuple[float, Any], state: Any, size: Any) -> str | None:
+    """The joint that opens with the rates of a state, if one does; `size`: of the states."""
+    rates = constraints.values(at[0], state, at[1])[constraints.gaps :]
+    _, slopes = constraints.slopes(at[0], state, at[1])
+    speeds = constraints.speeds
+    arms = np.abs(slopes * size[speeds] / constraints.reach[speeds]).max(axis=1, initial=0.0)
+    bad = np.flatnonzero(np.abs(rates) > FULL * arms * _fastest(constraints, state, size))
+    if not len(bad):
+        return None
+    gap = int(np.flatnonzero(constraints.rate_rows == constraints.gaps + bad[0])[0])
+    return constraints.program.invariants.names[gap].rpartition(".")[0]
+
+
+def _fastest(constraints: Constraints, state: Any, size: Any) -> float:
+    """The largest rate on which those of gaps depend, in units of the mechanism."""
+    return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=0.0))
 
 
 def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
@@ -65,25 +87,6 @@ def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
     return np.array([length if u in ("m", "m/s") else 1.0 for u in units])
 
 
-def _solved(constraints: Constraints, claims: Missed, time: float, mode: Any, state: Any, movable: Any) -> Any:
-    program = constraints.program
-    size = sizes(constraints, time, state, mode)
-    fixed = (constraints.inputs, constraints.constants, mode)
-
-    def missed(x: Any) -> Any:
-        return np.concatenate([claims(x), program.invariant(time, x, *fixed)], axis=-1)
-
-    speeds = np.zeros(len(movable), dtype=bool)
-    speeds[constraints.speeds] = True
-    _, by_speeds = _slopes(missed, state, np.flatnonzero(speeds), size)
-    still = ~(np.abs(by_speeds).max(axis=1, initial=0.0) > 0)
-    # Positions first: where both are sought together, a speed that is asked for could turn a joint over to another pose.
-    state = _search(missed, state, np.flatnonzero(movable & ~speeds), still, size)
-    for places in (np.flatnonzero(movable & speeds), np.flatnonzero(movable)):
-        state = _search(missed, state, places, np.ones(len(still), dtype=bool), size)
-    return state
-
-
 def _slopes(missed: Missed, state: Any, places: Any, size: Any) -> tuple[Any, Any]:
     """The places' size of a change, and central differences by these; shape (rows, places)."""
     shifts = np.zeros((len(places), len(state)))
@@ -91,12 +94,11 @@ def _slopes(missed: Missed, state: Any, places: Any, size: Any) -> tuple[Any, An
     return size[places], ((missed(state + shifts) - missed(state - shifts)) / (2 * DIFFERENCE)).T
 
 
-def _search(missed: Missed, state: Any, places: Any, rows: Any, size: Any) -> Any:
+def _search(missed: Missed, state: Any, places: Any, size: Any) -> Any:
     """Gauss and Newton, damped where a step brings nothing nearer (Levenberg and Marquardt)."""
-    state, value, damping = np.array(state), missed(state)[rows], 0.0
+    state, value, damping = np.array(state), missed(state), 0.0
     for _ in range(ITERATIONS if len(places) else 0):
         reach, slopes = _slopes(missed, state, places, size)
-        slopes = slopes[rows]
         bound = np.abs(slopes).max(axis=1, initial=0.0)
         told = bound > 0
         if not told.any():
@@ -107,7 +109,7 @@ def _search(missed: Missed, state: Any, places: Any, rows: Any, size: Any) -> An
         step = _step(scaled, miss, damping)
         trial = state.copy()
         trial[places] += reach * step
-        new = missed(trial)[rows]
+        new = missed(trial)
         if np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss):
             state, value = trial, new
             damping = damping / 10 if damping > 1e-6 else 0.0

@@ -17,6 +17,7 @@ from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments import Segment
 from .claims import fulfil, slopes_of
+from .poses import PoseProblem, pose_problem, posed
 
 if TYPE_CHECKING:
     from ...door import Program, StateSpace
@@ -31,7 +32,7 @@ SHOWN = 4  # solutions, and unknowns of each, that a message tells
 def consistent_start(
     program: Program, made: Prepared, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
-    """The state at the start, shape (n,), and the names of the states that moved from their default to get there.
+    """The state at the start, shape (n,), and notes about it.
 
     Raises `RunFailed` if the claims contradict each other or the starts of states, or a loop has no solution.
     """
@@ -44,39 +45,60 @@ def consistent_start(
         return full, ()
     space = made.state_space
 
+    def claims(x: Any) -> Any:
+        return np.asarray(program.claims(time, x, inputs, constraints.constants, mode))
+
+    problem = pose_problem(space, constraints, claims, (time, mode), state)
+    notes: tuple[str, ...] = ()
+    if problem is not None:
+        state, notes = _with_pose(problem, state)
     movable = np.array([not s.given for s in space.states], dtype=bool)
+    poses = np.array([s.drawn is not None for s in space.states], dtype=bool)
+    rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
     if constraints:
-        return _assembled(program, made, constraints, state, movable, first)
+        poses[constraints.positions] = True
+        return _assembled(program, made, constraints, state, movable & ~poses, poses, first), notes
 
     def missed(x: Any) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
-        return np.asarray(program.claims(time, full, inputs, constants, mode)), full
+        return claims(full)[: len(space.claims)], full
 
-    x = fulfil(lambda y: missed(y)[0], state[:count], movable)
+    x = fulfil(lambda y: missed(y)[0][rows], state[:count], movable & ~poses) if rows else state[:count]
     value, full = missed(x)
     reach = _reach(lambda y: missed(y)[0], x) if value.any() else np.abs(value)
     _check(program, space, constants, value, reach, full, (time, inputs, mode))
     _check_unique(loops, made, full, (time, mode))
-    moved = [n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b]
-    return full, tuple(moved)
+    return full, notes
+
+
+def _with_pose(problem: PoseProblem, state: Any) -> tuple[Any, tuple[str, ...]]:
+    """The state with mechanisms in the pose in which they start, coordinates of the text as they are said, to the last digit; notes."""
+    found, note = posed(problem)
+    for item in problem.given:
+        if item.claim < 0:
+            found[problem.places[item.state]] = item.value
+    return found, () if note is None else (note,)
 
 
 def _assembled(
-    program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, first: Segment
-) -> tuple[Any, tuple[str, ...]]:
-    """The same with closing joints: their gaps, and the rates of these, must vanish as well."""
-    from .assembly import assemble, choose_rows, sizes
+    program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, poses: Any, first: Segment
+) -> Any:
+    """The same with closing joints: the rates of their gaps must vanish as well."""
+    from .assembly import choose_rows, rates_closed, sizes
 
-    time, mode = first.start, first.mode
+    time, mode, space = first.start, first.mode, made.state_space
     loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)))
     loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
+    rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
 
     def claims(x: Any) -> Any:
         if loose:
             x = loops.solve_all(np.full(len(x), time), x, mode) if x.ndim > 1 else loops.solve(time, x, mode)
-        return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
+        found = np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
+        return found[..., : len(space.claims)]
 
-    x = assemble(constraints, claims, time, mode, state, movable)
+    claimed = tuple(space.claims[i].element for i in rows)
+    x = rates_closed(constraints, lambda y: claims(y)[..., rows], (time, mode), state, (movable, poses), claimed)
     constraints.assembled = choose_rows(constraints, time, x, mode)
     x = constraints.project(time, x, mode)
     value = claims(x)
@@ -88,7 +110,7 @@ def _assembled(
     full = loops.solve(time, x, mode)
     if loose:
         _check_unique(loops, made, full, (time, mode))
-    return full, tuple(n for n, a, b in zip(program.states.names, state, x, strict=False) if a != b)
+    return full
 
 
 def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None:
@@ -128,7 +150,7 @@ def _reach(function: Any, x: Any) -> Any:
 
 def _check(program: Program, space: StateSpace, constants: Any, value: Any, reach: Any, full: Any, at: Any) -> None:
     time, inputs, mode = at
-    others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))
+    others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))[: len(space.claims)]
     others = np.where(np.isfinite(others), others, value)  # a turn has no direction where all states are zero
     size = np.maximum(np.maximum(np.abs(value - others), np.abs(others)), reach)
     bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]

@@ -1,0 +1,427 @@
+"""The pose in which mechanisms start: from the drawing along the coordinates that starts give, on the drawing's branch.
+
+All of these coordinates change in proportion from their drawn to their given values; the others follow, by as little as it takes, and gaps of closing
+joints stay closed (`continuation.py`). So an elbow or a rocker is on the side on which it was drawn, and a coordinate winds as often as the path winds it.
+Coordinates that follow from others are compared at the end. A start that the path does not reach is an error with the nearest value that it does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed
+from ...quantities import behind
+from ..closed.constraints import Constraints
+from .continuation import Followed, Path, follow, newton, split
+
+if TYPE_CHECKING:
+    from ...door import StateSpace
+
+DIFFERENCE = 1e-6
+INDEPENDENT = 1e-6  # of a unit slope: part that no earlier start has
+CLOSE = 1e-6  # of the size of a coordinate that follows from others: starts are numbers of some digits
+CLOSED = 1e-9  # of the size of a gap
+STAYS = 1e-14  # of a coordinate that starts where it is drawn
+ASIDE, FAR, BESIDE = 1e-3, 10.0, 8  # from a singular drawing, in units of the variables; most of this; directions
+APART = 1e-6  # difference of two poses
+CHOICES = 6  # of the coordinates to follow
+
+Claims = Callable[[Any], Any]  # states (…, n) -> the rows of `Program.claims`
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A coordinate with a start: the name and place in the text, its unit, the state or the claim that it is."""
+
+    name: str
+    line: int
+    unit: str
+    state: int = -1  # among the coordinates
+    claim: int = -1
+    value: float = 0.0
+    read: int = -1  # the row of all claims that has the value of what is claimed
+
+
+@dataclass(frozen=True, slots=True)
+class PoseProblem:
+    """Gaps and given coordinates as functions of all coordinates of mechanisms; `begin`: the states with the drawn coordinates."""
+
+    constraints: Constraints
+    claims: Claims
+    time: float
+    mode: Any
+    begin: Any  # shape (n,)
+    places: Any  # of the coordinates among the states
+    size: Any  # unit of each coordinate
+    length: float  # of the mechanism, m
+    given: tuple[Given, ...]
+
+    def state(self, z: Any) -> Any:
+        """All states, with coordinates z."""
+        state = np.array(self.begin, dtype=float)
+        state[self.places] = z * self.size
+        return state
+
+    @property
+    def drawn(self) -> Any:
+        """The coordinates in the drawing."""
+        return self.begin[self.places] / self.size
+
+    @property
+    def gaps(self) -> int:
+        """Their number; these rows come first."""
+        return self.constraints.gaps
+
+    def values(self, z: Any) -> Any:
+        """Gaps, then given coordinates less their starts, in units of the mechanism."""
+        state = self.state(z)
+        found = [self.constraints.values(self.time, state, self.mode)[: self.gaps] / self._gap_units()]
+        claims = self.claims(state) if any(g.claim >= 0 for g in self.given) else ()
+        found.append(
+            np.array([claims[g.claim] if g.claim >= 0 else state[self.places[g.state]] - g.value for g in self.given])
+            / self.units()
+        )
+        return np.concatenate(found)
+
+    def slopes(self, z: Any) -> Any:
+        """Their slopes; those of claims are central differences."""
+        state, count, constraints = self.state(z), len(self.places), self.constraints
+        result = np.zeros((self.gaps + len(self.given), count))
+        if self.gaps:
+            by, _ = constraints.slopes(self.time, state, self.mode)
+            columns = np.searchsorted(self.places, constraints.positions)
+            scale = self.size[columns] / constraints.reach[constraints.positions]
+            result[: self.gaps, columns] = by * scale / self._gap_units()[:, None]
+        if any(g.claim >= 0 for g in self.given):
+            shifts = np.zeros((count, len(state)))
+            shifts[np.arange(count), self.places] = DIFFERENCE * self.size
+            claims = (self.claims(state + shifts) - self.claims(state - shifts)).T / (2 * DIFFERENCE)
+        for row, (item, unit) in enumerate(zip(self.given, self.units(), strict=True), self.gaps):
+            if item.claim >= 0:
+                result[row] = claims[item.claim] / unit
+            else:
+                result[row, item.state] = self.size[item.state] / unit
+        return result
+
+    def _gap_units(self) -> Any:
+        return np.where(self.constraints.lengths, self.length, 1.0)
+
+    def units(self) -> Any:
+        return np.array([self.length if g.unit == "m" else 1.0 for g in self.given])
+
+    def missed(self, z: Any) -> float:
+        """The largest gap."""
+        return float(np.abs(self.values(z)[: self.gaps]).max(initial=0.0))
+
+
+def posed(problem: PoseProblem) -> tuple[Any, str | None]:
+    """The states in the pose that the starts ask for, shape (n,), and a note if the drawing leaves open which of two it is. Raises `RunFailed`."""
+    alone = replace(problem, given=())
+    z = problem.drawn
+    if problem.missed(z) > CLOSED:
+        opened = alone.values(z)
+        closed = follow(alone, z, Path(lambda s: (1.0 - s) * opened, lambda _: -opened))
+        if not closed.arrived or problem.missed(closed.z) > CLOSED:
+            raise RunFailed(_open(problem, closed.z))
+        z = closed.z
+    elif problem.gaps:
+        z = newton(alone, z, np.zeros(problem.gaps), close=0.0)[0]
+    if not problem.given:
+        return problem.state(z), None
+    found, note = _along(problem, z)
+    return problem.state(found), note
+
+
+def _along(problem: PoseProblem, z: Any) -> tuple[Any, str | None]:
+    """The pose at the end of the path along given coordinates."""
+    if np.abs(problem.values(z)).max(initial=0.0) <= STAYS:
+        return z, None
+    beside = _beside(problem, z)
+    if beside:
+        return _from_singular(problem, z, beside)
+    tried: list[str] = []
+    for chosen in _choices(problem, z):
+        found = _followed(problem, chosen, z, tried)
+        if found is not None:
+            return found, None
+    raise RunFailed(tried[0])
+
+
+def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple[Any, str | None]:
+    """The pose from a drawing in which coordinates have fewer slopes than beside it: where all ways from there end in one pose, or for open chains."""
+    several = f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, a singular pose"
+    advice = "draw the mechanism a little beside it, on the side that is meant"
+    gaps = slice(0, problem.gaps)
+    if any(_rank(problem.slopes(b)[gaps]) > _rank(problem.slopes(z)[gaps]) for b in beside):
+        raise RunFailed(f"{several}, and nothing says in which: {advice}")
+    tried: list[str] = []
+    ends = [_followed(problem, chosen, b, tried) for b in beside for chosen in _choices(problem, b)[:1]]
+    reached = [e for e in ends if e is not None]
+    if not reached:
+        raise RunFailed(tried[0])
+    if all(np.abs(e - reached[0]).max() < APART for e in reached):
+        return reached[0], None
+    if problem.gaps:
+        raise RunFailed(f"{several}, and nothing says in which: {advice}")
+    return reached[0], f"{several}; one of them is taken: {advice}"
+
+
+def _followed(problem: PoseProblem, chosen: Sequence[int], z: Any, tried: list[str]) -> Any:
+    """The pose with all starts, followed along some; None, with the reason, if it is not reached."""
+    along = replace(problem, given=tuple(problem.given[i] for i in chosen))
+    path = _path(along, z)
+    end = follow(along, z, path)
+    if not end.arrived:
+        tried.append(_short(along, end))
+        return None
+    rest = problem.values(end.z)[problem.gaps :]
+    others = [i for i in range(len(problem.given)) if i not in set(chosen)]
+    off = [i for i in others if abs(rest[i]) > CLOSE * max(1.0, _said(problem, i))]
+    if off or problem.missed(end.z) > CLOSED:
+        tried.append(_against(problem, along, off, end.z))
+        return None
+    return end.z
+
+
+def _said(problem: PoseProblem, row: int) -> float:
+    """The size of a start, in units of the mechanism."""
+    return abs(problem.given[row].value) / float(problem.units()[row])
+
+
+def _path(problem: PoseProblem, z: Any) -> Path:
+    """All given coordinates in proportion from where they are to their starts; an attitude turns about one axis."""
+    begin = problem.values(z)
+    begin[: problem.gaps] = 0.0
+    turns = _attitudes(problem)
+    ends = [np.array([problem.given[i].value for i in rows]) for rows in turns]
+
+    def at(share: float) -> Any:
+        result = (1.0 - share) * begin
+        for rows, end in zip(turns, ends, strict=True):
+            places = [problem.gaps + i for i in rows]
+            result[places] = _turned(begin[places] + end, end, share) - end
+        return result
+
+    def slope(share: float) -> Any:
+        if not turns:
+            return -begin
+        low, high = max(share - DIFFERENCE, 0.0), min(share + DIFFERENCE, 1.0)
+        return (at(high) - at(low)) / (high - low)
+
+    return Path(at, slope)
+
+
+def _attitudes(problem: PoseProblem) -> list[list[int]]:
+    """The given rows of each attitude, w x y z."""
+    groups: dict[str, list[int]] = {}
+    for row, item in enumerate(problem.given):
+        head, dot, letter = item.name.rpartition(".attitude.")
+        if dot and item.claim < 0 and letter in "wxyz":
+            groups.setdefault(head, []).append(row)
+    return [rows for rows in groups.values() if len(rows) == 4]
+
+
+def _turned(begin: Any, end: Any, share: float) -> Any:
+    """The unit quaternion at a share of the turn from one to another."""
+    angle = math.acos(min(1.0, max(-1.0, float(begin @ end))))
+    if math.sin(angle) < CLOSE:
+        return begin + share * (end - begin)
+    return (math.sin((1.0 - share) * angle) * begin + math.sin(share * angle) * end) / math.sin(angle)
+
+
+# ---------------------------------------------------------------- which coordinates lead
+def _choices(problem: PoseProblem, z: Any) -> list[tuple[int, ...]]:
+    """Given coordinates that are independent at a pose, in the order of the text, and, where some are not, with each of these first."""
+    slopes = problem.slopes(z)
+    free = split(slopes[: problem.gaps])[1].T
+    count = len(problem.given)
+    attitudes = _attitudes(problem)
+    whole = {i: set(rows) for rows in attitudes for i in rows}
+
+    def leading(order: Sequence[int]) -> tuple[int, ...]:
+        basis = np.zeros((0, free.shape[1]))
+        chosen: set[int] = set()
+        for i in order:
+            row = slopes[problem.gaps + i] @ free
+            norm: Any = np.linalg.norm(slopes[problem.gaps + i])
+            for _ in range(2):
+                row = row - basis.T @ (basis @ row)
+            if np.linalg.norm(row) > INDEPENDENT * max(norm, 1e-300):
+                basis = np.concatenate([basis, row[None] / np.linalg.norm(row)])
+                chosen |= whole.get(i, {i})
+        return tuple(sorted(chosen))
+
+    first = leading(range(count))
+    left = [i for i in range(count) if i not in first]
+    orders = [[i, *(k for k in range(count) if k != i)] for i in left]
+    return list(dict.fromkeys([first, *(leading(order) for order in orders[:CHOICES])]))
+
+
+def _beside(problem: PoseProblem, z: Any) -> list[Any]:
+    """Poses around a drawing in which gaps and given coordinates have fewer independent slopes than there; none if they have as many."""
+    alone = replace(problem, given=())
+    slopes = problem.slopes(z)
+    rank = _rank(slopes)
+    if rank == min(slopes.shape):
+        return []
+    free = split(slopes[: problem.gaps], 0, INDEPENDENT)[1].T
+    ways = np.random.default_rng(0).normal(size=(BESIDE // 2, free.shape[1])) @ free.T
+    found = []
+    for way in (*ways, *-ways):
+        aside = z + ASIDE * way / max(float(np.abs(way).max(initial=0.0)), 1e-300)
+        if problem.gaps:
+            aside, _ = newton(alone, aside, np.zeros(problem.gaps))
+        if (
+            problem.missed(aside) < CLOSED
+            and np.abs(aside - z).max() < FAR * ASIDE
+            and _rank(problem.slopes(aside)) > rank
+        ):
+            found.append(aside)
+    return found
+
+
+def _rank(slopes: Any) -> int:
+    values = np.linalg.svd(slopes, compute_uv=False)
+    return int((values > INDEPENDENT * values.max(initial=0.0)).sum())
+
+
+# ---------------------------------------------------------------- words
+def _names(given: Sequence[Given]) -> str:
+    names = list(
+        dict.fromkeys(
+            g.name.rpartition(".attitude.")[0] + ".attitude" if ".attitude." in g.name else g.name for g in given
+        )
+    )
+    return ", ".join(f"`{n}`" for n in names[:6]) + ("…" if len(names) > 6 else "")
+
+
+def _shown(item: Given, value: float) -> str:
+    """A value with its unit: angles in degrees too."""
+    if item.unit == "m":
+        return f"{value:.9g} m"
+    return f"{value:.9g} rad ({math.degrees(value):.6g} deg)" if item.unit == "1" else f"{value:.9g}{behind(item.unit)}"
+
+
+def _here(problem: PoseProblem, z: Any) -> list[float]:
+    """The values of the given coordinates."""
+    state = problem.state(z)
+    claims = problem.claims(state)
+    return [float(claims[g.read] if g.claim >= 0 else state[problem.places[g.state]]) for g in problem.given]
+
+
+def _short(problem: PoseProblem, end: Followed) -> str:
+    """The words for a path that ends before its starts."""
+    given, here = problem.given, _here(problem, end.z)
+    reached = ", ".join(f"`{g.name}` = {_shown(g, v)}" for g, v in list(zip(given, here, strict=True))[:4])
+    why = (
+        "there a dead centre stands between, and the mechanism turns back"
+        if end.fold
+        else "there a singular pose stands between, from which the mechanism may go on in several ways"
+    )
+    advice = (
+        "start it before that pose, or say another coordinate that leads through it"
+        if end.fold
+        else "draw it beyond that pose, on the branch that is meant"
+    )
+    return f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}: {advice}"
+
+
+def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Any) -> str:
+    """The words for starts that contradict each other."""
+    items, here = [problem.given[i] for i in off], _here(problem, z)
+    there = ", ".join(f"`{problem.given[i].name}` = {_shown(problem.given[i], here[i])}" for i in off[:4])
+    joint = _opened(problem, off, z)
+    beginning = (
+        f"`{joint}` cannot be closed with the starts of {_names((*along.given, *items))} (line {items[0].line})"
+        if joint is not None
+        else f"the start of {_names(items)} (line {items[0].line}) cannot hold together with those of {_names(along.given)}"
+    )
+    return (
+        f"{beginning}: the mechanism ties them to each other, and on the branch that is drawn {there} there; leave one of them out, "
+        "or draw the mechanism on the other branch"
+    )
+
+
+def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
+    """The joint that opens most where coordinates of the tree are put where they start; None if all are other coordinates."""
+    places = [problem.given[i].state for i in off if problem.given[i].claim < 0]
+    if not places or not problem.gaps:
+        return None
+    beside = np.array(z)
+    beside[places] = [
+        problem.given[i].value / problem.size[problem.given[i].state] for i in off if problem.given[i].claim < 0
+    ]
+    worst = int(np.argmax(np.abs(problem.values(beside)[: problem.gaps])))
+    return problem.constraints.program.invariants.names[worst].rpartition(".")[0]
+
+
+def _open(problem: PoseProblem, z: Any) -> str:
+    """The words for joints that do not close."""
+    constraints = problem.constraints
+    gaps = problem.values(z)[: problem.gaps]
+    worst = int(np.argmax(np.abs(gaps)))
+    names = constraints.program.invariants
+    joint = names.names[worst].rpartition(".")[0]
+    left = abs(float(gaps[worst])) * (problem.length if constraints.lengths[worst] else 1.0)
+    return f"`{joint}` cannot be closed: {left:.3g} {names.units[worst]} are left open; the parts do not reach each other there"
+
+
+# ---------------------------------------------------------------- from a program
+def pose_problem(
+    space: StateSpace, constraints: Constraints, claims: Claims, at: tuple[float, Any], state: Any
+) -> PoseProblem | None:
+    """The coordinates of all mechanisms and their starts; `at`: time and mode, `state`: as the starts of the text say. None if nothing has to be found."""
+    count, claimed = constraints.count, len(space.claims)
+    drawn = np.array([s.drawn is not None for s in space.states], dtype=bool)
+    drawn[constraints.positions] = True
+    on_pose = [i for i, c in enumerate(space.claims) if c.on_pose]
+    if not on_pose and not constraints:
+        return None
+    places = np.flatnonzero(drawn)
+    begin, row = np.array(state[:count], dtype=float), claims(np.zeros(len(state)))
+    begin[list(space.moved)] = -row[claimed : claimed + len(space.moved)]
+    names, units = constraints.program.states.names, constraints.program.states.units
+    given = [
+        Given(names[p], space.states[p].span.line, units[p], state=i, value=float(state[p]))
+        for i, p in enumerate(places)
+        if space.states[p].given
+    ]
+    full = np.concatenate([begin, state[count:]])
+    first = claims(full)
+    for number, i in enumerate(on_pose, claimed + len(space.moved)):
+        claim = space.claims[i]
+        unit = space.variables[claim.variable].unit
+        given.append(
+            Given(claim.element, claim.span.line, unit, claim=i, value=float(first[number] - first[i]), read=number)
+        )
+    given.sort(key=lambda g: g.line)
+    size, length = _sizes(constraints, (*at, full), places, given, claims)
+    return PoseProblem(constraints, claims, *at, full, places, size, length, tuple(given))
+
+
+def _sizes(
+    constraints: Constraints, at: tuple[float, Any, Any], places: Any, given: Sequence[Given], claims: Claims
+) -> tuple[Any, float]:
+    """What a change of each coordinate is measured by: an angle by a radian, a length by that of the mechanism, its longest arm."""
+    time, mode, state = at
+    turns = [p for p in places if constraints.program.states.units[p] == "1"]
+    lengths = [g for g in given if g.unit == "m"]
+    arms = [constraints.length(time, state, mode)] if constraints else []
+    claimed = [g.claim for g in lengths if g.claim >= 0]
+    if claimed and turns:
+        shifts = np.zeros((len(turns), len(state)))
+        shifts[np.arange(len(turns)), turns] = DIFFERENCE
+        slopes = (claims(state + shifts) - claims(state - shifts)) / (2 * DIFFERENCE)
+        arms.append(float(np.abs(slopes[:, claimed]).max()))
+    longest = float(max(arms, default=0.0))
+    if not longest > 0:
+        there = claims(state)
+        moves = [g.value - (there[g.read] if g.claim >= 0 else g.value) for g in lengths]
+        longest = float(max([0.0, *(abs(float(m)) for m in moves)]))
+    length = longest or 1.0
+    return np.array([length if constraints.program.states.units[p] == "m" else 1.0 for p in places]), length
