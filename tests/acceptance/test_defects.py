@@ -35,10 +35,6 @@ TODAY = frozenset(
         "nand_if_laws_chatter",
         "nand_slow_look_ahead",
         "kite_swing_rtol1e-11",
-        "start_double_pendulum",
-        "start_rates_move_pose",
-        "start_rates_move_pose_planar",
-        "start_winds_turns",
     )
 )
 pytestmark = pytest.mark.machine_code  # bounds on time; the parts' own tests run interpreted too
@@ -288,7 +284,6 @@ def test_a_point_mass_on_a_rod(tmp_path: Path) -> None:
 
 
 # ---------------------------------------------------------------- starts
-@wrong_today
 @pytest.mark.parametrize("degrees", [100, 130, 170, -140, -170, 250])
 def test_the_assembly_of_a_slider_crank(degrees: int, tmp_path: Path) -> None:
     found = values("assembly_slider_crank", tmp_path, "--set", f"d={degrees} deg")
@@ -315,7 +310,6 @@ def swing(phi: float) -> float:
     return rocker(phi) - rocker(0)
 
 
-@wrong_today
 @pytest.mark.parametrize("degrees", [60, 120, 150, 180, -120, -150])
 def test_the_assembly_of_a_four_bar(degrees: int, tmp_path: Path) -> None:
     text = (MODELS / "four_bar.bg").read_text(encoding="utf-8").rstrip()
