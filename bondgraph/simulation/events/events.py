@@ -113,7 +113,7 @@ class Events:
         mode = np.array(at.mode, dtype=float)
         for _ in range(len(self.places) + 1):
             roots = self.roots(at.time, at.state, mode)
-            noise = self._noise(Moment(at.time, at.state, mode), roots)
+            noise = self.noise(Moment(at.time, at.state, mode), roots)
             mode[self.places] = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
         return mode
 
@@ -266,6 +266,9 @@ class Events:
                 loop = np.array(trail[seen[key] :])[:, self.places]
                 flipping = np.flatnonzero(np.ptp(loop, axis=0) > 0)
                 between = self._between(now, flipping)
+                if between is None and self._is_alike(now, trail[seen[key] :]):
+                    self.floor[flipping] = 4 * self.noise(now, self.roots(now.time, now.state, now.mode))[flipping]
+                    return now
                 if between is None:
                     raise RunFailed(self._sliding(at.time, flipping))
                 return between
@@ -286,6 +289,21 @@ class Events:
         rest = self._solved(Moment(at.time, at.state, mode))
         return rest if (self._just_after(rest) == (mode[self.places] == 1.0)).all() else None
 
+    def _is_alike(self, at: Moment, modes: Sequence[Any]) -> bool:
+        """Whether the rates and unknowns are the same under all these modes, as those of a law that is continuous are at its condition."""
+        flow = self._flow(at)
+        if flow is None:
+            return False
+        for mode in modes:
+            other = self._solved(Moment(at.time, at.state, mode))
+            changed = self._flow(other)
+            if changed is None:
+                return False
+            moved = np.concatenate([flow[1] * (changed[0] - flow[0]), (other.state - at.state)[self.count :]])
+            if not (np.abs(moved) <= CLOSE * self.magnitude).all():
+                return False
+        return True
+
     def _solved(self, at: Moment) -> Moment:
         held = self.constraints.project(at.time, at.state, at.mode)
         return Moment(at.time, self.loops.solve(at.time, held, at.mode), at.mode)
@@ -296,7 +314,7 @@ class Events:
             return np.zeros(0, dtype=bool)
         roots = self.roots(at.time, at.state, at.mode)
         truth = self.truth(roots)
-        noise = self._noise(at, roots)
+        noise = self.noise(at, roots)
         doubtful = np.abs(roots) <= noise
         self.floor = np.zeros(len(roots))
         if not doubtful.any():
@@ -319,7 +337,7 @@ class Events:
         self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
         return truth
 
-    def _noise(self, at: Moment, roots: Any) -> Any:
+    def noise(self, at: Moment, roots: Any) -> Any:
         """How far from zero rounding may leave each root: of the states, in units of their magnitudes, and of the instant, along the flow."""
         share = 1e-7
         n = len(at.state)

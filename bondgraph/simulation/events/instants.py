@@ -22,7 +22,8 @@ from .locate import Flip, RootsAt, StateAt, first_flip
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
 CLOSE = 1e-8  # of the run: a condition that flips so soon after steps have collapsed is why they have
-MOST_EVENTS = 1_000_000  # of one run
+MOST_EVENTS = 10_000_000  # of one run
+HARMLESS = 0.01  # of the tolerance: by how much laws may differ for a step that runs on from one to the other
 
 
 class EventStepper(Stepper):
@@ -161,7 +162,7 @@ class EventStepper(Stepper):
     def follow(
         self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
     ) -> Segment:
-        """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way."""
+        """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way, and so do those that change nothing yet."""
         events = self.events
         looked_for = len(self.program.unknowns.names) > 0 and not self.loops.affine
 
@@ -176,13 +177,58 @@ class EventStepper(Stepper):
                 break
             mode = np.array(stretch.mode)
             mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
-            if events.steers[flip.conditions].any() or events.rising(Moment(flip.time, flip.state, mode)):
+            after = Moment(flip.time, flip.state, mode)
+            if events.rising(after) or (events.hybrid.junctions and events.actives(after) != self.off):
+                self.flip = flip
+                break
+            if events.steers[flip.conditions].any() and not self._passes(flip, stretch.mode, mode, state_at):
                 self.flip = flip
                 break
             self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
             self.piece = stretch = Segment(flip.time, stretch.stop, mode)
             start = flip.time
         return stretch
+
+    def _passes(self, flip: Flip, before: Any, after: Any, state_at: StateAt) -> bool:
+        """Whether the laws of both sides differ by much less than the tolerance up to the end of the step: then it need not end where they change. So runs a
+        law that is continuous through a state that rests at its condition, but for rounding. What flips back within this distance is not seen."""
+        events, tolerances, count = self.events, self.tolerances, len(self.program.states.names)
+        start, stop = self.followed
+        times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))
+        for time, old in zip(times, state_at(times, True), strict=True):
+            allowed = tolerances.absolute + tolerances.relative * np.abs(old)
+            beside = allowed * (np.arange(len(old)) < count)
+            for state, share in ((old, HARMLESS), (old + beside, 1.0), (old - beside, 1.0)):
+                both = self._under(time, state, before), self._under(time, state, after)
+                if not self._are_alike(time, stop - start, both, share * allowed):
+                    return False
+                if state is old:
+                    reach = np.fmax(reach, np.abs([events.roots(time, *x) for x in both]).max(axis=0))
+        events.floor = np.where(flip.conditions, np.fmax(events.floor, reach), events.floor)
+        return True
+
+    def _under(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
+        """A state with the unknowns that belong to it under a mode, if there are any; and the mode."""
+        try:
+            return self.loops.solve(time, state, mode), mode
+        except RunFailed:
+            return np.full(len(state), np.nan), mode
+
+    def _are_alike(self, time: float, size: float, both: Sequence[tuple[Any, Any]], allowed: Any) -> bool:
+        """Whether rates, over a time, and unknowns differ by no more than is allowed between two states and modes."""
+        count = len(self.program.states.names)
+        self.count({"derivative": len(both)})
+        before, after = (self.program.derivative(time, x, self.inputs, self.constants, m)[:count] for x, m in both)
+        moved = np.concatenate([size * (after - before), (both[1][0] - both[0][0])[count:]])
+        return bool((np.abs(moved) <= allowed).all()) and self._works_alike(time, *both)
+
+    def _works_alike(self, time: float, before: tuple[Any, Any], after: tuple[Any, Any]) -> bool:
+        """Whether the powers at all ports, if they are wanted, are the same for two states and modes."""
+        if self.powers is None:
+            return True
+        one, two = (self.powers(time, *x) for x in (before, after))
+        most = float(np.abs(np.concatenate([one, two])).max(initial=0.0))
+        return bool((np.abs(two - one) <= HARMLESS * self.tolerances.relative * most).all())
 
 
 def pilot(

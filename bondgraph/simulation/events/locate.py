@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import RunFailed
+from .events import Events, Moment
 from .interpolants import EXACT, FINER, ON_GRID, SHARES, Interpolants
 from .zeros import narrowed
-
-if TYPE_CHECKING:
-    from .events import Events
 
 WIDTH = 4  # units in the last place of a time: where narrowing ends
 LEAST = 1e-300  # distance from a flip that counts: no flip has a sign of its own
@@ -52,6 +50,7 @@ def first_flip(
     said = np.asarray(mode)[events.places] == 1.0
     smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
     waiting, count = [(start, stop)], 0
+    rounding: Any = None  # of the indicators: what moves no more than that is not followed
     while waiting:
         low, high = waiting.pop()
         times = low + (high - low) * SHARES
@@ -66,6 +65,10 @@ def first_flip(
         on_grid = ON_GRID @ seen.coefficients
         dips = seen.dips(on_grid, low == start)
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
+        if unsure.any() and high - low > smallest:
+            if rounding is None:
+                rounding = events.noise(Moment(high, state_at(times[-1:], False)[0], mode), seen.values[-1])
+            unsure &= seen.variation > rounding
         if unsure.any() and high - low > smallest:
             middle = 0.5 * (low + high)
             waiting += [(middle, high), (low, middle)]

@@ -121,6 +121,7 @@ class Problem:
     hold: Callable[[float, Any], Any] | None = None  # brings the end of a step onto the invariants of the states
     bends: Callable[[float, Any], Any] | None = None  # time, state -> zero where a law bends
     terms: Callable[[Any, Any], Any] = lambda jacobian, state: 0.0  # per row, the sum of the sizes of what it adds up
+    mode: Any = None  # what conditions are in the functions, to be changed in place
 
 
 class Radau:
@@ -163,6 +164,10 @@ class Radau:
     def inner(self) -> tuple[float, ...]:
         """The places of a step where the limits of a model are looked at."""
         return INNER
+
+    def put_mode(self, mode: Any) -> None:
+        """Conditions are like this from now on."""
+        self.problem.mode[:] = mode
 
     def begin_with(self, size: float) -> None:
         """Let the next step be no longer than this."""

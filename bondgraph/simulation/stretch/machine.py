@@ -188,6 +188,7 @@ class InMachineCode:
             solver.repeat(flip.time - start)
         else:
             solver.put_mode(self.stretch.mode)
+            solver.doubt(stepper.floor)
         if stepper.flip is not None:
             solver.end_at(stepper.flip.time)
         else:

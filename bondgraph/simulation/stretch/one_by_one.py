@@ -102,6 +102,8 @@ class OneByOne:
             self._repeat(whole.up_to(start, whole.stop), flip.time - start)
             self.stretch = whole
             return False
+        if self.stretch is not whole:
+            solver.put_mode(self.stretch.mode)
         self._sample()
         stepper.look(solver, self.stretch, stepper.instants[before : stepper.position])
         start, stop = solver.last_step

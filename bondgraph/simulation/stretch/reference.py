@@ -34,7 +34,8 @@ def reference(
     `absolute`: tolerances of the scaled states, if they have grown.
     """
     program, magnitude, count = stepper.program, stepper.tolerances.magnitude, len(stepper.program.states.names)
-    fixed = (stepper.inputs, stepper.constants, stretch.mode)
+    mode = np.array(stretch.mode, dtype=float)
+    fixed = (stepper.inputs, stepper.constants, mode)
     differential = np.arange(len(x)) < count
     rows, columns = program.pattern
     unit = np.where(differential, magnitude, 1.0)  # residuals are scaled by the factorisation
@@ -57,7 +58,7 @@ def reference(
     follows = follower(program, stepper.inputs, stepper.constants, stretch, stepper.signals(stretch))
     problem = Problem(
         derivative, jacobian, shifted, differential, relative, stepper.tolerances.scaled if absolute is None else absolute,
-        follows, stepper.longest, terms=terms,
+        follows, stepper.longest, terms=terms, mode=mode,
     )  # fmt: skip
     if program.bends is not None:
         bends = program.bends
@@ -65,7 +66,7 @@ def reference(
     if stepper.constraints:
 
         def hold(time: float, scaled: Any) -> Any:
-            held = stepper.constraints.project(time, scaled * magnitude, stretch.mode) / magnitude
+            held = stepper.constraints.project(time, scaled * magnitude, mode) / magnitude
             held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
             return held
 

@@ -65,6 +65,7 @@ class Stepper:
         self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
+        self.followed = (-np.inf, -np.inf)  # the step that is looked at
         self.reached = -np.inf  # where the last run ended
         self.flip: Flip | None = None  # where the last stretch ended early
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
@@ -302,7 +303,7 @@ class Stepper:
         roots_at: RootsAt | None = None,
     ) -> Segment:
         """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
-        start, stop = last
+        start, stop = self.followed = last
         edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
         for a, b in pairwise(edges):
             stretch = self.follow(a, b, stretch, state_at, roots_at)

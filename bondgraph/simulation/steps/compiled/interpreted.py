@@ -59,6 +59,10 @@ class Interpreted:
         if failed:
             raise StepFailed(FAILURES[failed])
 
+    def put_mode(self, mode: Any) -> None:
+        """Conditions are like this from now on."""
+        self.record.mode[:] = mode  # type: ignore[index]
+
     def begin_with(self, size: float) -> None:
         """Let the next step be no longer than this."""
         self.record.size = size
