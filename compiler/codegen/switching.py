@@ -102,8 +102,8 @@ class Switching:
         alone = not self.result.dependence(x) & (INPUT | STATE | EVENT)
         if x.operator in CONDITIONS:
             return self._mode(x, alone)
-        if x.operator == "sign" and (alone or self.located):
-            g = x.operands[0]
+        if x.operator == "sign" and (alone or self.located or call("less", ZERO, x.operands[0]) in self.modes):
+            g = x.operands[0]  # the slope of a law has the sign that the law has: both rest where a mode says zero
             return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
         if (alone or self.located) and x.operator in ("floor", "ceil"):
             raise CompilationFailed([JumpsWithoutEnd(span, x.operator, *(OF_TIME if alone else OF_STATES))])

@@ -173,7 +173,6 @@ def test_a_nand_gate(name: str, tmp_path: Path) -> None:
             assert found[output][-1] == pytest.approx(value, rel=1e-4)
 
 
-@wrong_today
 def test_a_tank_runs_empty(tmp_path: Path) -> None:
     done = in_time("run", file_of("tank_runs_empty"), "--json", "--out", str(tmp_path / "result.npz"))
     assert done.returncode == 0, done.stderr

@@ -455,6 +455,7 @@ class Events:
             f"at t = {time:.9g} s {what} {'act' if events else 'change'} again and again in no time, {len(last)} times within "
             f"{last[-1].time - last[0].time:.3g} s: end it by a `mode` that an event sets where little is left, "
             "and a junction that is `active` without it"
+            + ("" if events else "; a root that goes through zero is written `sign(x)*sqrt(abs(x))`, without `if`")
         )
 
     def _sliding(self, time: float, conditions: Any) -> str:

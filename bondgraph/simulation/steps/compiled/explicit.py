@@ -57,7 +57,11 @@ def explicit_step(s: Stepper) -> int:
                 size *= share
                 continue
         if norm <= 1.0:
-            break
+            if has_rates_at(s, end):
+                break
+            rejected += 1  # the law of this side ends within the step
+            size *= 0.5
+            continue
         rejected += 1
         if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
@@ -77,10 +81,19 @@ def explicit_step(s: Stepper) -> int:
     return 0
 
 
+def has_rates_at(s: Stepper, end: float) -> bool:
+    """Whether the rates at the end of a step are numbers; they stand behind those of its stages."""
+    last = s.slope[STAGES * s.n :]
+    rates(s, end, s.new, last)
+    for i in range(s.n):
+        if not isfinite(last[i]):
+            return False
+    return True
+
+
 def put_explicit_end(s: Stepper, end: float, size: float) -> None:
-    """Close a step, and look at what held it."""
+    """Close a step, whose last rates are known, and look at what held it."""
     n = s.n
-    rates(s, end, s.new, s.slope[STAGES * n :])
     above = 0.0
     below = 0.0
     for i in range(n):  # the last stage stands at the end too, at a state of its own, which is still in `rest`

@@ -1,0 +1,109 @@
+"""Laws that are continuous at their conditions, with a bend or with an infinite slope: they run like those without conditions, and end in a rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.prepared import TARGETS
+from bondgraph.results import Result
+
+BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
+
+TANK = """model Tank {{
+  C tank : P = V*1e4 [Pa/m^3] {{ start V = {start} [m^3] }}
+  R o : Q = {law}
+  0 n : hydraulic
+  n -> tank, o
+  output V = tank.V
+}}
+"""
+ROOTS = [  # law of P in Pa, with c, and its exponent
+    ("{c}*sign(P)*sqrt(abs(P)/1 Pa)", 0.5),
+    ("{c}*sign(P/1 Pa)*(abs(P)/1 Pa)^0.5", 0.5),
+    ("{c}*sqrt(P/1 Pa) if P > 0 Pa else 0 [m^3/s]", 0.5),
+    ("{c}*sqrt(abs(P)/1 Pa) if P > 0 Pa else 0 [m^3/s]", 0.5),
+    ("{c}*sqrt(P/1 Pa) if P >= 0 Pa else 0 [m^3/s]", 0.5),
+    ("{c}*sqrt(max(P, 0 Pa)/1 Pa)", 0.5),
+    ("0 [m^3/s] if P <= 0 Pa else {c}*sqrt(P/1 Pa)", 0.5),
+    ("{c}*sign(P)*(abs(P)/1 Pa)^0.7", 0.7),
+    ("{c}*sign(P)*(abs(P)/1 Pa)^(1/3)", 1 / 3),
+    ("{c}*sign(P)*(abs(P)/1 Pa)^0.25", 0.25),
+]
+
+
+@pytest.mark.parametrize("start", [1.0, 1e-3, -0.2])
+@pytest.mark.parametrize(("law", "exponent"), ROOTS, ids=[law for law, _ in ROOTS])
+@pytest.mark.parametrize("target", BOTH)
+def test_a_tank_runs_empty_and_stays_so(law: str, exponent: float, start: float, target: str) -> None:
+    """V' = -V^p/(1 - p) in units of the start and of the time that it takes, so V = (1 - t)^(1/(1 - p))."""
+    if start < 0 and "sign" not in law:
+        return
+    full = abs(1e4 * start) ** exponent * (1 - exponent) / abs(start)  # 1/c, for a tank that is empty after 1 s
+    text = TANK.format(start=start, law=law.format(c=f"{1 / full!r} [m^3/s]"))
+    found = bondgraph.load(text).simulate(to=3, points=31, target=target, solver="radau")
+    expected = start * np.maximum(1 - found.time, 0) ** (1 / (1 - exponent))
+    np.testing.assert_allclose(found["V"], expected, atol=1e-5 * abs(start))
+    assert found.steps < 500
+
+
+@pytest.mark.parametrize("target", BOTH)
+@pytest.mark.parametrize("second", [0.0, 0.3, 2.5])
+def test_two_tanks_level_out(second: float, target: str) -> None:
+    """The root of their difference falls as a line."""
+    text = f"""model Two {{
+      C one : P = V*1e4 [Pa/m^3] {{ start V = 1 [m^3] }}
+      C two : P = V*1e4 [Pa/m^3] {{ start V = {second} [m^3] }}
+      R o : Q = 0.01 [m^3/s/Pa^(1/2)]*sign(P)*sqrt(abs(P))
+      0 a, b : hydraulic
+      a -> one
+      b -> two
+      a -> 1(o) -> b
+      output difference = one.V - two.V, sum = one.V + two.V
+    }}"""
+    found = bondgraph.load(text).simulate(to=3, points=31, target=target, solver="radau")
+    root = np.maximum(np.sqrt(abs(1 - second)) - found.time, 0)  # V' = -2*0.01*100*sqrt(V) of the difference V
+    np.testing.assert_allclose(found["difference"], np.sign(1 - second) * root**2, atol=2e-5)
+    np.testing.assert_allclose(found["sum"], 1 + second, rtol=1e-9)
+    assert found.steps < 500
+
+
+FORMS = [  # with `if`, without
+    ("x if x > 0 else 0", "max(x, 0)"),
+    ("x^2 if x > 0 else 0", "max(x, 0)^2"),
+    ("3*x if x > 0 else x", "max(3*x, x)"),
+    ("x if x > y else y", "max(x, y)"),
+    ("x - 0.2 if x > 0.2 else 0", "max(x - 0.2, 0)"),
+    ("0 if x <= 0 else (x^2 if x <= 1 else 2*x - 1)", "max(min(x, 1), 0)^2 + 2*max(x - 1, 0)"),
+    ("exp(x) - 1 if x <= 0 else x", "exp(min(x, 0)) - 1 + max(x, 0)"),
+    ("x*abs(x) if x > 0 else 0", "max(x, 0)*abs(x)"),
+    ("1e-9*x if x <= 0 else 0", "1e-9*min(x, 0)"),
+    ("x*y if x > 0 else 0", "max(x, 0)*y"),
+    ("x if x < y else y", "min(x, y)"),
+]
+
+
+def run(law: str, rtol: float, target: str) -> Result:
+    text = f"""plain model Pushed {{
+      "It is pushed to and fro twice, and comes to rest at zero in between."
+      signal push = 2*(ramp(time, 0, 0.1) - ramp(time, 1, 1.1) - ramp(time, 3, 3.1) + ramp(time, 4, 4.1) + ramp(time, 10, 10.1) - ramp(time, 11, 11.1))
+      signal x = integral(push - x - 5*({law}), 0), y = integral(x - 2*y, 0)
+      output position = x
+    }}"""
+    return bondgraph.load(text).simulate(to=20, points=41, rtol=rtol, target=target, solver="radau")
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7])
+@pytest.mark.parametrize("forms", FORMS, ids=[f for f, _ in FORMS])
+@pytest.mark.parametrize("target", BOTH)
+def test_a_law_with_if_that_only_bends_runs_like_one_without(forms: tuple[str, str], rtol: float, target: str) -> None:
+    with_if, without = (run(form, rtol, target) for form in forms)
+    np.testing.assert_allclose(with_if["position"], without["position"], atol=100 * rtol)
+    assert work(with_if) <= 2 * work(without)
+
+
+def work(result: Result) -> Any:
+    return result.evaluations["derivative"]
