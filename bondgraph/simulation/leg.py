@@ -283,7 +283,7 @@ class Leg:
             saved = None if self.history is None else self.history.saved()
             largest = pilot(
                 self.program, self.constants, self.inputs, self.state, self.stretches, first.values,
-                replace(events, on=dict(events.on), log=[]), self.off, self.constraints,
+                replace(events, on=dict(events.on), log=[], companion=None if self.companion is None else self.companion.ahead()), self.off, self.constraints,
                 self.history,
             )  # fmt: skip
             if self.history is not None and saved is not None:

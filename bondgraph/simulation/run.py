@@ -212,7 +212,7 @@ class Run:
         """All legs, to the end. Raises `RunFailed`."""
         wishes, tried = dict(self.scene.preferences), set[tuple[str, ...]]()
         begin, left, legs = self.begin, self.instants, self.legs
-        companion, modes = self._valves()
+        companion, modes = self._companion(), dict[str, float]()
         smooth: dict[Program, Timeline] = {}  # the stretches of programs that were there before
         while not legs or begin is not None:
             self.leg = None
@@ -220,10 +220,16 @@ class Run:
             chosen = (
                 self.scene if preferences == self.scene.preferences else replace(self.scene, preferences=preferences)
             )
-            leg = Leg(
-                self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
-                self.solver, bandwidth=self.bandwidth, parts=self.parts, companion=companion, modes=modes, smooth=smooth,
-            )  # fmt: skip
+            try:
+                leg = Leg(
+                    self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
+                    self.solver, bandwidth=self.bandwidth, parts=self.parts, companion=companion, modes=modes, smooth=smooth,
+                )  # fmt: skip
+            except RunFailed:
+                if legs or modes or begin is not None or companion is None or not companion.valves:
+                    raise
+                modes = self._conducting(companion)  # where valves block as written, the starts cannot hold
+                continue
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
                 tried.add(leg.begins_without)  # the first guess was wrong: begin anew
                 self.scene = replace(self.scene, off=leg.begins_without)
@@ -256,28 +262,31 @@ class Run:
                 "conditions; give them a hysteresis, or put a resistor or a storage beside them"
             )
 
-    def _valves(self) -> tuple[Companion | None, dict[str, float]]:
-        """The companion of the switched junctions, if valves or integrals need it, and the modes of the valves where the run begins."""
+    def _companion(self) -> Companion | None:
+        """The companion of the switched junctions, if valves or integrals need it."""
         first = self.made(self.scene, self.energy)
-        valves = first.facts.valves
-        if not valves and not first.facts.integrals:
-            return None, {}
+        if not first.facts.valves and not first.facts.integrals:
+            return None
         from .events.complementarity import Companion
 
         def made(off: tuple[str, ...]) -> Prepared:
             return self.made(replace(self.scene, preferences=(), off=off, companion=True, conserving=False), False)
 
         companion = Companion(first.facts, made, self.values, self.stop - self.plan.start)
-        if self.begin is not None or not valves:
-            return companion, {}
-        own = {v.junction: v for v in valves}
-        modes = companion.begin(self.plan.start, tuple(j for j in first.compilation.off if j not in own))
+        companion.switched(self.plan.start)
+        return companion
+
+    def _conducting(self, companion: Companion) -> dict[str, float]:
+        """The modes of the valves where the run begins, as the starts ask for them; the scene follows."""
+        first = self.made(self.scene, self.energy)
         hybrid = first.program.hybrid
         assert hybrid is not None
+        own = {v.junction for v in companion.valves}
         off = {j for j in first.compilation.off if j not in own}
-        off |= {v.junction for v in valves if modes[v.mode] == v.conducting}
+        modes = companion.begin(self.plan.start, tuple(off))
+        off |= {v.junction for v in companion.valves if modes[v.mode] == v.conducting}
         self.scene = replace(self.scene, off=tuple(name for name, _ in hybrid.junctions if name in off))
-        return companion, modes
+        return modes
 
     def cut(self, why: str) -> Result | None:
         """What is sure where the run broke off; None if it had not begun."""

@@ -12,7 +12,8 @@ there are any, derivatives where values are zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +85,7 @@ class Companion:
         self.valves, self.gaps, self.integrals = facts.valves, facts.gaps, frozenset(facts.integrals)
         self.made, self.values, self.horizon = made, values, horizon
         self.networks: dict[tuple[str, ...], Network] = {}
-        self.instants: list[float] = []  # at which valves switched
+        self.instants: list[float] = []  # the start, and when valves switched
         self.stored: dict[str, float] = {}  # by name: all that has been known of storages so far
         self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets that did not hold at an instant
 
@@ -93,8 +94,8 @@ class Companion:
         """A set that conducts by a longer or shorter step, where this one did not hold in its own program; None if all lead to sets that did not."""
         self.against = at.time, self._refused(at.time) | {guess.tobytes()}
         refused = self._refused(at.time)
-        for share in STEPS:
-            found = self._solved(at, guess, self.step(share, at.time))
+        for step in self.steps(at.time):
+            found = self._solved(at, guess, step)
             if found is not None and found[0].tobytes() not in refused:
                 return found[0]
         return None
@@ -102,8 +103,8 @@ class Companion:
     def conducting(self, at: Instant, guess: Any) -> Any:
         """Which valves conduct just after an instant, as a mask. Raises `RunFailed`."""
         refused = self._refused(at.time)
-        for share in STEPS:
-            found = self._solved(at, guess, self.step(share, at.time))
+        for step in self.steps(at.time):
+            found = self._solved(at, guess, step)
             if found is not None and found[0].tobytes() not in refused:
                 return found[0]
         raise self.without_a_set(at.time)
@@ -131,6 +132,17 @@ class Companion:
         between = np.diff(np.array(self.instants[-RECENT:]))
         usual = float(between.max()) if len(between) and between.max() > 0 else self.horizon
         return max(share * min(usual, self.horizon), 1e3 * float(np.spacing(abs(time))))
+
+    def steps(self, time: float) -> Iterator[float]:
+        """The steps h that are tried: shares of the time between the last instants, then of the run."""
+        yield from (self.step(share, time) for share in STEPS)
+        yield from (max(share * self.horizon, 1e3 * float(np.spacing(abs(time)))) for share in STEPS)
+
+    def ahead(self) -> Companion:
+        """The same for a pilot run, which leaves nothing behind."""
+        other = copy(self)
+        other.stored = dict(self.stored)
+        return other
 
     def switched(self, time: float) -> None:
         """Remember an instant at which valves switched."""

@@ -21,6 +21,7 @@ from ..start.claims import slopes_of
 
 ITERATIONS = 30
 CLOSE = 1e-12  # of the magnitudes: where the iteration ends
+AFFINE = 1e-13  # of its values: how far from a straight line rounding takes an affine function
 SEEN = 1e-9  # of the magnitudes: what counts as a jump
 
 
@@ -88,16 +89,14 @@ class _Held:
 
 def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
     """The states for which no impulse does work on a motion that the ties allow."""
-    everything = np.ones(len(x), dtype=bool)
     scale = size[: len(x)]
 
     def scaled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
         return lambda y: function(y * scale)
 
-    y = x / scale
+    y, last = x / scale, np.inf
     for _ in range(ITERATIONS):
-        allowed = slopes_of(scaled(held.conjugates), y, everything)
-        ways = slopes_of(scaled(held.stored), y, everything)
+        allowed, ways = _slopes(scaled(held.conjugates), y), _slopes(scaled(held.stored), y)
         matrix, right = allowed.T @ ways, allowed.T @ (held.stored(y * scale) - old)
         rows = np.abs(matrix).max(axis=1)
         if not (np.isfinite(matrix).all() and (rows > 0).all()):
@@ -107,9 +106,23 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
         except np.linalg.LinAlgError:
             break
         y = y + step
-        if np.abs(step).max() <= CLOSE:
+        size_of_step = float(np.abs(step).max())
+        if size_of_step <= CLOSE or (size_of_step <= SEEN and size_of_step > 0.1 * last):  # the slopes are no better
             return y * scale
+        last = size_of_step
     raise RunFailed(
         f"at t = {time:.9g} s storages that are tied to each other by a switched junction find no common motion: "
         "put a resistor or a spring between them"
     )
+
+
+def _slopes(function: Callable[[Any], Any], y: Any) -> Any:
+    """Central differences, shape (values, n): of an affine function over a long way, where rounding does not count."""
+    here, columns = function(y), []
+    for way in np.eye(len(y)):
+        ahead, behind = function(y + way), function(y - way)
+        size = np.maximum(np.abs(ahead), np.abs(behind))
+        if not (np.abs(ahead + behind - 2 * here) <= AFFINE * size).all():
+            return slopes_of(function, y, np.ones(len(y), dtype=bool))
+        columns.append(0.5 * (ahead - behind))
+    return np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))
