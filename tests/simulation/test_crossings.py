@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.prepared import TARGETS
 from bondgraph.results import Result
+from bondgraph.simulation.closed.singular import Watcher
+from bondgraph.simulation.events.zeros import crossing
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 SOLVERS = ["automatic", "explicit", "radau", "rodas"]
@@ -259,3 +262,43 @@ def test_the_peak_of_friction_before_a_stop_is_not_stepped_over(row: tuple[Any, 
     )
     stop = min((e.time for e in found.events if e.time > begin + 0.05), key=lambda t: abs(t - end.y[0, -1]))
     assert stop == pytest.approx(end.y[0, -1], rel=3e-6)
+
+
+def test_a_flat_zero_takes_few_evaluations() -> None:
+    """x^9 from -1 to 4: where interpolation is not safe the interval is halved, else that would take twice as many."""
+    count = 0
+
+    def ninth(x: float) -> float:
+        nonlocal count
+        count += 1
+        return x**9
+
+    assert abs(crossing(ninth, -1.0, 4.0, 1e-12)) < 1e-11
+    assert count <= 50
+
+
+def test_a_least_value_at_the_edge_of_a_crossing_is_no_pose() -> None:
+    """The smallest singular value falls up to the end of what was crossed: the pose, if there is one, lies beyond it. Where it has a least value inside, there is."""
+
+    class Along(Watcher):
+        least = 2.0  # where it is least
+
+        def __init__(self) -> None:
+            """Without a mechanism."""
+
+        def _on(self, crossed: Any, times: Any, state: Any) -> Any:
+            return times[:, None]
+
+        def _least_all(self, times: Any, states: Any, mode: Any) -> Any:
+            return np.abs(times - self.least)
+
+        def _apart(self, one: Any, other: Any) -> float:
+            return 0.0
+
+    crossed = SimpleNamespace(start=0.0, size=1.0)
+    ahead = SimpleNamespace(state=np.zeros(1), lost=1, joints=())
+    watcher = Along()
+    assert watcher._pose(crossed, ahead, np.zeros(1), np.zeros(0)) is None  # type: ignore[arg-type]
+    watcher.least = 0.3
+    pose = watcher._pose(crossed, ahead, np.zeros(1), np.zeros(0))  # type: ignore[arg-type]
+    assert pose is not None and pose.time == pytest.approx(0.3, abs=1e-3)

@@ -224,7 +224,7 @@ class Events:
         roots = self.roots(at.time, at.state, at.mode)
         against = np.zeros(len(roots), dtype=bool)
         against[places] = self.truth(roots)[places]
-        limit = UPHELD * self._noise(at, roots)
+        limit = UPHELD * self.noise(at, roots)
         if (np.abs(roots[against]) > limit[against]).any():
             return False
         at.mode[self.places[against]] = 0.0
