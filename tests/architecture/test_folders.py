@@ -78,6 +78,7 @@ def test_test_folders_are_named_after_rooms() -> None:
         "gallery",
         "published",
         "graphs",
+        "second_opinion",
         "stress",
     }
     found = {

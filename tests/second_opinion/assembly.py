@@ -1,0 +1,382 @@
+"""A bond graph as one implicit system: each bond has an effort and a flow, each element its law, each junction its equalities and its sum.
+
+x' = rates(t, x, w), 0 = residuals(t, x, w). In x: what is stored, integrals, poses and velocities of bodies; in w: efforts and flows of bonds,
+accelerations of bodies and multipliers of joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from compiler.algebra.expression import Expression, Number, Symbol, add, multiply, negate, substitute
+from compiler.algebra.formula import Bound
+from compiler.graph.network import BondGraph, Element, Event, Junction, Kind, MechanismNode, Own, Quantity, Reading
+from tests.second_opinion.linkage import Linkage
+from tests.second_opinion.writer import COMPLEX, REAL, NotHeld, Writer, function, slope
+
+STATIC = frozenset({"parameter", "constant"})
+
+
+class Unknown(NamedTuple):
+    """A variable: of x, of w, of the modes m, or whether a junction is on."""
+
+    kind: str
+    number: int
+
+
+class Time(NamedTuple):
+    kind: str = "t"
+    number: int = 0
+
+
+TIME = Symbol(Time())
+
+
+class Action(NamedTuple):
+    """What an event sets: place in x or m, value, and of a storage the law that turns the value into what is stored."""
+
+    kind: str
+    number: int
+    value: Expression
+    law: Expression | None = None  # over Unknown("own", 0), what is stored, and Unknown("own", 1), the value
+
+
+@dataclass
+class Assembly:
+    """The system of one graph, as expressions."""
+
+    graph: BondGraph
+    rates: list[Expression] = field(default_factory=list)
+    starts: list[Any] = field(default_factory=list)  # numbers, or a law (expression, value) to be solved for it
+    residuals: list[tuple[Expression, int | None, Expression | None]] = field(default_factory=list)
+    unknowns: int = 0
+    stored: dict[tuple[str, int], int] = field(default_factory=dict)
+    integrals: dict[str, int] = field(default_factory=dict)
+    modes: dict[str, int] = field(default_factory=dict)
+    linkages: dict[str, Linkage] = field(default_factory=dict)
+    quantities: dict[str, Expression] = field(default_factory=dict)
+    bond_at: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def unknown(self) -> Symbol:
+        self.unknowns += 1
+        return Symbol(Unknown("w", self.unknowns - 1))
+
+    def state(self, rate: Expression, start: Any) -> Symbol:
+        self.rates.append(rate)
+        self.starts.append(start)
+        return Symbol(Unknown("x", len(self.rates) - 1))
+
+    # ------------------------------------------------------------ references
+    def effort(self, bond: int) -> Symbol:
+        return Symbol(Unknown("w", 2 * bond))
+
+    def flow(self, bond: int) -> Symbol:
+        return Symbol(Unknown("w", 2 * bond + 1))
+
+    def variable(self, bond: int, letter: str) -> Symbol:
+        return self.effort(bond) if letter == "e" else self.flow(bond)
+
+    def opened(self, bound: Bound) -> Expression:
+        """The expression of a formula over the unknowns."""
+        return substitute(bound.formula.expression, lambda s: self.reference(bound.arguments[s.key]))
+
+    def reference(self, what: Any) -> Expression:
+        if isinstance(what, int | float):
+            return Number(float(what))
+        if isinstance(what, Quantity):
+            return self.quantity(what.name)
+        assert isinstance(what, Reading)
+        return self.reading(what)
+
+    def quantity(self, name: str) -> Expression:
+        graph = self.graph
+        if name == "time":
+            return TIME
+        if name in self.integrals:
+            return Symbol(Unknown("x", self.integrals[name]))
+        if name in self.modes:
+            return Symbol(Unknown("m", self.modes[name]))
+        if name in graph.delays:
+            raise NotHeld("delay")
+        if name not in self.quantities:
+            named = graph.quantities.get(name) or graph.outputs[name]
+            if named.value is not None and named.role in STATIC:
+                self.quantities[name] = Number(float(named.value))
+            elif named.definition is None:
+                if named.value is None:
+                    raise NotHeld(f"{name} has no value")
+                self.quantities[name] = Number(float(named.value))
+            else:
+                self.quantities[name] = self.opened(named.definition)
+        return self.quantities[name]
+
+    def reading(self, what: Reading) -> Expression:
+        graph = self.graph
+        if (what.node, what.port) in graph.walls:
+            return self.variable(graph.walls[what.node, what.port], what.variable)
+        number, node = next((i, n) for i, n in enumerate(graph.nodes) if n.name == what.node)
+        if isinstance(node, Junction):
+            if not graph.incident[number]:
+                return Number(0.0)
+            return self.variable(graph.incident[number][0], what.variable)
+        if isinstance(node, MechanismNode):
+            return self.linkages[node.name].reading(what.port, what.variable)
+        assert isinstance(node, Element)
+        port = next(i for i, p in enumerate(node.ports) if p.name == what.port)
+        return self.own(number, node, Own(port, what.variable))
+
+    def own(self, number: int, node: Element, own: Own) -> Expression:
+        if own.variable in "ef":
+            if (number, own.port) not in self.bond_at:
+                raise NotHeld("a port without bond")
+            return self.variable(self.bond_at[number, own.port], own.variable)
+        return Symbol(Unknown("x", self.stored[node.name, own.port]))
+
+    def law(self, number: int, node: Element, x: Expression) -> Expression:
+        def replaced(symbol: Symbol) -> Expression:
+            key = symbol.key
+            return self.own(number, node, key) if isinstance(key, Own) else self.reference(node.arguments[key])
+
+        return substitute(x, replaced)
+
+    def equal_zero(self, x: Expression, switch: int | None = None, off: Expression | None = None) -> None:
+        self.residuals.append((x, switch, off))
+
+
+def assembled(graph: BondGraph) -> Assembly:
+    """All equations of a graph. Raises `NotHeld`."""
+    a = Assembly(graph, unknowns=2 * len(graph.bonds))
+    if graph.delays:
+        raise NotHeld("delay")
+    for number, bond in enumerate(graph.bonds):
+        a.bond_at[bond.tail] = a.bond_at[bond.head] = number
+    for name, named in graph.quantities.items():
+        if named.role == "mode":
+            a.modes[name] = len(a.modes)
+    _declare_states(a)
+    switches = {s.junction: i for i, s in enumerate(graph.switches)}
+    for number, node in enumerate(graph.nodes):
+        if isinstance(node, Junction):
+            _junction(a, number, node, switches.get(node.name))
+        elif isinstance(node, Element):
+            _element(a, number, node)
+        else:
+            _mechanism(a, number, node)
+    for (name, port), place in a.stored.items():
+        node_number = next(i for i, n in enumerate(graph.nodes) if n.name == name)
+        node = graph.nodes[node_number]
+        assert isinstance(node, Element)
+        a.rates[place] = a.own(node_number, node, Own(port, "f" if node.stored[port] == "q" else "e"))
+    for name, integral in graph.integrals.items():
+        a.rates[a.integrals[name]] = a.opened(integral.rate)
+        a.starts[a.integrals[name]] = a.opened(integral.start)
+    return a
+
+
+def _declare_states(a: Assembly) -> None:
+    for number, node in enumerate(a.graph.nodes):
+        if isinstance(node, MechanismNode):
+            a.linkages[node.name] = Linkage(a, node)
+        if isinstance(node, Element) and node.stored:
+            for port in range(len(node.ports)):
+                a.stored[node.name, port] = len(a.rates)
+                a.state(Number(0.0), ("stored", number, port))
+    for name in a.graph.integrals:
+        a.integrals[name] = len(a.rates)
+        a.state(Number(0.0), None)
+
+
+def _junction(a: Assembly, number: int, node: Junction, switch: int | None) -> None:
+    """Equalities and the sum; where it is off, nothing of what its bonds share."""
+    shared, split = ("e", "f") if node.kind is Kind.ZERO else ("f", "e")
+    bonds = a.graph.incident[number]
+    if not bonds:
+        return
+    signs = [1.0 if a.graph.bonds[b].head.node == number else -1.0 for b in bonds]
+    total = add(*(multiply(Number(s), a.variable(b, split)) for s, b in zip(signs, bonds, strict=True)))
+    a.equal_zero(total, switch, a.variable(bonds[0], shared))
+    for bond in bonds[1:]:
+        a.equal_zero(a.variable(bond, shared) - a.variable(bonds[0], shared), switch, a.variable(bond, shared))
+
+
+def _element(a: Assembly, number: int, node: Element) -> None:
+    law = node.law
+    if law.energy is not None:
+        for port, letter in enumerate(node.stored):
+            other = "e" if letter == "q" else "f"
+            by = a.own(number, node, Own(port, letter))
+            assert isinstance(by, Symbol)
+            a.equal_zero(a.own(number, node, Own(port, other)) - slope(a.law(number, node, law.energy), by))
+        return
+    for left, right in law.equations:
+        a.equal_zero(a.law(number, node, left - right))
+    if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
+        _power(a, number, node)
+
+
+def _power(a: Assembly, number: int, node: Element) -> None:
+    """a v1 + b w2 = 0 and equal powers give a conj(w2) + b conj(v1) = 0."""
+    ((left, right),) = node.law.equations
+    other = {"e": "f", "f": "e"}
+    rest = left - right
+    terms: list[Expression] = []
+    for port in (0, 1):
+        for letter in "ef":
+            coefficient = slope(rest, Symbol(Own(port, letter)))
+            if coefficient != Number(0.0):
+                # the conjugate of the *other* port's variable, which has the other letter in a gyrator
+                partner = letter if node.kind is Kind.TRANSFORMER else other[letter]
+                terms.append(multiply(coefficient, Symbol(Own(1 - port, other[partner]))))
+    a.equal_zero(a.law(number, node, add(*terms)))
+
+
+def _mechanism(a: Assembly, number: int, node: MechanismNode) -> None:
+    linkage = a.linkages[node.name]
+    for port, item in enumerate(node.ports):
+        for bond_number, bond in enumerate(a.graph.bonds):
+            for end, sign in ((bond.tail, -1.0), (bond.head, 1.0)):
+                if end == (number, port):
+                    a.equal_zero(a.flow(bond_number) - linkage.reading(item.name, "f"))
+                    linkage.push(item.name, multiply(Number(sign), a.effort(bond_number)))
+    linkage.close()
+
+
+# ---------------------------------------------------------------- the system as functions
+@dataclass
+class System:
+    """Functions of (t, x, w, m, b): m the modes and after them whether switched junctions are on, b the branches of atoms."""
+
+    assembly: Assembly
+    derivative: Any  # -> rates, residuals; numbers
+    complex_derivative: Any
+    watch: Any  # -> branches that atoms have now, and their indicators
+    conditions: Any  # -> truth of events, whether junctions are on; with branches b
+    look: Any  # -> the outputs
+    actions: list[list[Action]]
+    action_values: list[Any]
+    outputs: tuple[str, ...]
+    atoms: int
+    timed: list[Any]  # of atoms on time alone: the branch as a function of t
+
+
+def _namer(modes: int) -> Any:
+    def name(key: Any) -> str:
+        if isinstance(key, Time):
+            return "t"
+        if key.kind == "on":
+            return f"m[{modes + key.number}]"
+        return f"{key.kind}[{key.number}]"
+
+    return name
+
+
+ARGUMENTS = "t, x, w, m, b"
+
+
+def system(graph: BondGraph) -> System:
+    """The functions of a graph. Raises `NotHeld`."""
+    a = assembled(graph)
+    name = _namer(len(a.modes))
+    writer = Writer(name, frozen=True)
+    rates = [writer.write(r) for r in a.rates]
+    residuals = []
+    for x, switch, off in a.residuals:
+        on = writer.write(x)
+        if switch is None:
+            residuals.append(on)
+        else:
+            assert off is not None
+            residuals.append(f"({on} if m[{len(a.modes) + switch}] else {writer.write(off)})")
+    result = f"[{', '.join(rates)}], [{', '.join(residuals)}]"
+    lines = list(writer.lines)
+    conditions = [writer.write(a.opened(e.condition)) for e in graph.events]
+    switched = [writer.write(a.opened(s.active)) for s in graph.switches]
+    branches = [f"_{o}({', '.join(v)})" for o, v, _ in writer.atoms]
+    gaps = [f"real({v[0]})" if len(v) == 1 else f"real({v[0]}) - real({v[1]})" for o, v, _ in writer.atoms]
+    watch = f"[{', '.join(branches)}], [{', '.join(gaps)}]"
+    truth = f"[{', '.join(conditions)}], [{', '.join(switched)}]"
+    plain = Writer(name, frozen=False)
+    outputs = [
+        plain.write(a.quantity(n) if o.definition is None else a.opened(o.definition)) for n, o in graph.outputs.items()
+    ]
+    actions = [_actions(a, e) for e in graph.events]
+    return System(
+        a,
+        function("derivative", ARGUMENTS, lines, result, REAL),
+        function("derivative", ARGUMENTS, lines, result, COMPLEX),
+        function("watch", ARGUMENTS, writer.lines, watch, REAL),
+        function("conditions", ARGUMENTS, writer.lines, truth, REAL),
+        function("look", "t, x, w, m", plain.lines, f"[{', '.join(outputs)}]", REAL),
+        actions,
+        [_values(name, [item.value for item in group]) for group in actions],
+        tuple(graph.outputs),
+        len(writer.atoms),
+        [_timed(name, o, x) for o, _, x in writer.atoms],
+    )
+
+
+def _values(name: Any, values: Sequence[Expression]) -> Any:
+    writer = Writer(name, frozen=False)
+    names = [writer.write(v) for v in values]
+    return function("values", "t, x, w, m", writer.lines, f"[{', '.join(names)}]", REAL)
+
+
+def _timed(name: Any, operator: str, x: Any) -> Any:
+    """The branch of an atom on time alone as a function of t; None for others."""
+    from compiler.algebra.expression import symbols
+
+    if any(s != TIME for s in symbols(x)):
+        return None
+    writer = Writer(name, frozen=False)
+    v = [writer.write(o) for o in x.operands]
+    return function("branch", "t", writer.lines, f"_{operator}({', '.join(v)})", REAL)
+
+
+def _actions(a: Assembly, event: Event) -> list[Action]:
+    found = []
+    for action in event.actions:
+        value = a.opened(action.value)
+        target = action.target
+        if isinstance(target, Quantity):
+            kind, table = ("m", a.modes) if target.name in a.modes else ("x", a.integrals)
+            found.append(Action(kind, table[target.name], value))
+            continue
+        number, node = next((i, n) for i, n in enumerate(a.graph.nodes) if n.name == target.node)
+        if not isinstance(node, Element):
+            raise NotHeld("an event that sets a coordinate or rate of a mechanism")
+        port = next(i for i, p in enumerate(node.ports) if p.name == target.port)
+        place = a.stored[node.name, port]
+        if target.variable == node.stored[port]:
+            found.append(Action("x", place, value))
+        else:
+            found.append(Action("x", place, value, stored_law(a, number, node, port, target.variable)))
+    return found
+
+
+def stored_law(a: Assembly, number: int, node: Element, port: int, letter: str) -> Expression:
+    """What vanishes where what is stored, Unknown("own", 0), fits the value of effort or flow, Unknown("own", 1)."""
+    if len(node.ports) > 1 and node.law.energy is None:
+        raise NotHeld("the start of a field by an effort")
+    stored, value = Own(port, node.stored[port]), Own(port, letter)
+
+    def replaced(symbol: Symbol) -> Expression:
+        key = symbol.key
+        if key == stored:
+            return Symbol(Unknown("own", 0))
+        if key == value:
+            return Symbol(Unknown("own", 1))
+        if isinstance(key, Own):
+            raise NotHeld("the start of a field by an effort")
+        return a.reference(node.arguments[key])
+
+    if node.law.energy is not None:
+        energy = substitute(node.law.energy, replaced)
+        return Symbol(Unknown("own", 1)) - slope(energy, Symbol(Unknown("own", 0)))
+    ((left, right),) = node.law.equations
+    return substitute(left - right, replaced)
+
+
+def negative(x: Expression) -> Expression:
+    return negate(x)

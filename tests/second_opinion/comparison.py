@@ -1,0 +1,123 @@
+"""The product's run of a text beside the second opinion on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bondgraph
+from bondgraph.errors import RunFailed
+from compiler.errors import CompilationFailed
+from compiler.scene import Scene
+from compiler.semantics import build_graph
+from compiler.source import Source
+from compiler.syntax import parse
+from tests.compiling import LIBRARY, override
+from tests.second_opinion.assembly import system
+from tests.second_opinion.solution import Opinion, Undecided, opinion
+from tests.second_opinion.writer import NotHeld
+
+FACTOR = 10  # times both errors
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`kind`: agreed, refused, disagreed, undecided or not held; `words` say more."""
+
+    kind: str
+    words: str = ""
+    code: str = ""
+    events: int = 0
+
+
+def second(
+    text: str | Path,
+    span: float | None = None,
+    points: int = 5,
+    settings: Mapping[str, float] | None = None,
+    **options: Any,
+) -> Opinion:
+    """The second opinion on a text or file, over the first `span` seconds. Raises `NotHeld`, `Undecided`, `CompilationFailed`."""
+    path = text if isinstance(text, Path) else None
+    source = Source(
+        "text.bg" if path is None else str(path), path.read_text(encoding="utf-8") if path else str(text), path
+    )
+    overrides = tuple(override(n, v) for n, v in (settings or {}).items())
+    built = build_graph(parse(source), Scene(overrides=overrides), LIBRARY)
+    plan = built.plan
+    if plan.equilibrium:
+        raise NotHeld("a start at rest")
+    if span is None:
+        if plan.stop is None:
+            raise NotHeld("no simulation")
+        span = plan.stop - plan.start
+    try:
+        return opinion(
+            system(built.graph), plan.start, list(np.linspace(plan.start, plan.start + span, points)), **options
+        )
+    except (ArithmeticError, ValueError) as error:
+        raise Undecided(f"{type(error).__name__}: {error}") from None
+    except np.linalg.LinAlgError as error:
+        raise Undecided(str(error)) from None
+
+
+def compared(
+    text: str | Path,
+    span: float | None = None,
+    *,
+    points: int = 5,
+    rtol: float = 1e-7,
+    settings: Mapping[str, float] | None = None,
+    **options: Any,
+) -> Verdict:
+    """Run both. A refusal by the product stands with whether the second opinion could run the text."""
+    product, refusal, code = None, "", ""
+    try:
+        model = bondgraph.load(text)
+        begin = model.compilation(Scene(None, "")).plan.start
+        product = model.simulate(
+            to=None if span is None else begin + span, points=points, rtol=rtol, settings=dict(settings or {})
+        )
+    except CompilationFailed as failed:
+        code = " ".join(sorted({d.code for d in failed.diagnostics}))
+        refusal = f"{code} {failed.diagnostics[0].sentence}"
+    except (RunFailed, bondgraph.UsageError) as failed:
+        code, refusal = "run", str(failed)
+    try:
+        own = second(text, span, points, settings, **options)
+    except NotHeld as lack:
+        return Verdict("not held", str(lack), code)
+    except CompilationFailed as failed:
+        return Verdict("refused", refusal or str(failed), code)
+    except Undecided as lack:
+        return Verdict("undecided" if product is not None else "refused by both", f"{refusal} | {lack}", code)
+    if product is None:
+        return Verdict("refused", refusal, code, len(own.events))
+    return _judged(product, own, rtol)
+
+
+def _judged(product: Any, own: Opinion, rtol: float) -> Verdict:
+    worst, words = 0.0, ""
+    for i, name in enumerate(own.names):
+        if name not in product.names:
+            continue
+        there, here = np.asarray(product[name])[1:], own.values[i]
+        scale = max(float(np.abs(product[name]).max()), float(np.abs(here).max()))
+        error = own.error[i].max() + rtol * scale * 10 + 1e-12 * scale
+        gap = float(np.abs(there - here).max(initial=0.0))
+        if not np.isfinite(there).all():
+            return Verdict("disagreed", f"{name} is no number", events=len(own.events))
+        if error > 0 and gap / error > worst:
+            worst = gap / error
+            words = f"{name}: {there.tolist()} but {here.tolist()} +- {own.error[i].max():.2g} ({worst:.3g} times both errors)"
+    if worst > FACTOR:
+        return Verdict("disagreed", words, events=len(own.events))
+    rounding = 1e-12 * np.abs(own.values).max(initial=0.0)  # of outputs that are nothing
+    loose = any(
+        own.error[i].max() > 1e-2 * np.abs(own.values[i]).max(initial=0.0) + rounding for i in range(len(own.names))
+    )
+    return Verdict("undecided" if loose else "agreed", words, events=len(own.events))

@@ -1,0 +1,473 @@
+"""Random models with events, switches, friction, closed loops and mechanisms; a seed always gives the same, and parts can be left out."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+PARTS = """
+plain model Friction {
+  parameter fc = 0.5, fs = 0.6
+  port ends: untyped
+  mode direction = 0
+  0 end
+  1 contact { active = direction != 0 }
+  MR surface : e = direction*fc + 0.1*f
+  ends -> end -> contact -> surface
+  when direction == 0 and abs(end.e) > fs { direction = 1 if end.e > 0 else -1 }
+  when direction*contact.f < 0 { direction = 0 }
+}
+plain model Valve {
+  port ends: untyped
+  mode open = false
+  1 line
+  0 gap { active = not open }
+  ends -> line -> gap
+  when not open and gap.e > 0 { open = true }
+  when open and line.f < 0 { open = false }
+}
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Lines that stand or fall together, and the traits that they bring."""
+
+    lines: tuple[str, ...]
+    traits: frozenset[str] = frozenset()
+    needed: bool = False
+
+
+@dataclass(frozen=True)
+class Example:
+    """A model: its parts, its parameters, and how long it runs."""
+
+    seed: int
+    parts: tuple[Part, ...]
+    parameters: dict[str, float]
+    span: float
+    plain: bool = True
+
+    @property
+    def traits(self) -> frozenset[str]:
+        return frozenset().union(*(p.traits for p in self.parts))
+
+    @property
+    def text(self) -> str:
+        body = "\n".join("  " + line for part in self.parts for line in part.lines)
+        used = [n for n in self.parameters if n in body]
+        declared = "".join(f"  parameter {n} = {self.parameters[n]!r}\n" for n in used)
+        shared = "".join(
+            f"plain model {piece}" for piece in PARTS.split("plain model ")[1:] if f"{piece.split()[0]} " in body
+        )
+        head = "plain model" if self.plain else "model"
+        span = f"{self.span!r}" if self.plain else f"{self.span!r} s"
+        return f"{shared}{head} Random {{\n{declared}{body}\n  experiment go {{ simulate 0 .. {span} }}\n}}\n"
+
+    def smaller(self) -> Iterator[Example]:
+        """The same without one of its parts."""
+        for i, part in enumerate(self.parts):
+            if not part.needed:
+                yield replace(self, parts=self.parts[:i] + self.parts[i + 1 :])
+
+
+class Writer:
+    """The parts of one random network: a chain of junctions, each with what hangs on it."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = random.Random(seed)
+        self.parts: list[Part] = []
+        self.parameters: dict[str, float] = {}
+        self.states: list[str] = []  # readings that an event may watch
+        self.count = 0
+        self.startable = "CI"  # of one storage, so that no two starts contradict each other
+
+    def name(self, letter: str) -> str:
+        self.count += 1
+        return f"{letter}{self.count}"
+
+    def number(self, low: float = 0.5, high: float = 2.0) -> str:
+        """A parameter."""
+        name = self.name("p_")
+        self.parameters[name] = round(self.rng.uniform(low, high), 3)
+        return name
+
+    def add(self, *lines: str, traits: str = "", needed: bool = False) -> None:
+        self.parts.append(Part(lines, frozenset(traits.split()), needed))
+
+    def start(self, letter: str, value: str) -> str:
+        """A start, if this storage has the one of the model."""
+        if letter not in self.startable or self.rng.random() < 0.4:
+            return ""
+        self.startable = ""
+        return f" {{ start {value} }}"
+
+    # ------------------------------------------------------------ what hangs on a junction
+    def resistor(self, at: str, needed: bool = False) -> None:
+        r, a = self.number(), self.number(0.2, 1.0)
+        laws = {
+            f"e = {r}*f": "",
+            f"e = {r}*f + {a}*f^3": "nonlinear",
+            f"e = {r}*f + {a}*tanh(5*f)": "nonlinear",
+            f"f = {a}*(exp(e/{r}) - 1)": "nonlinear exponential",
+            f"e = {r}*f if f > 0 else {a}*f": "kink if",
+            f"e = {r}*f + {a}*max(f - 0.2, 0)": "kink max",
+            f"e = {r}*f*(1 + abs(f))": "kink abs",
+        }
+        law = self.rng.choice(list(laws))
+        name = self.name("R")
+        self.add(f"R {name} : {law}", f"{at} -> {name}", traits=laws[law], needed=needed)
+
+    def capacitor(self, at: str, needed: bool = False) -> None:
+        k, a, q = self.number(), self.number(0.2, 1.0), round(self.rng.uniform(-0.5, 0.5), 2)
+        laws = {
+            f"e = {k}*q": "",
+            f"e = {k}*q + {a}*q^3": "nonlinear",
+            f"energy = {k}/2*q^2 + {a}*q^4": "nonlinear energy",
+            f"e = {k}*q + 5*max(q - {a}, 0) + 5*min(q + {a}, 0)": "kink stops",
+        }
+        law = self.rng.choice(list(laws))
+        name = self.name("C")
+        start = self.start("C", f"q = {q}")
+        self.add(f"C {name} : {law}{start}", f"{at} -> {name}", traits=laws[law], needed=needed)
+        self.states.append(f"{name}.q")
+
+    def inertia(self, at: str, needed: bool = False) -> None:
+        m, p = self.number(), round(self.rng.uniform(-0.5, 0.5), 2)
+        law = self.rng.choice([f"p = {m}*f", f"p = {m}*f", f"energy = p^2/(2*{m}) + 0.05*p^4"])
+        name = self.name("I")
+        start = self.start("I", f"p = {p}")
+        self.add(f"I {name} : {law}{start}", f"{at} -> {name}", traits="energy" * law.startswith("e"), needed=needed)
+        self.states.append(f"{name}.p")
+
+    def source(self, at: str) -> None:
+        a, w = self.number(), self.number(2, 6)
+        t = round(self.rng.uniform(0.2, 0.8), 3)
+        values = {
+            f"{a}*sin({w}*time)": "",
+            f"{a}*step(time - {t})": "time",
+            f"{a}*pulse(time, {t}, {round(t + 0.3, 3)})": "time",
+            f"{a} if sin({w}*time) > 0.8 else 0": "time if",
+            f"{a}*ramp(time, 0.1, {t})": "time",
+            f"{a}*max(sin({w}*time), 0)": "time max",
+            f"{a}*abs(cos({w}*time))": "time abs",
+        }
+        value = self.rng.choice(list(values))
+        name = self.name("S")
+        self.add(f"Se {name} : e = {value}", f"{name} -> {at}", traits=values[value])
+
+    # ------------------------------------------------------------ specials on a 1-junction
+    def friction(self, at: str) -> None:
+        name, fc = self.name("D"), self.number(0.2, 0.8)
+        self.add(f"Friction {name} {{ fc = {fc}; fs = 1.2*{fc} }}", f"{at} -> {name}.ends", traits="friction events")
+
+    def valve(self, at: str) -> None:
+        name = self.name("V")
+        self.add(f"Valve {name}", f"{at} -> {name}.ends", traits="diode events")
+
+    def branch(self, at: str) -> None:
+        """A branch that a condition switches."""
+        name, r, c = self.name("w"), self.name("R"), self.name("C")
+        watched = self.rng.choice([s for s in self.states if s[0] == "C"] or ["time"])
+        level = self.number(0.1, 0.4)
+        what = self.rng.choice([(f"R {r} : e = {self.number()}*f", r), (f"C {c} : e = {self.number()}*q", c)])
+        inner = (f"R {r}_ : e = {self.number()}*f",) if what[1] == c else ()
+        members = ", ".join([what[1], *([f"{r}_"] if inner else [])])
+        self.add(
+            what[0],
+            *inner,
+            f"1 {name} {{ active = {watched} > {level} }}",
+            f"{at} -> {name} -> {members}",
+            traits="switched events",
+        )
+
+    def controlled(self, at: str, gate: str) -> None:
+        """A transistor: a current out of a node by another node's potential."""
+        name, g, v = self.name("T"), self.number(0.3, 1.0), self.number(0.1, 0.4)
+        self.add(f"MSf {name} : f = {g}*max({gate}.e - {v}, 0)^2", f"{at} -> {name}", traits="controlled")
+
+    def field(self, first: str, second: str) -> None:
+        """A storage of two ports between two junctions."""
+        name, a, b = self.name("C"), self.number(1, 2), self.number(1, 2)
+        self.add(
+            f"C {name}(x, y) : energy = {a}/2*x^2 + {b}/2*y^2 + 0.3*x*y + 0.1*x^2*y^2",
+            f"{first} -> {name}.x",
+            f"{second} -> {name}.y",
+            traits="field",
+        )
+
+    # ------------------------------------------------------------ signals and events
+    def loop(self, at: str) -> None:
+        """A controller that reads a state."""
+        state, name, k = self.rng.choice(self.states), self.name("M"), self.number(0.3, 1.5)
+        self.add(
+            f"signal {name}_i = integral(0.3 - {state}, 0)",
+            f"signal {name}_f = integral(({state} - {name}_f)/0.2, 0)",
+            f"MSe {name} : e = {k}*(0.3 - {name}_f) + 0.5*{name}_i",
+            f"{name} -> {at}",
+            traits="loop",
+        )
+
+    def sampled(self, at: str) -> None:
+        state, name, k = self.rng.choice(self.states), self.name("M"), self.number(0.3, 1.5)
+        period = self.rng.choice([0.13, 0.25, 0.31])
+        self.add(
+            f"mode {name}_u = 0",
+            f"every {period} {{ {name}_u = {k}*(0.2 - {state}) }}",
+            f"MSe {name} : e = {name}_u",
+            f"{name} -> {at}",
+            traits="sampled events",
+        )
+
+    def relay(self, at: str) -> None:
+        state, name, h = self.rng.choice(self.states), self.name("M"), self.number(0.05, 0.3)
+        self.add(
+            f"mode {name}_u = 0.7",
+            f"when {state} > {h} {{ {name}_u = -0.7 }}",
+            f"when {state} < -{h} {{ {name}_u = 0.7 }}",
+            f"MSe {name} : e = {name}_u",
+            f"{name} -> {at}",
+            traits="relay events",
+        )
+
+    def counter(self) -> None:
+        state, name, h = self.rng.choice(self.states), self.name("n"), self.number(0.02, 0.4)
+        wave = self.rng.choice([f"{state} > {h}", f"sin(9*{state}) > 0.6", f"abs({state}) > {h}"])
+        self.add(
+            f"mode {name} = 0",
+            f"when {wave} {{ {name} = {name} + 1 }}",
+            f"output o{name} = {name}",
+            traits="counter events",
+        )
+
+    def bounce(self) -> None:
+        """A momentum that is turned round where a displacement passes a level."""
+        momenta, places = [s for s in self.states if s[0] == "I"], [s for s in self.states if s[0] == "C"]
+        if not momenta or not places:
+            return
+        momentum, place, h = self.rng.choice(momenta), self.rng.choice(places), self.number(0.2, 0.6)
+        self.add(f"when {place} > {h} {{ {momentum} = -0.7*{momentum} }}", traits="bounce events")
+
+
+SPECIALS = (
+    "friction",
+    "valve",
+    "branch",
+    "loop",
+    "sampled",
+    "relay",
+    "counter",
+    "bounce",
+    "controlled",
+    "field",
+    "none",
+)
+
+
+def network(seed: int, structure: int = 4) -> Example:
+    """A random network; `structure` seeds in a row share their structure and differ in parameters."""
+    w = Writer(seed // structure)
+    rng = w.rng
+    specials = rng.sample(SPECIALS, rng.randint(1, 3))
+    if {"friction", "valve", "branch"} & set(specials):
+        w.startable = "C"  # what sticks or blocks at the start has no momentum
+    junctions: list[tuple[str, str]] = []
+    kind = rng.choice("01")
+    for number in range(rng.randint(2, 5)):
+        name = f"j{number}"
+        w.add(f"{kind} {name}", needed=True)
+        if junctions:
+            before = junctions[-1][0]
+            link = rng.random()
+            if link < 0.15:
+                coupler, ratio = w.name("T"), w.number()
+                w.add(f"TF {coupler} : f1 = {ratio}*f2", f"{before} -> {coupler} -> {name}", needed=True)
+            elif link < 0.3 and junctions[-1][1] == kind:
+                coupler, ratio = w.name("G"), w.number()
+                w.add(f"GY {coupler} : e1 = {ratio}*f2", f"{before} -> {coupler} -> {name}", needed=True)
+            else:
+                w.add(f"{before} -> {name}", needed=True)
+        junctions.append((name, kind))
+        kind = kind if rng.random() < 0.15 else "10"[int(kind)]
+    for name, kind in junctions:
+        (w.inertia if kind == "1" else w.capacitor)(name)
+        if rng.random() < 0.8:
+            w.resistor(name)
+        if rng.random() < 0.3:
+            (w.capacitor if kind == "1" else w.inertia)(name)
+    ones = [n for n, k in junctions if k == "1"]
+    zeros = [n for n, k in junctions if k == "0"]
+    if ones:
+        w.source(rng.choice(ones))
+    else:
+        source, amplitude = w.name("S"), w.number()
+        w.add(f"Sf {source} : f = {amplitude}*sin(3*time)", f"{source} -> {zeros[0]}")
+    for special in specials:
+        _special(w, special, ones, zeros)
+    for number, state in enumerate(w.states[:4]):
+        owner = state.split(".")[0]
+        w.add(
+            f"output y{number} = {state}", f"output z{number} = {owner}.{'e' if state[0] == 'C' else 'f'}", needed=True
+        )
+    w.add(f"output s = {junctions[-1][0]}.{'e' if junctions[-1][1] == '0' else 'f'}", needed=True)
+    return _varied(Example(seed, tuple(w.parts), w.parameters, round(rng.uniform(1.0, 2.5), 2)), seed % structure)
+
+
+def _special(w: Writer, special: str, ones: list[str], zeros: list[str]) -> None:
+    rng = w.rng
+    match special:
+        case "friction" | "valve" | "branch" | "loop" | "sampled" | "relay" if ones:
+            getattr(w, special)(rng.choice(ones))
+        case "counter" | "bounce":
+            getattr(w, special)()
+        case "controlled" if len(zeros) > 1:
+            at, gate = rng.sample(zeros, 2)
+            w.controlled(at, gate)
+        case "field" if len(ones) > 1:
+            first, second = rng.sample(ones, 2)
+            w.field(first, second)
+
+
+def _varied(example: Example, number: int) -> Example:
+    """The same structure with other parameters."""
+    if not number:
+        return example
+    rng = random.Random(example.seed)
+    return replace(example, parameters={n: round(v * rng.uniform(0.7, 1.4), 4) for n, v in example.parameters.items()})
+
+
+# ---------------------------------------------------------------- mechanisms
+def mechanism(seed: int) -> Example:
+    """A random planar mechanism: a chain with springs, a four-bar or a slider-crank."""
+    rng = random.Random(seed)
+    return [_chain, _four_bar, _slider_crank][seed % 3](seed, rng)
+
+
+def _u(rng: random.Random, low: float, high: float) -> float:
+    return round(rng.uniform(low, high), 4)
+
+
+def _body(rng: random.Random, name: str, x: float, y: float) -> str:
+    mass = _u(rng, 0.3, 2)
+    return f"  body {name} {{ mass = {mass} kg, inertia = {_u(rng, 0.01, 0.1)} [kg*m^2], at = ({x:.6f} m, {y:.6f} m) }}"
+
+
+def _mechanism(seed: int, block: list[str], parts: list[Part], outputs: list[str], rng: random.Random) -> Example:
+    gravity = "  gravity = (0, -9.81 [m/s^2])"
+    lines = ("multibody b : planar {", *([gravity] if rng.random() < 0.7 else []), *block, "}")
+    shown = tuple(f"output y{i} = {o}" for i, o in enumerate(outputs))
+    whole = (Part(lines, frozenset({"mechanism"}), True), *parts, Part(shown, needed=True))
+    return Example(seed, whole, {}, _u(rng, 0.3, 0.8), plain=False)
+
+
+def _hanging(
+    rng: random.Random, joints: list[str], letter: str = "M", rate: str = "omega", unit: str = "N*m"
+) -> list[Part]:
+    """Springs, dampers and drives on joints."""
+    found = []
+    q = "phi" if letter == "M" else "x"
+    for i, joint in enumerate(joints):
+        choice = rng.random()
+        if choice < 0.4:
+            k = _u(rng, 1, 20)
+            cubic = f" + {_u(rng, 1, 5)} [{unit}{'' if q == 'phi' else '/m^3'}]*{q}^3" if rng.random() < 0.5 else ""
+            per = "" if q == "phi" else "/m"
+            found.append(
+                Part(
+                    (f"C c_{i} : {letter} = {k} [{unit}{per}]*{q}{cubic}", f"b.{joint} -> c_{i}"), frozenset({"spring"})
+                )
+            )
+        if choice > 0.3:
+            r = _u(rng, 0.01, 0.5)
+            per = "*s" if q == "phi" else "*s/m"
+            found.append(Part((f"R r_{i} : {letter} = {r} [{unit}{per}]*{rate}", f"b.{joint} -> r_{i}")))
+        if choice > 0.8:
+            found.append(
+                Part(
+                    (
+                        f"Se s_{i} : {letter} = {_u(rng, 0.2, 3)} {unit if q != 'phi' else '[N*m]'}*sin(7*time/1 s)",
+                        f"s_{i} -> b.{joint}",
+                    )
+                )
+            )
+    return found
+
+
+def _chain(seed: int, rng: random.Random) -> Example:
+    count, x, y = rng.randint(1, 3), 0.0, 0.0
+    block, joints, before, outputs = [], [], "ground", []
+    for i in range(count):
+        dx, dy = _u(rng, 0.2, 0.6), _u(rng, -0.4, 0.4)
+        block.append(_body(rng, f"link{i}", x + dx / 2, y + dy / 2))
+        start = (
+            f", start phi = {_u(rng, -0.8, 0.8)}, start phi.omega = {_u(rng, -2, 2)} [1/s]"
+            if rng.random() < 0.5
+            else ""
+        )
+        block.append(f"  hinge h{i} : {before} to link{i} {{ at = ({x:.6f} m, {y:.6f} m){start} }}")
+        joints.append(f"h{i}")
+        outputs += [f"b.h{i}.phi", f"b.link{i}.y"]
+        before, x, y = f"link{i}", x + dx, y + dy
+    parts = _hanging(rng, joints)
+    if rng.random() < 0.6:
+        block.append(f"  frame wall : ground {{ at = ({_u(rng, 0.5, 1)} m, {_u(rng, 0.7, 1)} m) }}")
+        block.append(f"  frame tip : {before} {{ at = ({x:.6f} m, {y:.6f} m) }}")
+        block.append("  distance d : wall to tip")
+        parts.append(Part((f"C c_d : F = {_u(rng, 5, 40)} [N/m]*(x - 0.6 m)", "b.d -> c_d"), frozenset({"distance"})))
+        outputs.append("b.d.d")
+    if rng.random() < 0.4:
+        parts.append(
+            Part(
+                ("mode n = 0", f"when b.h0.phi.omega > {_u(rng, 0, 1)} [1/s] {{ n = n + 1 }}", "output count = n"),
+                frozenset({"events"}),
+            )
+        )
+    return _mechanism(seed, block, parts, outputs, rng)
+
+
+def _four_bar(seed: int, rng: random.Random) -> Example:
+    a, g = _u(rng, 0.15, 0.35), _u(rng, 0.8, 1.1)
+    angle = _u(rng, 0.3, 2.5)
+    from math import atan2, cos, hypot, sin, sqrt
+
+    ax, ay = a * cos(angle), a * sin(angle)
+    reach = hypot(g - ax, ay)
+    b, c = _u(rng, 0.55, 0.9) * (reach + 0.3), _u(rng, 0.55, 0.9) * (reach + 0.3)
+    along = (reach**2 + b**2 - c**2) / (2 * reach)
+    beside = sqrt(max(b**2 - along**2, 1e-4))
+    turn = atan2(-ay, g - ax)
+    cx, cy = ax + along * cos(turn) - beside * sin(turn), ay + along * sin(turn) + beside * cos(turn)
+    block = [
+        _body(rng, "crank", ax / 2, ay / 2), _body(rng, "coupler", (ax + cx) / 2, (ay + cy) / 2), _body(rng, "rocker", (g + cx) / 2, cy / 2),
+        "  hinge hA : ground to crank { at = (0, 0) }",
+        f"  hinge hB : crank to coupler {{ at = ({ax!r} m, {ay!r} m) }}",
+        f"  hinge hC : coupler to rocker {{ at = ({cx!r} m, {cy!r} m) }}",
+        f"  hinge hD : ground to rocker {{ at = ({g} m, 0) }}",
+    ]  # fmt: skip
+    parts = _hanging(rng, ["hA", "hD", "hC"])
+    return _mechanism(seed, block, parts, ["b.hA.phi", "b.hD.phi", "b.coupler.x", "b.hA.phi.omega"], rng)
+
+
+def _slider_crank(seed: int, rng: random.Random) -> Example:
+    from math import cos, sin, sqrt
+
+    r, offset, angle = _u(rng, 0.1, 0.3), _u(rng, -0.05, 0.05), _u(rng, 0.2, 2.8)
+    length = r * _u(rng, 2, 4)
+    ax, ay = r * cos(angle), r * sin(angle)
+    x = ax + sqrt(length**2 - (ay - offset) ** 2)
+    block = [
+        _body(rng, "crank", ax / 2, ay / 2), _body(rng, "rod", (ax + x) / 2, (ay + offset) / 2), _body(rng, "piston", x, offset),
+        "  hinge main : ground to crank { at = (0, 0) }",
+        f"  hinge pin : crank to rod {{ at = ({ax!r} m, {ay!r} m) }}",
+        f"  hinge wrist : rod to piston {{ at = ({x!r} m, {offset} m) }}",
+        "  slide bore : ground to piston { along = 0 }",
+    ]  # fmt: skip
+    parts = [*_hanging(rng, ["main", "pin"]), *(_hanging(rng, ["bore"], "F", "v", "N") if rng.random() < 0.5 else [])]
+    renamed = [Part(tuple(f"{line}" for line in p.lines), p.traits) for p in parts[:]]
+    unique: dict[str, Part] = {}
+    for part in renamed:
+        unique.setdefault(part.lines[0].split()[1], part)
+    return _mechanism(
+        seed, block, list(unique.values()), ["b.main.phi", "b.bore.x", "b.rod.phi", "b.main.phi.omega"], rng
+    )

@@ -1,0 +1,630 @@
+"""A run of a system: Radau IIA of three stages with equal steps, Newton, and events found by looking at the truth of conditions.
+
+Steps are halved for Richardson's estimate; at a change of a branch the step is cut, by bisection on whole steps, just behind the change. After each event
+a tiny implicit Euler step carries the state over: it lets impulses pass where junctions tie storages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.linalg import get_lapack_funcs
+
+from tests.second_opinion.assembly import System, Unknown, stored_law
+from tests.second_opinion.linkage import Linkage
+from tests.second_opinion.writer import COMPLEX, REAL, Writer, function
+
+Array = Any
+ROOT6 = math.sqrt(6.0)
+NODES = np.array([(4 - ROOT6) / 10, (4 + ROOT6) / 10, 1.0])
+COEFFICIENTS = np.array(
+    [
+        [(88 - 7 * ROOT6) / 360, (296 - 169 * ROOT6) / 1800, (-2 + 3 * ROOT6) / 225],
+        [(296 + 169 * ROOT6) / 1800, (88 + 7 * ROOT6) / 360, (-2 - 3 * ROOT6) / 225],
+        [(16 - ROOT6) / 36, (16 + ROOT6) / 36, 1 / 9],
+    ]
+)  # Hairer and Wanner, Solving Ordinary Differential Equations II, table IV.5.6
+EULER = (np.array([1.0]), np.array([[1.0]]))
+RADAU = (NODES, COEFFICIENTS)
+TINY = 1e-40  # complex step
+BEHIND = 1e-11  # of the span: how far behind a change of a branch a step ends
+PEEK = 1e-6  # of the span: a step that only looks
+INSTANT = 1e-9  # of the span: the Euler step behind an event
+LOOKS = tuple(i / 8 for i in range(1, 9))  # where within a step the branches are looked at
+MOST = 400  # events
+getrf, getrs = get_lapack_funcs(("getrf", "getrs"), (np.zeros((1, 1)),))
+
+
+class Undecided(Exception):
+    """The second opinion has none: what it could not do."""
+
+
+@dataclass
+class Run:
+    """The state of a run."""
+
+    system: System
+    span: float
+    t: float
+    x: Array
+    w: Array
+    m: list[float]
+    b: list[float]
+    events: list[tuple[float, int]] = field(default_factory=list)
+    true: list[bool] = field(default_factory=list)
+    factors: dict[Any, Any] = field(default_factory=dict)
+    jacobian: Any = None
+    count: int = 0
+    budget: int = 200_000  # iterations of Newton's method
+    largest: Any = 0.0
+    weights: Any = 1.0  # how readily an impulse moves each state
+
+    @property
+    def peek(self) -> float:
+        """What is of index three needs a longer look: rounding counts by its inverse, squared."""
+        return 1e-3 if self.system.assembly.linkages else PEEK
+
+    # ------------------------------------------------------------ Newton
+    def linearized(self, t: float, x: Array, w: Array) -> Array:
+        """The slopes of rates and residuals by x and w."""
+        n, k = len(x), len(w)
+        both = [*(complex(v) for v in x), *(complex(v) for v in w)]
+        columns = []
+        for i in range(n + k):
+            both[i] += 1j * TINY
+            rates, residuals = self.system.complex_derivative(t, both[:n], both[n:], self.m, self.b)
+            columns.append([v.imag for v in map(complex, rates)] + [v.imag for v in map(complex, residuals)])
+            both[i] = complex(both[i].real)
+        return np.array(columns).T / TINY if columns else np.zeros((0, 0))
+
+    def factored(self, h: float, method: Any) -> Any:
+        """The Newton matrix of a step, in equilibrated unknowns."""
+        key = (f"{h:.9e}", len(method[0]))
+        if key not in self.factors:
+            jac, n, k = self.jacobian, len(self.x), len(self.w)
+            nodes, a = method
+            s = len(nodes)
+            size = n + k
+            slopes = np.reshape(self.weights * np.ones(n), (n, 1)) * jac[:n]
+            matrix = np.zeros((s * size, s * size))
+            for i in range(s):
+                for j in range(s):
+                    matrix[i * size : i * size + n, j * size : j * size + size] = -h * a[i, j] * slopes
+                matrix[i * size : i * size + n, i * size : i * size + n] += np.eye(n)
+                matrix[i * size + n : (i + 1) * size, i * size : (i + 1) * size] = jac[n:]
+            rows, columns = np.ones(s * size), np.ones(s * size)
+            for _ in range(4):
+                scaled = np.abs(rows[:, None] * matrix * columns)
+                rows /= np.sqrt(_largest(scaled, 1))
+                columns /= np.sqrt(_largest(np.abs(rows[:, None] * matrix * columns), 0))
+            scaled = rows[:, None] * matrix * columns
+            lu, pivots, _ = getrf(scaled)
+            if np.abs(np.diag(lu)).min(initial=1.0) > 1e-13:
+                self.factors[key] = (lambda rest: getrs(lu, pivots, rest)[0], rows, columns)
+            else:  # something is not determined, or said twice
+                inverse = np.linalg.pinv(scaled, rcond=1e-14)
+                self.factors[key] = (lambda rest: inverse @ rest, rows, columns)
+        return self.factors[key]
+
+    def renewed(self, x: Array, w: Array, t: float) -> None:
+        self.jacobian = self.linearized(t, x, w)
+        self.factors.clear()
+
+    def step(self, h: float, method: Any = RADAU) -> tuple[Array, Array]:
+        """States and unknowns at the stages of one step; shapes (stages, n), (stages, k)."""
+        for attempt in range(3):
+            try:
+                if self.jacobian is None or attempt:
+                    self.renewed(self.x, self.w, self.t)
+                found = self._newton(h, method, patient=attempt == 2)
+            except (ArithmeticError, ValueError):
+                continue
+            if found is not None:
+                return found
+        self.jacobian = None
+        raise Undecided("Newton's method does not converge")
+
+    def _newton(self, h: float, method: Any, patient: bool) -> tuple[Array, Array] | None:
+        """Simplified Newton iterations; patient ones look at the slopes each time, and never go where a law has no value."""
+        s, n, size = len(method[0]), len(self.x), len(self.x) + len(self.w)
+        y = np.tile(np.concatenate([self.x, self.w]), s).reshape(s, size)
+        before, rest = math.inf, self._rest(h, method, y)
+        for turn in range(400 if patient else 30):
+            if patient and turn:
+                self.renewed(y[-1, :n], y[-1, n:], self.t + h)
+            solve, rows, columns = self.factored(h, method)
+            change = solve(rows * rest)
+            now = float(np.abs(change).max(initial=0.0))
+            share = 1.0
+            while True:
+                trial = y - share * (columns * change).reshape(s, size)
+                try:
+                    rest = self._rest(h, method, trial)
+                    break
+                except (ArithmeticError, ValueError):
+                    if not patient or share < 1e-6:
+                        return None
+                share *= 0.5
+            y = trial
+            scale = float(np.abs(y.ravel() / columns).max(initial=0.0))
+            self.count += 1
+            if self.count > self.budget:
+                raise Undecided("very many iterations")
+            done = now <= 3e-13 * scale or now == 0.0
+            if share == 1.0 and (done or (now >= 0.5 * before and now <= 1e-8 * scale and turn > 1)):
+                return y[:, :n], y[:, n:]
+            if turn > 3 and now > 0.9 * before and not patient:
+                return None
+            before = now
+        return None
+
+    def _rest(self, h: float, method: Any, y: Array) -> Array:
+        """What is missing in the equations of all stages. Raises ArithmeticError or ValueError where a law has no value."""
+        nodes, a = method
+        s, n = len(nodes), len(self.x)
+        values = [
+            self.system.derivative(self.t + c * h, v[:n], v[n:], self.m, self.b)
+            for c, v in zip(nodes, y.tolist(), strict=True)
+        ]
+        rates = np.array([v[0] for v in values], dtype=float).reshape(s, n)
+        residuals = np.array([v[1] for v in values], dtype=float).reshape(s, -1)
+        rest = np.concatenate([y[:, :n] - self.x - h * (a @ rates) * self.weights, residuals], 1)
+        if not np.isfinite(rest).all():
+            raise ArithmeticError("no number")
+        return rest.ravel()
+
+    # ------------------------------------------------------------ what happens
+    def looked(self, t: float, x: Array, w: Array) -> tuple[list[float], list[float]]:
+        try:
+            branches, gaps = self.system.watch(t, x.tolist(), w.tolist(), self.m, self.b)
+        except (ArithmeticError, ValueError):
+            raise Undecided("a law without a value") from None
+        return branches, gaps
+
+    def settle(self) -> None:
+        """The instant behind a change: branches, junctions and events until nothing changes any more.
+
+        Where junctions switched or storages were set, an implicit Euler step lets impulses pass; else a tiny step only looks.
+        """
+        self.jacobian, impulse = None, False
+        for _ in range(60):
+            if impulse:
+                xs, ws = self.step(INSTANT * self.span, EULER)
+                x, w = xs[-1], ws[-1]
+            else:
+                x, w = self.x, _interpolated(NODES, self.step(self.peek * self.span)[1], 0.0)
+            branches, _ = self.looked(self.t, x, w)
+            if branches != self.b:
+                self.b, self.jacobian, self.w = branches, None, w
+                continue
+            truth, on = self.system.conditions(self.t, x.tolist(), w.tolist(), self.m, self.b)
+            modes = len(self.m) - len(on)
+            if [float(v) for v in on] != self.m[modes:]:
+                self.m[modes:] = [float(v) for v in on]
+                self.jacobian, self.w, impulse = None, w, True
+                continue
+            acting = [i for i, v in enumerate(truth) if v and not self.true[i]]
+            self.true = [bool(v) for v in truth]
+            if impulse:
+                self._check_jump(x)
+            self.x, self.w = x.copy(), w  # impulses have passed before anything is read
+            self.t += INSTANT * self.span if impulse else 0.0
+            if not acting:
+                return
+            self.jacobian = None
+            impulse = self.act(acting)
+        raise Undecided("events without end at one instant")
+
+    def _check_jump(self, x: Array) -> None:
+        """Where no junction switches, only what is set may jump: else it takes others along, and there are several ways to do so."""
+        if self.system.assembly.graph.switches or not len(x):
+            return
+        size = np.maximum(np.maximum(np.abs(x), np.abs(self.x)), self.largest)
+        if (np.abs(x - self.x) > 1e-4 * size + 1e-300).any():
+            raise Undecided("an event sets what follows from other states")
+
+    def act(self, acting: Sequence[int]) -> bool:
+        """What events set; whether a storage is among it."""
+        values: list[tuple[Any, float]] = []
+        for i in acting:
+            numbers = self.system.action_values[i](self.t, self.x.tolist(), self.w.tolist(), self.m)
+            values += list(zip(self.system.actions[i], numbers, strict=True))
+            self.events.append((self.t, i))
+        for action, value in values:
+            if action.kind == "m":
+                self.m[action.number] = float(value)
+            else:
+                self.x[action.number] = (
+                    value if action.law is None else solved(action.law, value, self.x[action.number])
+                )
+        if len(self.events) > MOST:
+            raise Undecided("very many events")
+        return any(action.kind == "x" for action, _ in values)
+
+    def advance(self, h: float) -> None:
+        """A step of this length, cut where a branch changes."""
+        end = self.t + h
+        while end - self.t > 2 * INSTANT * self.span:
+            h = end - self.t
+            try:
+                xs, ws = self.step(h)
+                if (theta := self._changed(h, xs, ws)) is not None:
+                    self._cut(h, theta)
+            except Undecided:
+                if h < 1e-6 * self.span:
+                    raise
+                self.advance(h / 2)
+                continue
+            if theta is None:
+                self.t, self.x, self.w = end, xs[-1], ws[-1]
+                self.largest = np.maximum(self.largest, np.abs(self.x))
+                return
+            self.settle()
+            self.cuts += 1
+            if self.cuts > MOST:
+                raise Undecided("very many changes of branches")
+        self.t = end if abs(end - self.t) < 1e-15 * self.span else self.t
+
+    cuts: int = 0
+
+    def _changed(self, h: float, xs: Array, ws: Array) -> tuple[float, float] | None:
+        """Between which places in the step a branch changes first, by the polynomial through the stages."""
+        if not self.b:
+            return None
+        if self.looked(self.t + h, xs[-1], ws[-1])[0] != self.b:
+            last = 1.0
+        else:
+            last = math.inf
+        states = np.vstack([self.x, xs])
+        nodes = np.array([0.0, *NODES])
+        before = 0.0
+        for place in LOOKS[:-1]:
+            x = _interpolated(nodes, states, place)
+            w = _interpolated(NODES, ws, place)
+            try:
+                branches = self.looked(self.t + place * h, x, w)[0]
+            except Undecided:
+                branches = self.b
+            if branches != self.b:
+                return before, place
+            before = place
+        return (before, 1.0) if last == 1.0 else None
+
+    def _cut(self, h: float, bracket: tuple[float, float]) -> None:
+        """Go just behind the change of a branch: bisection on whole steps."""
+        low, high = bracket
+        ends: Any = None
+        while (high - low) * h > BEHIND * self.span or ends is None:
+            middle = high if ends is None else 0.5 * (low + high)
+            xs, ws = self.step(middle * h)
+            if self.looked(self.t + middle * h, xs[-1], ws[-1])[0] != self.b:
+                high, ends = middle, (xs[-1], ws[-1])
+            elif ends is None:
+                self.t, self.x, self.w = self.t + middle * h, xs[-1], ws[-1]
+                self.jacobian = None
+                return
+            else:
+                low = middle
+        self.t, self.x, self.w = self.t + high * h, *ends
+        self.b = self.looked(self.t, self.x, self.w)[0]
+
+
+def _largest(matrix: Array, axis: int) -> Array:
+    found = matrix.max(axis=axis, initial=0.0)
+    found[found == 0] = 1.0
+    return found
+
+
+def _interpolated(nodes: Array, values: Array, place: float) -> Array:
+    weights = [math.prod((place - b) / (a - b) for j, b in enumerate(nodes) if j != i) for i, a in enumerate(nodes)]
+    return np.array(weights) @ values
+
+
+def solved(law: Any, value: float, guess: float) -> float:
+    """The number that makes a law vanish, by Newton's method."""
+
+    def name(key: Unknown) -> str:
+        return "y" if key.number == 0 else "value"
+
+    writer = Writer(name, frozen=False)
+    result = writer.write(law)
+    real, slopes = (function("law", "y, value", writer.lines, result, space) for space in (REAL, COMPLEX))
+    y = guess
+    for _ in range(60):
+        rest = real(y, value)
+        gradient = slopes(y + 1j * TINY, value).imag / TINY
+        if gradient == 0:
+            raise Undecided("the law of a start")
+        y, before = y - rest / gradient, y
+        if abs(y - before) <= 1e-15 * abs(y):
+            return float(y)
+    raise Undecided("the law of a start")
+
+
+# ---------------------------------------------------------------- starts
+def start_of(system: System, t: float) -> Array:
+    """What is stored, integrals and poses at the start. Raises `Undecided`."""
+    a = system.assembly
+    values: list[float] = []
+    for number, start in enumerate(a.starts):
+        if isinstance(start, float):
+            values.append(start)
+        elif isinstance(start, tuple):
+            values.append(_stored(system, start[1], start[2], t))
+        else:
+            values.append(_number(start, t))
+        del number
+    x = np.array(values, dtype=float)
+    for linkage in a.linkages.values():
+        _pose(linkage, x)
+    _unstressed(system, x)
+    return x
+
+
+def _number(x: Any, t: float, states: Sequence[float] = ()) -> float:
+    writer = Writer(lambda key: "t" if key.kind == "t" else f"{key.kind}[{key.number}]", frozen=False)
+    value = writer.write(x)
+    try:
+        return float(function("value", "t, x", writer.lines, value, REAL)(t, states))
+    except NameError:
+        raise Undecided("a start that reads what moves") from None
+
+
+def _stored(system: System, number: int, port: int, t: float) -> float:
+    a = system.assembly
+    node: Any = a.graph.nodes[number]
+    if port not in node.starts:
+        return 0.0
+    letter, bound = node.starts[port]
+    value = _number(a.opened(bound), t)
+    if letter == node.stored[port]:
+        return value
+    return solved(stored_law(a, number, node, port, letter), value, 0.0)
+
+
+def _unstressed(system: System, x: Array) -> None:
+    """A storage on a coordinate stores what it reads, unless it starts otherwise."""
+    a = system.assembly
+    graph = a.graph
+    for (name, port), place in a.stored.items():
+        number, node = next((i, n) for i, n in enumerate(graph.nodes) if n.name == name)
+        if node.stored[port] != "q":  # type: ignore[union-attr]
+            continue
+        for path, linkage, sign in _shared(system, number, port):
+            if port in node.starts:  # type: ignore[union-attr]
+                raise Undecided("a preload of a storage on a coordinate")
+            x[place] = sign * _number(linkage.coordinate(path), 0.0, x.tolist())
+
+
+def _shared(system: System, number: int, port: int) -> list[tuple[str, Linkage, float]]:
+    """The coordinates of mechanisms whose flow the storage shares, through 1-junctions."""
+    a = system.assembly
+    graph = a.graph
+    found, seen, bonds = [], {number}, [a.bond_at[number, port]]
+    while bonds:
+        bond = graph.bonds[bonds.pop()]
+        for end in (bond.tail, bond.head):
+            node: Any = graph.nodes[end.node]
+            if node.kind.value == "multibody":
+                found.append((node.ports[end.port].name, a.linkages[node.name], 1.0))
+            elif node.kind.value == "1" and end.node not in seen:
+                seen.add(end.node)
+                bonds += graph.incident[end.node]
+    return found
+
+
+def _pose(linkage: Linkage, x: Array) -> None:
+    """Poses, then rates: what is said, constraints, and of joints of which nothing is said as drawn and at rest."""
+    said = linkage.said()
+    targets = [(c, v) for c, v, rate in said if not rate]
+    places = np.array([p for p, _ in linkage.places])
+    rates = np.array([r for _, r in linkage.places])
+    if not len(places):
+        return
+    unsaid = linkage.unsaid()
+    drawn = [(c, _number(c, 0.0, x.tolist())) for c in unsaid]
+    closed = [(c, 0.0) for c in linkage.constraints]
+    if targets:
+        for extra in (drawn, []):
+            trial = x.copy()
+            if _moved(trial, places, [*closed, *targets, *extra], targets, full=not extra):
+                x[:] = trial
+                break
+        else:
+            raise Undecided("a start that does not say all poses")
+    jac, _ = _slopes([c for c, _ in [*closed, *((c, v) for c, v, r in said if r)]], places, x)
+    wanted = np.array([0.0] * len(closed) + [v for _, v, r in said if r])
+    if not wanted.any():
+        return
+    rest, _ = _slopes(unsaid, places, x)
+    for extra in (rest, rest[:0]):
+        matrix = np.vstack([jac, extra.reshape(-1, len(places))])
+        right = np.concatenate([wanted, np.zeros(len(extra))])
+        v, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-10)
+        if np.abs(matrix @ v - right).max(initial=0.0) < 1e-9 * (1 + np.abs(right).max()) and rank == len(places):
+            x[rates] = v
+            return
+    raise Undecided("a start that does not say all rates")
+
+
+def _slopes(coordinates: Sequence[Any], places: Array, x: Array) -> tuple[Array, Array]:
+    """The slopes of coordinates by the poses, and their values."""
+    writer = Writer(lambda key: f"x[{key.number}]", frozen=False)
+    names = ", ".join(writer.write(c) for c in coordinates)
+    value = function("value", "x", writer.lines, f"[{names}]", COMPLEX)
+    columns = []
+    for p in places:
+        shifted = x.astype(complex)
+        shifted[p] += 1j * TINY
+        columns.append([complex(v).imag / TINY for v in value(shifted.tolist())])
+    here = np.array([complex(v).real for v in value(x.astype(complex).tolist())])
+    return np.array(columns).T.reshape(len(coordinates), len(places)), here
+
+
+def _moved(x: Array, places: Array, wanted: Sequence[Any], targets: Sequence[Any], full: bool) -> bool:
+    """Go from the drawing to what is wanted, in small steps; whether that is reached, and all poses are said."""
+    coordinates = [c for c, _ in wanted]
+    goal = np.array([v for _, v in wanted])
+    begin = _slopes(coordinates, places, x)[1]
+    for share in np.linspace(0, 1, 41)[1:]:
+        aim = begin + share * (goal - begin)
+        for _ in range(20):
+            jac, here = _slopes(coordinates, places, x)
+            change, _, rank, _ = np.linalg.lstsq(jac, aim - here, rcond=1e-10)
+            x[places] += change
+            if np.abs(change).max() < 1e-14:
+                break
+    missed = np.abs(_slopes(coordinates, places, x)[1] - goal).max(initial=0.0)
+    return bool(missed < 1e-10 and rank == len(places))
+
+
+# ---------------------------------------------------------------- runs
+@dataclass
+class Opinion:
+    """Outputs at instants, with Richardson's estimate of their error; shape (outputs, instants)."""
+
+    names: tuple[str, ...]
+    times: Array
+    values: Array
+    error: Array
+    events: list[tuple[float, int]]
+
+
+def run(system: System, begin: float, times: Sequence[float], steps: int, budget: int) -> tuple[Array, Run]:
+    """The outputs at instants, with so many steps in all."""
+    span = times[-1] - begin
+    a = system.assembly
+    x = start_of(system, begin)
+    modes = [_mode(system, name, begin) for name in a.modes]
+    on = [1.0] * len(a.graph.switches)
+    state = Run(system, span, begin, x, np.zeros(a.unknowns), [*modes, *on], [1.0] * system.atoms)
+    state.true, state.budget = [False] * len(a.graph.events), budget
+    stops = _stops(system, begin, times, span)
+    every = [(i, _number(a.opened(e.period), begin)) for i, e in enumerate(a.graph.events) if e.period is not None]
+    _begin(state)
+    due = {i: 0 for i, _ in every}
+    if every:
+        _sample(state, every, due)
+    found = []
+    for stop, report in stops:
+        while state.t < stop - 3 * INSTANT * span:
+            samples = [due[i] * p for i, p in every]
+            goal = min([stop, *(s for s in samples if s > state.t + 3 * INSTANT * span)])
+            parts = max(1, math.ceil((goal - state.t) / span * steps - 1e-9))
+            h = (goal - state.t) / parts
+            for i in range(parts):
+                state.advance(goal - (parts - 1 - i) * h - state.t)
+            _sample(state, every, due)
+        if report:
+            found.append(system.look(state.t, state.x.tolist(), state.w.tolist(), state.m))
+        else:
+            state.b = state.looked(stop + 1e-13 * span, state.x, state.w)[0]
+            state.settle()
+    return np.array(found).T, state
+
+
+def _sample(state: Run, every: Sequence[tuple[int, float]], due: dict[int, int]) -> None:
+    """Sampled events whose instant has come."""
+    acting = [i for i, p in every if due[i] * p <= state.t + 3 * INSTANT * state.span]
+    if acting:
+        for i in acting:
+            due[i] += 1
+        state.act(acting)
+        state.b = state.looked(state.t, state.x, state.w)[0]
+        state.settle()
+
+
+def _begin(state: Run) -> None:
+    """Storages of whose start nothing is said follow those of which something is: an impulse moves the former alone."""
+    a = state.system.assembly
+    nodes = {n.name: n for n in a.graph.nodes}
+    free = [place for (name, port), place in a.stored.items() if port not in nodes[name].starts]  # type: ignore[union-attr]
+    start = state.x.copy(), list(state.m), state.t
+    rng = np.random.default_rng(1)
+    for guess in (np.zeros(a.unknowns), np.ones(a.unknowns), rng.uniform(0.5, 2.0, a.unknowns)):
+        state.x, state.m, state.t = start[0].copy(), list(start[1]), start[2]
+        state.w, state.true = guess, [False] * len(a.graph.events)
+        try:
+            state.b = _first_branches(state)
+            if free and not a.linkages:
+                state.weights = np.full(len(state.x), 1e-9)
+                state.weights[free] = 1.0
+                for _ in range(20):
+                    state.jacobian = None
+                    xs, ws = state.step(INSTANT * state.span, EULER)
+                    branches = state.looked(state.t, xs[-1], ws[-1])[0]
+                    _, on = state.system.conditions(state.t, xs[-1].tolist(), ws[-1].tolist(), state.m, state.b)
+                    modes = [*state.m[: len(a.modes)], *map(float, on)]
+                    if branches == state.b and modes == state.m:
+                        break
+                    state.b, state.w, state.m = branches, ws[-1], modes
+                state.x, state.w, state.weights = xs[-1], ws[-1], 1.0
+            state.settle()
+        except (Undecided, ArithmeticError, ValueError):
+            state.weights = 1.0
+            if state.count > state.budget:
+                raise
+            continue
+        return
+    raise Undecided("no solution at the start")
+
+
+def _first_branches(state: Run) -> list[float]:
+    b = [1.0] * state.system.atoms
+    for _ in range(5):
+        state.b = b
+        try:
+            b = state.looked(state.t, state.x, state.w)[0]
+        except Undecided:
+            return b
+    return b
+
+
+def _mode(system: System, name: str, t: float) -> float:
+    named = system.assembly.graph.quantities[name]
+    if named.definition is None:
+        return float(named.value or 0.0)
+    return _number(system.assembly.opened(named.definition), t)
+
+
+def _stops(system: System, begin: float, times: Sequence[float], span: float) -> list[tuple[float, bool]]:
+    """Instants of the report, and those at which a branch on time alone changes: looked for at many places, then bisected."""
+    stops = [(t, True) for t in times if t > begin]
+    for branch in system.timed:
+        if branch is None:
+            continue
+        grid = [begin + span * i / 3000 for i in range(3001)]
+        values = [branch(t) for t in grid]
+        for low, high, a, b in zip(grid, grid[1:], values, values[1:], strict=False):
+            if a == b:
+                continue
+            while True:
+                middle = 0.5 * (low + high)
+                if middle in (low, high):
+                    break
+                low, high = (middle, high) if branch(middle) == a else (low, middle)
+            stops.append((high, False))
+    return sorted(set(stops))
+
+
+def opinion(
+    system: System, begin: float, times: Sequence[float], goal: float = 1e-7, most: int = 512, budget: int = 200_000
+) -> Opinion:
+    """Steps are halved until the outputs change by less than `goal` of their magnitude. Raises `Undecided` where they never do."""
+    steps = 16
+    before, first = run(system, begin, times, steps, budget)
+    spent = first.count
+    while True:
+        steps *= 2
+        values, state = run(system, begin, times, steps, budget - spent)
+        spent += state.count
+        error = np.abs(values - before)
+        scale = np.abs(values).max(axis=1, initial=0.0, keepdims=True)
+        enough = (error <= goal * scale + 1e-14 * scale.max(initial=0.0) + 1e-300).all()
+        if enough or steps >= most or spent + 2 * state.count > budget:
+            return Opinion(system.outputs, np.array([t for t in times if t > begin]), values, error, state.events)
+        before = values

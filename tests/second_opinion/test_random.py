@@ -1,0 +1,95 @@
+"""Some random models of each kind, and the second opinion against closed forms. `python tests/second_opinion` tries them by the thousand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.second_opinion.comparison import compared, second
+from tests.second_opinion.random_models import mechanism, network
+from tests.second_opinion.trial import campaign
+
+# Seeds that disagree today, with what is wrong. They go from here with their cause.
+WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}}
+
+
+@pytest.mark.parametrize(("kind", "seeds"), [("network", range(100, 300, 4)), ("mechanism", range(100, 109))])
+def test_random_models(kind: str, seeds: range) -> None:
+    """None disagrees, and most agree: refusals and what stays undecided are few."""
+    tally = campaign(kind, [s for s in seeds if s not in WRONG[kind]])
+    assert not tally.disagreed, tally.disagreed
+    agreed = sum(n for what, n in tally.verdicts.items() if what.endswith(": agreed"))
+    assert agreed >= 0.5 * len(seeds), tally.told()
+
+
+@pytest.mark.parametrize("make", [network, mechanism])
+def test_a_seed_gives_the_same_text(make: type) -> None:
+    assert [make(s).text for s in range(8)] == [make(s).text for s in range(8)]
+    assert len({make(s).text for s in range(8)}) == 8
+
+
+def test_a_wrong_number_is_seen() -> None:
+    """The same text with another stiffness for one of the two disagrees."""
+    text = "plain model A {\n  parameter k = 1\n  C c : e = k*q { start q = 1 }\n  I i : p = f\n  1(i) -> c\n  output x = c.q\n}"
+    assert compared(text, 2.0).kind == "agreed"
+    own = second(text, 2.0, settings={"k": 1.001})
+    assert abs(own.values[0, -1] - math.cos(2)) > 100 * own.error[0].max() + 1e-4
+
+
+def test_a_bouncing_ball_by_its_parabolas() -> None:
+    text = """plain model Ball {
+  I m : p = f
+  Se w : e = -10
+  w -> m
+  signal h = integral(m.f, 1)
+  when h < 0 { m.p = -m.p }
+  output height = h
+}"""
+    own = second(text, 5.0, points=6)
+    half = math.sqrt(0.2)
+    since = (own.times + half) % (2 * half) - half
+    np.testing.assert_allclose(own.values[0], 1 - 5 * since**2, atol=1e-7)
+    assert len(own.events) == 6
+
+
+def test_charge_goes_over_in_an_impulse() -> None:
+    text = """plain model Shared {
+  C a : e = q { start q = 1 }
+  C b : e = q
+  1 tie { active = time > 0.4 }
+  0 n
+  n -> a
+  n -> tie -> b
+  signal moved = integral(b.f, 0)
+  output q = b.q, charge = moved
+}"""
+    own = second(text, 1.0, points=3)
+    np.testing.assert_allclose(own.values, 0.5, atol=1e-8)
+
+
+def test_a_ramp_straight_onto_a_mass() -> None:
+    """A storage in derivative form: index two."""
+    text = "plain model Ramp {\n  Sf d : f = 2*ramp(time, 0.3, 0.4)\n  I m : p = 3*f\n  d -> m\n  output J = integral(m.e, 0), p = m.p\n}"
+    own = second(text, 1.0, points=3)
+    np.testing.assert_allclose(own.values[:, -1], 6, atol=1e-7)
+
+
+def test_a_pendulum_by_its_period() -> None:
+    """Absolute coordinates with a multiplier: the period by the arithmetic-geometric mean."""
+    text = """model P {
+  multibody b : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body bob { mass = 2 kg, at = (0, -1 m) }
+    hinge pin : ground to bob { at = (0, 0), start phi = 60 deg }
+  }
+  output phi = b.pin.phi
+  experiment go { simulate 0 .. 1 s }
+}"""
+    a, g = 1.0, math.cos(math.radians(30))
+    for _ in range(20):
+        a, g = (a + g) / 2, math.sqrt(a * g)
+    period = 2 * math.pi / a / math.sqrt(9.81)
+    own = second(text, period, points=3, goal=1e-8)
+    np.testing.assert_allclose(own.values[0], [-math.radians(60), math.radians(60)], atol=1e-6)
