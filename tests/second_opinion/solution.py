@@ -295,21 +295,32 @@ class Run:
         return (before, 1.0) if last == 1.0 else None
 
     def _cut(self, h: float, bracket: tuple[float, float]) -> None:
-        """Go just behind the change of a branch: bisection on whole steps."""
+        """Go just behind the change of a branch: whole steps between, placed by the secant of what crosses zero, or halfway."""
         low, high = bracket
-        ends: Any = None
-        while (high - low) * h > BEHIND * self.span or ends is None:
-            middle = high if ends is None else 0.5 * (low + high)
+        near = 0.4 * BEHIND * self.span / h
+        ends = self.step(high * h)
+        branches, gaps = self.looked(self.t + high * h, ends[0][-1], ends[1][-1])
+        crossing = [i for i, (now, before) in enumerate(zip(branches, self.b, strict=True)) if now != before]
+        if not crossing:  # the polynomial was wrong: all of this is as before
+            self.t, self.x, self.w = self.t + high * h, ends[0][-1], ends[1][-1]
+            self.jacobian = None
+            return
+        place = crossing[0]
+        above, below = gaps[place], self.looked(self.t, self.x, self.w)[1][place] if low == 0 else math.nan
+        for turn in range(80):
+            if (high - low) * h <= BEHIND * self.span:
+                break
+            middle = 0.5 * (low + high)
+            if above * below < 0 and turn % 5 < 4:
+                guess = low + (high - low) * below / (below - above) + (near if turn % 2 == 0 else -near)
+                middle = min(max(guess, low + 0.5 * near), high - 0.5 * near)
             xs, ws = self.step(middle * h)
-            if self.looked(self.t + middle * h, xs[-1], ws[-1])[0] != self.b:
-                high, ends = middle, (xs[-1], ws[-1])
-            elif ends is None:
-                self.t, self.x, self.w = self.t + middle * h, xs[-1], ws[-1]
-                self.jacobian = None
-                return
+            branches, gaps = self.looked(self.t + middle * h, xs[-1], ws[-1])
+            if branches != self.b:
+                high, ends, above = middle, (xs, ws), gaps[place]
             else:
-                low = middle
-        self.t, self.x, self.w = self.t + high * h, *ends
+                low, below = middle, gaps[place]
+        self.t, self.x, self.w = self.t + high * h, ends[0][-1], ends[1][-1]
         self.b = self.looked(self.t, self.x, self.w)[0]
 
 

@@ -15,13 +15,13 @@ from tests.second_opinion.trial import campaign
 WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}}
 
 
-@pytest.mark.parametrize(("kind", "seeds"), [("network", range(100, 300, 4)), ("mechanism", range(100, 109))])
+@pytest.mark.parametrize(("kind", "seeds"), [("network", range(100, 248, 4)), ("mechanism", range(100, 109))])
 def test_random_models(kind: str, seeds: range) -> None:
     """None disagrees, and most agree: refusals and what stays undecided are few."""
     tally = campaign(kind, [s for s in seeds if s not in WRONG[kind]])
     assert not tally.disagreed, tally.disagreed
     agreed = sum(n for what, n in tally.verdicts.items() if what.endswith(": agreed"))
-    assert agreed >= 0.5 * len(seeds), tally.told()
+    assert agreed >= 0.6 * len(seeds), tally.told()
 
 
 @pytest.mark.parametrize("make", [network, mechanism])
