@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import frexp, ldexp
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ BLURRED = 1e-7  # of the states: a change by rounding that counts
 EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
 TERMS = 22  # of the series: what is left is below 1e-24 at a norm of 1/4
 BALANCINGS = 20
+SHORTENED = 2.0**27  # steps of a length between two powers of two: lengths that differ by less may be one
+FIRST_ORDER = 1e-9  # of the change within the difference of two lengths: its square is below rounding
 DOUBLED = 1e-9  # by how much one exponential may differ from the square of that of half the time
 
 _ENDS: Any = chebyshev.chebpts2(DEGREE + 1)  # on [-1, 1]
@@ -55,6 +58,28 @@ class Linear:
     active: Any  # rows of b that are not zero everywhere
     seen: Any  # places at which b is looked at whatever the intervals, rising
     known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # by the length of an interval
+    near: dict[float, float] = field(default_factory=dict)  # the lengths in `known` by what they are close to
+
+    def share(self, others: dict[bytes, tuple[Any, Any]]) -> None:
+        """Take what is known of other segments on which the matrix is the same: pulses of one length are many segments."""
+        key = self.matrix.tobytes() + self.active.tobytes()
+        self.known, self.near = others.setdefault(key, (self.known, self.near))
+
+    def close_to(self, length: float) -> float:
+        """A length that is known, if one differs from this by so little that the first order of the difference is exact to rounding; else this."""
+        part, exponent = frexp(length)
+        found = self.near.setdefault(ldexp(round(part * SHORTENED), exponent), length)
+        return (
+            found
+            if abs(found - length) * float(np.abs(self.matrix).sum(axis=0).max(initial=0.0)) <= FIRST_ORDER
+            else length
+        )
+
+    def ahead(self, length: float) -> Any:
+        """E of an interval, (n, n)."""
+        known = self.close_to(length)
+        found = self.matrices(known)[0]
+        return found if known == length else found + (length - known) * (self.matrix @ found)
 
     def forcing(self, times: Any) -> Any:
         """b over the balanced states; shape (…, active)."""
@@ -80,10 +105,16 @@ class Linear:
     def moved(self, start: Any, length: float, state: Any, place: float = 1.0) -> Any:
         """The balanced state at a place in [0, 1] of an interval, from the one at its start; for many intervals at once."""
         part = length * place
-        ahead, integral = self.matrices(part)
-        times = np.asarray(start)[..., None] + part * NODES
-        coefficients = np.einsum("cj,...js->...sc", TO_COEFFICIENTS, part * self.forcing(times))
-        return state @ ahead.T + np.einsum("nsc,...sc->...n", integral, coefficients)
+        known = self.close_to(part)
+        ahead, integral = self.matrices(known)
+        forcing = self.forcing(np.asarray(start)[..., None] + known * NODES)
+        coefficients = np.einsum("cj,...js->...sc", TO_COEFFICIENTS, known * forcing)
+        end = state @ ahead.T + np.einsum("nsc,...sc->...n", integral, coefficients)
+        if known != part:
+            rates = end @ self.matrix.T
+            rates[..., self.active] += forcing[..., -1, :]
+            end = end + (part - known) * rates
+        return end
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +244,7 @@ def intervals(form: Linear, instants: Any, longest: float) -> Intervals | None:
 def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
     """The states at the starts of all intervals and at the end of the last, shape (intervals + 1, n), in SI; None if the
     exponentials cannot be trusted or the solution overflows."""
-    if not all(_is_trusted(form, length) for length in np.unique(cut.lengths)):
+    if not all(_is_trusted(form, length) for length in np.unique(cut.lengths).tolist()):
         return None
     result = np.empty((len(cut.starts) + 1, len(form.scale)))
     result[0] = state / form.scale
@@ -221,8 +252,9 @@ def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
     for length in np.unique(cut.lengths):
         chosen = cut.lengths == length
         pushes[chosen] = form.moved(cut.starts[chosen], length, np.zeros(len(form.scale)))
-    for number, length in enumerate(cut.lengths):
-        result[number + 1] = form.matrices(length)[0] @ result[number] + pushes[number]
+    ahead = {length: form.ahead(length) for length in np.unique(cut.lengths).tolist()}
+    for number, length in enumerate(cut.lengths.tolist()):
+        result[number + 1] = ahead[length] @ result[number] + pushes[number]
     return result * form.scale if np.isfinite(result).all() else None
 
 
@@ -287,6 +319,7 @@ def _is_followed(form: Linear, starts: Any, lengths: Any) -> bool:
 
 def _is_trusted(form: Linear, length: float) -> bool:
     """Whether the exponential of an interval is the square of that of its half."""
+    length = form.close_to(length)
     whole, half = form.matrices(length)[0], form.matrices(0.5 * length)[0]
     size = np.abs(half) @ np.abs(half)
     return bool(np.isfinite(whole).all() and np.linalg.norm(whole - half @ half) <= DOUBLED * np.linalg.norm(size))

@@ -23,6 +23,8 @@ def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
     form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
     if form is None:
         return None
+    form.share(stepper.exponentials)
+    known = len(form.known)
     looked_at = stepper.powers is not None or bool(stepper.program.limits)
     longest = exponential.fastest(form) if looked_at else np.inf
     while True:
@@ -41,7 +43,7 @@ def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
     if work is not None:
         stepper.add(*work[0])
     stepper.result.steps += len(cut.starts)
-    stepper.count({"exponential": len(form.known)})
+    stepper.count({"exponential": len(form.known) - known})
     stepper.result.solvers["matrix exponential"] = None
     return states[-1]
 

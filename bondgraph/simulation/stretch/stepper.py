@@ -76,6 +76,7 @@ class Stepper:
         self.position = 0  # the next instant to be reported
         self.machine: InMachineCode | None = None  # what steps in machine code, from its first stretch on
         self._signals: dict[tuple[float, bytes], Signals] = {}
+        self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # of linear segments, by their matrices
         self.methods: dict[bytes, int] = {}  # that were chosen, by mode: what is told of a spectrum once
         self.result = into if into is not None else empty(program, instants)
 
