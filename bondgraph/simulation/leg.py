@@ -214,7 +214,9 @@ class Leg:
         magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         if self.atol is None and self.constraints:
-            least = least_tolerances(self.program, self.constraints, self.looked_from, self.stretches[0])
+            least = least_tolerances(
+                self.program, self.compilation.facts.mechanisms, self.constraints, self.looked_from, self.stretches[0]
+            )
             absolute = np.maximum(absolute, least)
         held = np.full(len(self.state), self.atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]

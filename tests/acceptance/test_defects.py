@@ -33,7 +33,6 @@ SECONDS = 8  # of a process that took 10 to 60 s once, and is to take less than 
 TODAY = frozenset(
     (
         "nand_if_laws_chatter",
-        "nand_slow_look_ahead",
         "kite_swing_rtol1e-11",
     )
 )

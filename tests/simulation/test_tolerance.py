@@ -215,6 +215,26 @@ def test_nothing_is_absolute_in_time(made: Any, solver: str) -> None:
         np.testing.assert_allclose(other.values, results[0].values, rtol=1e-10, atol=1e-14)
 
 
+# ---------------------------------------------------------------- bare numbers
+@pytest.mark.parametrize("size", [10.0**k for k in (-18, -15, -12, -9, -6, 0, 6, 12)])
+def test_bare_numbers_may_be_small(size: float) -> None:
+    """What has no unit is no angle: charges of 1e-15 in a `plain model` are held to a share of that, not of 1e-12."""
+    text = f"""plain model Swing {{
+  C spring : e = q/{size!r} + (q/{size!r})^3
+  I mass : p = {size!r}*f
+  R damper : e = 0.1/{size!r}*f
+  Se push : e = 0.3*cos(1.3*time) + 0.1
+  push -> 1(spring, mass, damper)
+  output x = spring.q
+  experiment go {{ simulate 0 .. 50 {{ points = 11 }} }}
+}}
+"""
+    swing = model(text)
+    reference = swing.simulate(rtol=1e-10)
+    for rtol in (1e-4, 1e-6, 1e-8):
+        assert largest_error(swing.simulate(rtol=rtol), reference) < 30 * rtol
+
+
 # ---------------------------------------------------------------- what is not known
 UNKNOWN = """model TwoParts {
   "The upper part cannot be followed beyond 10 ms; the lower one is moved only after that."

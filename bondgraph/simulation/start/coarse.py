@@ -54,13 +54,18 @@ class Look:
     stopped: float | None
 
 
-def smallest_angles(program: Program) -> Any:
-    """What an angle or its rate is rounding below, for all states and unknowns; 0 for what has a unit."""
-    kept = program.kept
-    if "angles" not in kept:
+def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
+    """What an angle of a mechanism or its rate is rounding below, for all states and unknowns; 0 for others: what has the unit 1 elsewhere, as all in
+    bare numbers, may be as small as it likes."""
+    kept, key = program.kept, ("angles", tuple(mechanisms))
+    if key not in kept:
         units = (*program.states.units, *program.unknowns.units)
-        kept["angles"] = np.array([SMALLEST_ANGLE if unit in ("1", "1/s") else 0.0 for unit in units])
-    return kept["angles"]
+        names = (*program.states.names, *program.unknowns.names)
+        owned = [any(name.startswith(f"{m}.") for m in mechanisms) for name in names]
+        kept[key] = np.array(
+            [SMALLEST_ANGLE if o and unit in ("1", "1/s") else 0.0 for o, unit in zip(owned, units, strict=True)]
+        )
+    return kept[key]
 
 
 def unit_numbers(program: Program) -> Any:
@@ -96,7 +101,8 @@ class CoarseRun:
     """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
 
     def __init__(
-        self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None
+        self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None,
+        mechanisms: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self.constraints = constraints
         self.program, self.constants, self.inputs = program, constants, inputs
@@ -104,7 +110,7 @@ class CoarseRun:
         self.stopped: float | None = None  # where it gave up
         self.beginning = self.largest  # with what the motion would reach that the forces at the start tell
         self.differential = np.arange(len(state)) < len(program.states.names)
-        self.smallest = smallest_angles(program)
+        self.smallest = smallest_angles(program, mechanisms)
         self.kinds = unit_numbers(program)
         self.found = self.state  # by the last step, before it is projected
         self.noted = 0  # how often it was noted how far it was, and the magnitudes until then
@@ -127,7 +133,9 @@ class CoarseRun:
         from ..steps.compiled.coarse_run import CompiledEuler
         from ..steps.compiled.run import obstacle
 
-        return None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants)
+        return (
+            None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants, self.smallest)
+        )
 
     def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
         """The largest magnitudes on the way, as far as it gets."""

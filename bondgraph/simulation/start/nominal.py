@@ -63,7 +63,7 @@ def nominal_magnitudes(
     if len(program.states.names):
 
         def look_along(way: Sequence[Segment]) -> Look:
-            coarse = CoarseRun(program, constants, inputs, state, constraints)
+            coarse = CoarseRun(program, constants, inputs, state, constraints, mechanisms)
             return Look(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
 
         first = stretches[0]
@@ -76,7 +76,7 @@ def nominal_magnitudes(
         most = np.zeros(count)
         np.maximum.at(most, members, result)
         result = np.maximum(result, share * most[members])
-    result = np.maximum(result, _smallest(program, constraints, state, stretches[0]))
+    result = np.maximum(result, _smallest(program, mechanisms, constraints, state, stretches[0]))
     unknown = (result == 0) | ~np.isfinite(result)
     if unknown.any():
         charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
@@ -102,9 +102,11 @@ def _numbered(groups: Sequence[object]) -> tuple[Any, int]:
     return np.array([numbers[group] for group in groups], dtype=int), len(numbers)
 
 
-def _smallest(program: Program, constraints: Constraints | None, state: Any, first: Segment) -> Any:
+def _smallest(
+    program: Program, mechanisms: Sequence[str], constraints: Constraints | None, state: Any, first: Segment
+) -> Any:
     """Below lies what symmetry leaves of an angle, or of a length of a mechanism with closed loops: rounding."""
-    result = smallest_angles(program)
+    result = smallest_angles(program, mechanisms)
     if constraints:
         units = np.array([*program.states.units, *program.unknowns.units])
         result = result.copy()
@@ -114,11 +116,13 @@ def _smallest(program: Program, constraints: Constraints | None, state: Any, fir
     return result
 
 
-def least_tolerances(program: Program, constraints: Constraints, state: Any, first: Segment) -> Any:
+def least_tolerances(
+    program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Any, first: Segment
+) -> Any:
     """What no absolute tolerance can be less than, as closing joints hold positions and speeds up to rounding; 0 for other states.
 
     What such joints lock altogether stays where it is up to that, however small a share of its magnitude a tolerance may be.
     """
     result, places = np.zeros(len(state)), np.concatenate([constraints.positions, constraints.speeds])
-    result[places] = ROUNDED * _smallest(program, constraints, state, first)[places]
+    result[places] = ROUNDED * _smallest(program, mechanisms, constraints, state, first)[places]
     return result

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...segments import mode_size
-from ...start.coarse import smallest_angles, unit_numbers
+from ...start.coarse import unit_numbers
 from ...start.kept import keeps_factors
 from .coarse import Coarse
 from .code import called
@@ -38,7 +38,7 @@ def _room(program: Program, constants: Any) -> dict[str, Any]:
     arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "most")}
     arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
     return numbers | arrays | {
-        "mode": np.zeros(mode_size(program, constants)), "smallest": smallest_angles(program), "kinds": unit_numbers(program),
+        "mode": np.zeros(mode_size(program, constants)), "smallest": np.zeros(n), "kinds": unit_numbers(program),
         "real": room_for(Factors, 0 if is_sparse(program) else n),
     }  # fmt: skip
 
@@ -46,7 +46,7 @@ def _room(program: Program, constants: Any) -> dict[str, Any]:
 class CompiledEuler:
     """Steps of the coarse run: `start.coarse.CoarseRun._step` from where the unknowns of loops are known."""
 
-    def __init__(self, program: Program, inputs: Any, constants: Any) -> None:
+    def __init__(self, program: Program, inputs: Any, constants: Any, smallest: Any) -> None:
         rows, columns = program.pattern
         self.program, self.order = program, Ordered(program, SMALL)
         given = {
@@ -55,6 +55,7 @@ class CompiledEuler:
             "rows": rows,
             "columns": columns,
             "pattern": self.order.values,
+            "smallest": smallest,
         }
         self.values = Laid(form_of(Euler, program, "", lambda: _room(program, constants)), given)
         self.record = self.values.record
