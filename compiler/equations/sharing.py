@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import (
@@ -30,7 +31,7 @@ from ..algebra.expression import (
     multiply,
     symbols,
 )
-from ..algebra.formula import bind
+from ..algebra.formula import Formula, bind
 from .system import Argument, Assignment, EquationSystem, Following, State, Variable
 
 MOST = 32  # terms of a rate: what is longer counts as a flow of its own
@@ -57,7 +58,7 @@ class Rates:
 
     def sum_of(self, variable: int) -> Row:
         """The flows that a variable is the sum of, with their coefficients; itself if it is none."""
-        stack = {variable: None}
+        stack = {} if variable in self._known else {variable: None}
         while stack:  # not by recursion: a row of transformers may be longer than Python nests calls
             here = next(reversed(stack))
             row = self._row(here)
@@ -81,7 +82,7 @@ class Rates:
     def _own(self, variable: int) -> Row:
         """A flow of its own; or a constant times another that has the same law, as those of a reaction do."""
         assignment = self.assigned.get(variable)
-        law = None if assignment is None else assignment.expression
+        law = None if assignment is None or len(assignment.arguments) > MOST else assignment.expression
         if not isinstance(law, Apply) or law.operator != "multiply":
             first, factor = self._laws.setdefault(law, (variable, ONE)) if isinstance(law, Apply) else (variable, ONE)
             return {first: divide(ONE, factor)}
@@ -99,6 +100,13 @@ class Rates:
     def _terms(self, assignment: Assignment | None) -> Row | None:
         if assignment is None or assignment.owner in self.elements or len(assignment.arguments) > MOST:
             return None
+        factors, places = _factors(assignment.formula), assignment.arguments
+        if (
+            factors is not None
+            and len({*places}) == len(places)
+            and not any(isinstance(v, float) or self.is_static(v) for v in places)
+        ):
+            return dict(zip((v for v in places if isinstance(v, int)), factors, strict=True))
         rest, row = assignment.expression, Row()
         moving = [s for s in symbols(rest) if not self.is_static(s.key)]
         for symbol in moving:
@@ -129,6 +137,19 @@ class Rates:
                 else:
                     self._static[here] = all(self._static.get(a, False) for a in inner)
         return self._static[variable]
+
+
+@cache
+def _factors(formula: Formula) -> tuple[Expression, ...] | None:
+    """Of a sum of numbers times its slots, the numbers: junctions have one formula for many assignments."""
+    rest, found = formula.expression, list[Expression]()
+    for slot in range(formula.arity):
+        parts = affine_parts(rest, Symbol(slot))
+        if parts is None or not isinstance(parts[0], Number) or parts[0] == ZERO:
+            return None
+        rest = parts[1]
+        found.append(parts[0])
+    return tuple(found) if rest == ZERO else None
 
 
 def share_states(system: EquationSystem, signals: frozenset[int], elements: frozenset[str]) -> EquationSystem:
