@@ -51,13 +51,14 @@ def many_runs(plan: Plan, scene: Scene) -> str | None:
 
 
 class Prepared:
-    """`compilation` makes the stages of the compiler, when one is needed."""
+    """`compilation` makes the stages of the compiler, when one is needed; `opened` the same with opened loops."""
 
     def __init__(
-        self, source: Source, scene: Scene, everything: bool, target: str, compilation: Callable[[], Compilation]
-    ) -> None:
+        self, source: Source, scene: Scene, everything: bool, target: str, compilation: Callable[[], Compilation],
+        opened: Callable[[], Prepared],
+    ) -> None:  # fmt: skip
         self.source, self.scene, self.everything, self.target = source, scene, everything, target
-        self._compilation = compilation
+        self._compilation, self._opened = compilation, opened
         self.kept: dict[object, Any] = {}  # what analyses made of it and need again at other values
 
     @cached_property
@@ -72,8 +73,11 @@ class Prepared:
 
     @cached_property
     def program(self) -> Program:
-        """The program of the target."""
-        return self._found[0]
+        """The program of the target. One with loops knows where it is to be had with these opened."""
+        program = self._found[0]
+        if program.unknowns.names and not self.scene.opened:
+            program.kept["opened"] = self._opened
+        return program
 
     @cached_property
     def plan(self) -> Plan:

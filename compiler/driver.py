@@ -139,7 +139,7 @@ class Compilation:
                 with uncollected():
                     causal = assign_causality(graph)
                     equations = derive_equations(causal, self.zeros, self._free, self._changed)
-                    reduced = reduce_equations(equations, self.everything, graph.span)
+                    reduced = reduce_equations(equations, self.everything, graph.span, self.scene.opened)
             except CompilationFailed as failed:
                 endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
                 if len(endless) < len(failed.diagnostics):
@@ -180,14 +180,14 @@ class Compilation:
     def _reduced(self) -> StateSpace:
         span = self.graph.span
         try:
-            return reduce_equations(self.equations, self.everything, span)
+            return reduce_equations(self.equations, self.everything, span, self.scene.opened)
         except CompilationFailed as failed:
             less = without_what_cancels(self.equations)
             if less is None or not all(isinstance(d, DerivativeWithoutEnd) for d in failed.diagnostics):
                 raise
         # What nothing reads any longer must have a solution all the same.
         refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
-        return reduce_equations(less, self.everything, span)
+        return reduce_equations(less, self.everything, span, self.scene.opened)
 
     def look_at_laws(self) -> None:
         """Raise what would go wrong where laws become a program; neither the slopes of one by another nor products that are shared can."""
@@ -199,7 +199,8 @@ class Compilation:
         space = self.state_space
         known = [space.quantities[name] for name in self.scene.by if name in space.quantities]
         with self._instances():
-            return lower(space, by=tuple(dict.fromkeys(known)), conserving=self.scene.conserving)
+            located = not self.scene.opened or bool(space.events or space.discretes or space.switches)
+            return lower(space, located, tuple(dict.fromkeys(known)), self.scene.conserving)
 
     @cached_property
     def lowered(self) -> Lowered:
@@ -229,10 +230,12 @@ class Compilation:
         units = {name: quantities[name].unit for name in sorted(self.later)}
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
         looped = frozenset() if not self.later else behind_loops(space) & self.later
+        unknown = {u.variable: i for i, u in enumerate(space.unknowns)}
+        laws = tuple((unknown[w.row], unknown[w.argument], unknown[w.value], w.effort) for w in space.laws)
         return Facts(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
-            tuple(self.whole_graph.integrals) if self.whole_graph.switches else (),
+            tuple(self.whole_graph.integrals) if self.whole_graph.switches else (), laws,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -59,6 +59,9 @@ class Scene:
     companion: bool = (
         False  # instead of the model itself its companion network; `off` are then its other switched junctions
     )
+    opened: bool = (
+        False  # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,3 +230,6 @@ class Facts:
     valves: tuple[Valve, ...] = ()  # switched junctions that act together
     gaps: tuple[str, ...] = ()  # all two-terminal switches, valves first
     integrals: tuple[str, ...] = ()  # signals with memory, where junctions switch: impulses pass into them
+    laws: tuple[
+        tuple[int, int, int, bool], ...
+    ] = ()  # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort

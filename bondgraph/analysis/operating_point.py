@@ -102,7 +102,9 @@ class OperatingPoint:
             constraints.leave_out(old.taking)
         state = constraints.project(self.time, np.asarray(state, dtype=float), self.mode)
         size = np.where(state != 0, np.abs(state), 1.0)
-        state = LoopSolver(self.program, constraints.constants, inputs, size).solve(self.time, state, self.mode)
+        state = LoopSolver(self.program, constraints.constants, inputs, size, constraints.parameters).solve(
+            self.time, state, self.mode
+        )
         return OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self.values)
 
     # ------------------------------------------------------------ values
@@ -413,4 +415,4 @@ def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
         state[i] = given.get(name, state[i])
     size = np.where(state != 0, np.abs(state), 1.0)
     state = leg.constraints.project(time, state, mode)
-    return LoopSolver(leg.program, leg.constants, leg.inputs, size).solve(time, state, mode)
+    return LoopSolver(leg.program, leg.constants, leg.inputs, size, leg.parameters).solve(time, state, mode)

@@ -74,7 +74,10 @@ class Compiled:
         key = (scene, everything, target)
         made = self._prepared.get(key)
         if made is None:
-            made = Prepared(self.source, scene, everything, target, lambda: self.compilation(scene, everything))
+            made = Prepared(
+                self.source, scene, everything, target, lambda: self.compilation(scene, everything),
+                lambda: self.prepared(replace(scene, opened=True), everything, target),
+            )  # fmt: skip
             _kept(self._prepared, key, made)
         return made
 

@@ -145,7 +145,7 @@ class Leg:
 
                 constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
                 full = constraints.project(first.start, full, first.mode)
-            loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)))
+            loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)), constraints.parameters)
             return loops.solve(first.start, full, first.mode), ()
         if program.hybrid is not None:
             from .events.begin import with_mode, with_modes

@@ -473,9 +473,12 @@ class EquationBuilder:
         ]
         self.stored = {n: root(v) for n, v in self.stored.items()}
         return [
-            Assignment(a.target, a.formula, tuple(map(through, a.arguments)), a.span, a.owner, a.implicit)
+            Assignment(
+                a.target, a.formula, tuple(map(through, a.arguments)), a.span, a.owner, a.implicit,
+                None if a.residual is None else Bound(a.residual.formula, tuple(map(through, a.residual.arguments))),
+            )
             for a in self.assignments
-        ]
+        ]  # fmt: skip
 
     def _through(self, argument: Argument) -> Argument:
         return argument if isinstance(argument, float) else self.root(argument)

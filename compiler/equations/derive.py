@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 from ..algebra.expression import (
     ZERO,
@@ -37,7 +38,7 @@ from .builder import EquationBuilder
 from .errors import NotInvertible
 from .events import event_equations
 from .fields import without_energy
-from .laws import GIVEN, paired, ratio, solved
+from .laws import GIVEN, paired, ratio, solved, total_residual
 from .naming import letter_of, port_name, unit_of
 from .sharing import share_states
 from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
@@ -80,7 +81,7 @@ class _Nodes:
         self.causal, self.graph, self.to = causal, causal.graph, to
         self.efforts, self.flows, self.bond_of = to.efforts, to.flows, to.bond_of
         # Of each law once, whatever the number of its elements: solved in a direction, and its energy.
-        self.formulas: dict[tuple[Law, tuple[Own, ...]], tuple[tuple[Bound, ...], bool]] = {}
+        self.formulas: dict[tuple[Law, tuple[Own, ...]], tuple[tuple[Bound, ...], bool, Bound | None]] = {}
         self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
         self.starting: dict[tuple[Law, Own], Bound | None] = {}
 
@@ -173,7 +174,8 @@ class _Nodes:
     def _apply_law(self, node: Element, wanted: tuple[Own, ...], own: Mapping[Own, int], targets: list[int]) -> bool:
         """Assign the wanted variables by the element's law, solved once for all elements that share it.
 
-        A law that cannot be solved for them stays as it is: an implicit assignment for each.
+        A law that cannot be solved for them stays as it is: an implicit assignment for each. Of one whose solution ends somewhere the
+        form that does not is kept beside it.
         """
         key = (node.law, wanted)
         if key not in self.formulas:
@@ -181,21 +183,27 @@ class _Nodes:
             implicit = found is None
             if found is None:
                 found = paired(node.law, wanted)
-            self.formulas[key] = tuple(map(bind, found or ())), implicit
-        bounds, implicit = self.formulas[key]
+            total = (
+                total_residual(node.law, wanted[0]) if found is not None and len(wanted) == 1 and not implicit else None
+            )
+            self.formulas[key] = tuple(map(bind, found or ())), implicit, None if total is None else bind(total)
+        bounds, implicit, total_form = self.formulas[key]
         if not bounds:
             self._not_decided(node, wanted)
             return False
+
+        def put(keys: tuple[Any, ...]) -> tuple[Argument, ...]:
+            return tuple(own[k] if isinstance(k, Own) else self.to.reference(node.arguments[k]) for k in keys)
+
+        residual = None if total_form is None else Bound(total_form.formula, put(total_form.arguments))
         for bound, target in zip(bounds, targets, strict=True):
-            arguments = tuple(
-                own[k] if isinstance(k, Own) else self.to.reference(node.arguments[k]) for k in bound.arguments
-            )
+            arguments = put(bound.arguments)
             first = arguments[0] if arguments else None
             copy = isinstance(bound.formula.expression, Symbol) and not implicit
             if copy and isinstance(first, int) and self.to.same_unit(target, first):
                 self.to.join(target, first, node.span, node.name)
             else:
-                self.to.add(Assignment(target, bound.formula, arguments, node.span, node.name, implicit))
+                self.to.add(Assignment(target, bound.formula, arguments, node.span, node.name, implicit, residual))
         return True
 
     def _not_decided(self, node: Element, wanted: tuple[Own, ...]) -> None:

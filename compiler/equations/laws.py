@@ -7,7 +7,8 @@ from functools import lru_cache
 
 from ..algebra.affine import affine_parts, solve_affine
 from ..algebra.derivative import derivative
-from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute
+from ..algebra.domain import is_total
+from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute, symbols
 from ..algebra.invert import solve_nonlinear
 from ..graph.network import Kind, Law, Own
 
@@ -51,6 +52,28 @@ def paired(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
         return None
     of = {number: rests[i] for i, number in choice.items()}
     return tuple(of[number] for number in range(len(wanted)))
+
+
+@lru_cache(maxsize=4096)
+def total_residual(law: Law, wanted: Own) -> Expression | None:
+    """An expression that vanishes where the law holds and has a value everywhere, for a law whose solution for the wanted variable has not.
+
+    None if the solution itself has a value everywhere, or no form of the law has. A diode's voltage is a logarithm that ends at its
+    saturation current; its current is defined for every voltage, whichever of the two the author wrote.
+    """
+    found = solved(law, (wanted,))
+    if found is None or law.energy is not None or is_total(found[0], _is_own):
+        return None
+    others = {s.key for left, right in law.equations for s in (*symbols(left), *symbols(right)) if _is_own(s)}
+    for other in sorted(others - {wanted}, key=lambda own: (own.port, own.variable)):
+        turned = solved(law, (other,))
+        if turned is not None and depends_on(turned[0], Symbol(wanted)) and is_total(turned[0], _is_own):
+            return turned[0] - Symbol(other)
+    return None
+
+
+def _is_own(symbol: Symbol) -> bool:
+    return isinstance(symbol.key, Own)
 
 
 def _equations(law: Law, wanted: tuple[Own, ...]) -> Equations:

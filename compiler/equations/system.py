@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..algebra.expression import Expression, Number, Symbol, substitute
-from ..algebra.formula import Formula
+from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
 from ..nouns import dataclass
 from ..source import Span
@@ -31,7 +31,9 @@ class Variable:
 class Assignment:
     """`target := formula(arguments)`, because of a line of the text.
 
-    An implicit one says `0 = formula(arguments)`, and the target, which is among the arguments, is what makes it so.
+    An implicit one says `0 = formula(arguments)`, and the target, which is among the arguments, is what makes it so. `residual` is the
+    implicit form of an explicit one whose formula has no value everywhere (a diode's voltage as a logarithm of its current), over
+    variables: inside of a loop, where an iteration may lead anywhere, it stands for the explicit one.
     """
 
     target: int
@@ -40,6 +42,7 @@ class Assignment:
     span: Span
     owner: str  # the element, junction or quantity that it belongs to
     implicit: bool = False
+    residual: Bound | None = None
 
     @property
     def expression(self) -> Expression:

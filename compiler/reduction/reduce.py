@@ -13,18 +13,23 @@ from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..source import Span
 from .differentiate import Differentiator
 from .errors import NothingToCompute, SingularLoop
+from .opened import opened_laws
 from .order import blocks, needed, tear
-from .state_space import Dependent, Entry, Forced, LinearLoop, StateSpace, Step, Unknown
+from .round_trips import Sums, without_round_trips
+from .state_space import Dependent, Entry, Forced, LinearLoop, OpenedLaw, StateSpace, Step, Unknown
 
 
-def reduce_equations(system: EquationSystem, everything: bool, span: Span) -> StateSpace:
-    """Order what is needed for the outputs (`everything`: for all states and powers too, as an energy balance asks)."""
-    return _Reduction(system, everything, span).run()
+def reduce_equations(system: EquationSystem, everything: bool, span: Span, opened: bool = False) -> StateSpace:
+    """Order what is needed for the outputs (`everything`: for all states and powers too, as an energy balance asks).
+
+    `opened`: nonlinear loops are cut at both variables of each law besides.
+    """
+    return _Reduction(system, everything, span, opened).run()
 
 
 class _Reduction:
-    def __init__(self, system: EquationSystem, everything: bool, span: Span) -> None:
-        self.system, self.everything, self.span = system, everything, span
+    def __init__(self, system: EquationSystem, everything: bool, span: Span, opened: bool) -> None:
+        self.system, self.everything, self.span, self.opened = system, everything, span, opened
         differentiator = Differentiator(system)
         differentiator.run()
         if differentiator.diagnostics:
@@ -34,6 +39,7 @@ class _Reduction:
         self.differentiator = differentiator
         self.pieced = {*differentiator.order, *(d.target for d in system.derivatives), *system.pieced}
         self.unknowns: list[Unknown] = []
+        self.laws: list[OpenedLaw] = []
         bound = (i.multiplier for i in system.invariants if i.multiplier is not None)
         self.multipliers = frozenset((*bound, *(b.variable for b in system.balances)))
         self.diagnostics: list[Diagnostic] = []
@@ -97,7 +103,7 @@ class _Reduction:
             system.stored if self.everything else {}, dependents,
             claims, tuple(forced), self._index(used, steps), system.limits, invariants,
             tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
-            following,
+            following, tuple(self.laws),
         )  # fmt: skip
 
     def _events(
@@ -183,25 +189,49 @@ class _Reduction:
     def _loop(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
         """Cut a loop so that the rest follows in order; linear ones are solved where they stand, others by whoever runs."""
         bound = [v for v in block if v in self.multipliers]
-        cut, order = tear([v for v in block if v not in self.multipliers], inputs)
+        free = [v for v in block if v not in self.multipliers]
         members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
+        partial = self._made_total(free)
+        if partial:
+            inputs = [*inputs]
+            for v in partial:
+                inputs[v] = [a for a in self.assigned[v].arguments if not isinstance(a, float)]
+        cut, order = tear(free, inputs)
         if (
             bound
         ):  # inside of a step they belong to its unknowns: what they decide stays sparse, whatever the number of loops
             return self._nonlinear([*bound, *cut], order, members)
-        linear = self._linear(block, cut, order, members)
-        return linear if linear is not None else self._nonlinear(cut, order, members)
+        linear = None if partial else self._linear(block, cut, order, members)
+        if linear is not None:
+            return linear
+        if self.opened:
+            laws = opened_laws({v: self.assigned[v] for v in block}, {p.flow for p in self.system.ports})
+            self.laws += laws
+            cut = list(dict.fromkeys([*cut, *(v for law in laws for v in (law.argument, law.value))]))
+            order = [v for v in order if v not in set(cut)]
+        return self._nonlinear(cut, order, members)
+
+    def _made_total(self, block: list[int]) -> list[int]:
+        """Members of a loop whose formula has no value everywhere take their implicit form, which has: an iteration may lead anywhere."""
+        partial = [v for v in block if self.assigned[v].residual is not None]
+        for v in partial:
+            assignment = self.assigned[v]
+            assert assignment.residual is not None
+            formula, arguments = assignment.residual.formula, assignment.residual.arguments
+            self.assigned[v] = replace(assignment, formula=formula, arguments=arguments, implicit=True, residual=None)
+        return partial
 
     def _nonlinear(self, cut: list[int], order: list[int], members: tuple[str, ...]) -> list[Step]:
         """The cut variables are unknowns; what each should be, less what it is, must vanish."""
         inner: list[Step] = [self.assigned[v] for v in order]
+        sums = Sums({v: self.assigned[v].expression for v in order})
         loop = self.unknowns[-1].loop + 1 if self.unknowns else 0
         for variable in cut:
             assignment = self.assigned[variable]
             old = self.variables[variable]
             self.variables[variable] = Variable(old.name, "unknown", old.unit)
             residual = assignment.expression if assignment.implicit else assignment.expression - Symbol(variable)
-            bound = bind(residual)
+            bound = bind(without_round_trips(residual, sums))
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
             self.pieced |= {number} if variable in self.pieced else set()

@@ -63,6 +63,16 @@ class Unknown:
 
 
 @dataclass(frozen=True, slots=True)
+class OpenedLaw:
+    """A nonlinear law of two variables of a loop, both of which are unknowns: the residual of `row` is g(argument) - factor*value."""
+
+    row: int
+    argument: int
+    value: int
+    effort: bool  # whether the argument is an effort
+
+
+@dataclass(frozen=True, slots=True)
 class Dependent:
     """What a port of a storage in derivative form stores, computed from states."""
 
@@ -112,6 +122,7 @@ class StateSpace:
     switches: tuple[Switch, ...] = ()
     delays: tuple[Delayed, ...] = ()
     following: tuple[Following, ...] = ()
+    laws: tuple[OpenedLaw, ...] = ()  # of loops that are opened
 
     @property
     def posed(self) -> tuple[Claim, ...]:

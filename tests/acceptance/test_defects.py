@@ -246,7 +246,6 @@ def bridge_current(source: float, voltage: float) -> float:
     return diode((a - voltage) / 2) + diode(-(a + voltage) / 2)
 
 
-@wrong_today
 def test_a_bridge_of_shockley_diodes(tmp_path: Path) -> None:
     found = values("shockley_bridge", tmp_path, "--points", "81")
     truth = [
@@ -257,7 +256,6 @@ def test_a_bridge_of_shockley_diodes(tmp_path: Path) -> None:
     assert found["u"].max() == pytest.approx(8.097, abs=2e-3)
 
 
-@wrong_today
 def test_a_smoothed_bridge_of_shockley_diodes(tmp_path: Path) -> None:
     def rate(t: float, u: Any) -> list[float]:
         return [(bridge_current(10 * math.sin(100 * math.pi * t), float(u[0])) - float(u[0]) / 100) / 100e-6]

@@ -97,7 +97,7 @@ class Events:
     def measure(self, magnitude: Any) -> None:
         """Other magnitudes of states and unknowns."""
         self.magnitude = magnitude
-        self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude)
+        self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
 
     # ------------------------------------------------------------ truth
     def roots(self, time: Any, state: Any, mode: Any) -> Any:

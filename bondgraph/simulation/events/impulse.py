@@ -70,7 +70,7 @@ class _Held:
     def full(self, x: Any) -> Any:
         """The state with the unknowns of loops."""
         held = self.constraints
-        loops = LoopSolver(held.program, held.constants, held.inputs, np.ones(len(self.start)))
+        loops = LoopSolver(held.program, held.constants, held.inputs, np.ones(len(self.start)), held.parameters)
         return loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
 
     def stored(self, x: Any) -> Any:

@@ -6,12 +6,15 @@ Newton's method fails from the last solution, `homotopy.py` leads the residual t
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...door import Program
 from ...errors import RunFailed
+
+if TYPE_CHECKING:
+    from .waves import OpenedLoops
 
 ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
 HALVINGS = 30
@@ -20,14 +23,17 @@ SHORT = 1e-3
 TOGETHER = 12  # iterations for many instants at once: what takes more goes by itself
 LARGEST = 100  # unknowns of a loop that is searched from many guesses
 NEAREST = 8
+ROUNDED = 1e-5  # of the terms of a residual that does not fall
 GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
 
 
 class LoopSolver:
-    """Finds the unknowns of a program for given states. `magnitude`: of states and unknowns."""
+    """Finds the unknowns of a program for given states. `magnitude`: of states and unknowns; `parameters`: without them loops are not opened."""
 
-    def __init__(self, program: Program, constants: Any, inputs: Any, magnitude: Any) -> None:
-        self.program, self.constants, self.inputs = program, constants, inputs
+    def __init__(
+        self, program: Program, constants: Any, inputs: Any, magnitude: Any, parameters: Any = None
+    ) -> None:  # fmt: skip
+        self.program, self.constants, self.inputs, self.parameters = program, constants, inputs, parameters
         self.count = len(program.states.names)
         self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
         self.affine = False
@@ -49,7 +55,13 @@ class LoopSolver:
         found = self.newton(time, state, mode, last)
         if found is None:
             with np.errstate(all="ignore"):  # guesses may lie where a law has no value
-                found = self._one_by_one(time, state, mode)
+                waves = self._opened(time, state, mode)
+                if waves is not None and waves.rise:
+                    found = self._by_waves(waves, time, state, mode)
+                if found is None:
+                    found = self._one_by_one(time, state, mode)
+                if found is None and waves is not None and not waves.rise:
+                    found = self._by_waves(waves, time, state, mode)
         if found is None:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
@@ -57,6 +69,42 @@ class LoopSolver:
                 "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), or put a small storage into it"
             )
         return np.concatenate([state[: self.count], found])
+
+    def _opened(self, time: float, state: Any, mode: Any) -> OpenedLoops | None:
+        """The loops with both variables of each nonlinear law as unknowns; None where that is not to be had: in models with events."""
+        source = self.program.kept.get("opened")
+        if source is None or self.parameters is None:
+            return None
+        from ...door import CompilationFailed, ValuesNeeded
+        from .waves import OpenedLoops
+
+        try:
+            prepared = source()
+            program, laws = prepared.program, prepared.facts.laws
+        except (CompilationFailed, ValuesNeeded):
+            return None
+        if not laws or program.hybrid is not None:
+            return None
+        hybrid = self.program.hybrid
+        timed = mode if hybrid is None else np.asarray(mode)[list(hybrid.timed)]
+        at = time, self.inputs, program.constants(self.parameters), timed
+        return OpenedLoops(program, laws, at, state[: self.count])
+
+    def _by_waves(self, waves: OpenedLoops, time: float, state: Any, mode: Any) -> Any:
+        """The unknowns by an iteration in waves; None if it does not arrive."""
+        from .waves import solve_opened
+
+        names = {name: i for i, name in enumerate(waves.program.unknowns.names)}
+        places = [names[name] for name in self.program.unknowns.names]
+        guess = np.zeros(waves.size)
+        guess[places] = state[self.count :]
+        for end in solve_opened(waves, guess):
+            found = self.newton(time, state, mode, end[places])
+            if found is None and self.program.hybrid is not None:
+                return end[places]  # the laws as they are there: the mode says otherwise, and is what has to change
+            if found is not None:
+                return found
+        return None
 
     def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
         """All unknowns, loop after loop; None if one of them is not found."""
@@ -204,7 +252,7 @@ class LoopSolver:
                     break  # at round-off the residual falls no further
                 factor *= 0.5
             else:
-                return z if size < 1e-9 else None
+                return z if size < 1e-9 or self._is_rounding(value, matrix, z[places] / magnitude) else None
             z, value = trial, found
             stuck = stuck + 1 if factor < SHORT else 0
             if stuck == STUCK:
@@ -213,6 +261,12 @@ class LoopSolver:
                 return z
             before = size
         return None
+
+    @staticmethod
+    def _is_rounding(value: Any, matrix: Any, z: Any) -> bool:
+        """Whether residuals that no shortening of Newton's correction makes smaller are rounding: then they are small beside their terms. A law of an
+        argument near zero, exp(u) - 1, leaves more of that than a unit in the last place, and leakage alone may decide an unknown."""
+        return bool((np.abs(value) <= ROUNDED * (np.abs(matrix) @ np.abs(z))).all())
 
     def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
         """From the guess, whose residual is led to zero; None if that fails."""

@@ -95,7 +95,7 @@ class Search:
         self.program, self.count = program, len(program.states.names)
         self.time, self.fixed = first.start, (inputs, constants, first.mode)
         magnitude = np.ones(self.count + len(program.unknowns.names))
-        self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude), first.mode
+        self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude, constraints.parameters), first.mode
         self.largest = np.zeros(self.count)
         self.names, units = program.states.names, program.states.units
         kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}

@@ -37,7 +37,7 @@ def consistent_start(
     Raises `RunFailed` if the claims contradict each other or the starts of states, or a loop has no solution.
     """
     magnitude = np.where(state != 0, np.abs(state), 1.0)
-    loops = LoopSolver(program, constants, inputs, magnitude)
+    loops = LoopSolver(program, constants, inputs, magnitude, constraints.parameters)
     time, mode, count = first.start, first.mode, len(program.states.names)
     if not made.facts.claims and not constraints:
         full = loops.solve(time, state, mode)
@@ -87,7 +87,7 @@ def _assembled(
     from .assembly import choose_rows, rates_closed, sizes
 
     time, mode, space = first.start, first.mode, made.state_space
-    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)))
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)), constraints.parameters)
     loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
 
@@ -106,7 +106,7 @@ def _assembled(
     size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
     reach = np.abs(slopes_of(claims, x, np.ones(len(x), dtype=bool))) @ size if value.any() else np.abs(value)
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
-    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)))
+    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)), constraints.parameters)
     full = loops.solve(time, x, mode)
     if loose:
         _check_unique(loops, made, full, (time, mode))

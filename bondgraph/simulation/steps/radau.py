@@ -66,6 +66,7 @@ SLOWEST = 0.9  # contraction of a single number of the stages by an iteration: w
 CREEPING = 0.5  # and what is faster needs no look of its own
 UNSOLVED = 0.5  # of what was left of a loop's equation before the last change: it is no solution where more is left
 SOLVED = 0.01  # of the tolerance, by which the unknown of a loop may miss its equation
+NOISE = 1e-15  # of the terms of an equation of a loop: what is left of them is none
 ROUNDED = 1e-12  # of the terms of such an equation: rounding
 STIFF = 300.0  # times its own size a state would change in a step, if the others did not follow
 SURE = 0.3  # of the tolerance: polynomials within a step that differ by less are both right
@@ -387,11 +388,14 @@ class Radau:
         m_real, m_complex = MU_REAL / size * m, MU_COMPLEX / size * m
         last, rate = None, 0.0
         before: Any = None
+        noise = self._noise(state) if self._has_loops else None
         for iteration in range(NEWTON_ITERATIONS):
             for i in range(3):
                 f[i] = self._function(time + size * C[i], state + stages[i])
             if not np.isfinite(f).all():
                 return None
+            if noise is not None:
+                f[np.abs(f) <= noise] = 0.0
             change = np.empty_like(w)
             change[0] = self._real.solve(TI_REAL @ f - m_real * w[0])
             both = self._complex.solve(TI_COMPLEX @ f - m_complex * (w[1] + 1j * w[2]))
@@ -434,6 +438,12 @@ class Radau:
         bent = self._function(time, state + aside) - 2 * self._rate + self._function(time, state - aside)
         return _norm(self._real.solve(np.where(np.isfinite(bent), bent, 0.0)) / scale)
 
+    def _noise(self, state: Any) -> Any:
+        """What rounding leaves of the equations of loops, shape (n,); below zero for the others. Where leakage alone decides an unknown, a correction by
+        rounding has no end."""
+        problem = self.problem
+        return np.where(problem.differential, -1.0, NOISE * problem.terms(self._jacobian, state))
+
     def _misses(self, end: float, new: Any, size: float, scale: Any) -> bool:
         """Whether the unknowns of loops do not solve their equations where a step ends. Slopes of another place, as of a diode that conducts no more, may be
         so much too steep that iterations change nothing; where as much is left of an equation as before the last one, slopes of the end tell how much it is.
@@ -462,10 +472,14 @@ class Radau:
         problem = self.problem
         scale = self._allowed * (problem.absolute + np.maximum(np.abs(state), np.abs(new)) * problem.relative)
         rest = np.where(problem.differential, E @ stages / size, 0.0)
-        error = self._real.solve(self._rate + rest)
+        error = self._real.solve(self._without_noise(self._rate, state) + rest)
         if _norm(error / scale) > 1 and (rejected or self._stages is None or self._last_size == 0):
-            error = self._real.solve(self._function(time, state + error) + rest)
+            error = self._real.solve(self._without_noise(self._function(time, state + error), state) + rest)
         return error / scale
+
+    def _without_noise(self, rates: Any, state: Any) -> Any:
+        """Rates with equations of loops that lack no more than rounding taken for solved."""
+        return np.where(np.abs(rates) <= self._noise(state), 0.0, rates) if self._has_loops else rates
 
     def _factor(self, size: float, norm: float) -> float:
         """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8)."""

@@ -95,7 +95,7 @@ class Stepper:
     def loops(self) -> LoopSolver:
         unknowns = len(self.program.unknowns.names)
         magnitude = self.tolerances.magnitude if unknowns else np.ones(len(self.program.states.names))
-        return LoopSolver(self.program, self.constants, self.inputs, magnitude)
+        return LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
 
     @cached_property
     def singular(self) -> Watcher:

@@ -21,7 +21,7 @@ C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
-UNSOLVED, SOLVED, ROUNDED = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED
+UNSOLVED, SOLVED, ROUNDED, NOISE = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED, radau.NOISE
 SHORTER = radau.SHORTER
 STAGNANT, ASIDE = tolerances.STAGNANT, tolerances.ASIDE
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
@@ -322,6 +322,8 @@ def newton(s: Stepper, size: float) -> int:
             s.w[i * n + k] = TI[3 * i] * s.z[k] + TI[3 * i + 1] * s.z[n + k] + TI[3 * i + 2] * s.z[2 * n + k]
     last = 0.0
     s.contraction = 0.0
+    if has_loops(s):
+        put_terms(s, s.state)
     for iteration in range(NEWTON_ITERATIONS):
         if not correct(s, size):
             return 0
@@ -391,6 +393,8 @@ def correct(s: Stepper, size: float) -> bool:
         if not isfinite(s.f[i]):
             return False
     for i in range(3):
+        drop_noise(s, s.f[i * n :])
+    for i in range(3):
         for k in range(n):
             s.change[i * n + k] = TI[3 * i] * s.f[k] + TI[3 * i + 1] * s.f[n + k] + TI[3 * i + 2] * s.f[2 * n + k]
     real = MU_REAL / size
@@ -414,13 +418,17 @@ def estimate(s: Stepper, size: float, rejected: bool) -> float:
         s.rest[i] = 0.0
         if i < s.differential:
             s.rest[i] = (E[0] * s.z[i] + E[1] * s.z[n + i] + E[2] * s.z[2 * n + i]) / size
-        s.error[i] = s.rate[i] + s.rest[i]
+        s.error[i] = s.rate[i]
+    drop_noise(s, s.error)
+    for i in range(n):
+        s.error[i] += s.rest[i]
     solve_real(s, s.error)
     norm = share(s)
     if norm > 1.0 and (rejected or s.last_size == 0.0):
         for i in range(n):
             s.w[i] = s.state[i] + s.error[i]
         rates(s, s.time, s.w, s.error)
+        drop_noise(s, s.error)
         for i in range(n):
             s.error[i] += s.rest[i]
         solve_real(s, s.error)
@@ -446,6 +454,22 @@ def has_loops(s: Stepper) -> bool:
     return s.differential < s.n and s.closed.gaps == 0
 
 
+def put_terms(s: Stepper, y: Floats) -> None:
+    """The sizes of the terms of each equation at a state, by the Jacobian: rounding is a share of them."""
+    for i in range(s.n):
+        s.terms[i] = 0.0
+    for k in range(s.entry_count):
+        s.terms[s.rows[k]] += abs(s.jacobian[k] * y[s.columns[k]])
+
+
+def drop_noise(s: Stepper, x: Floats) -> None:
+    """Equations of loops that lack no more than rounding are taken for solved."""
+    if has_loops(s):
+        for k in range(s.differential, s.n):
+            if abs(x[k]) <= NOISE * s.terms[k]:
+                x[k] = 0.0
+
+
 def misses(s: Stepper, end: float, size: float) -> bool:
     """See `radau.Radau._misses`. The rates of the last iteration are still in `f`; those at the end come there, in the place of the second stage."""
     n = s.n
@@ -453,14 +477,11 @@ def misses(s: Stepper, end: float, size: float) -> bool:
         return False
     ahead = s.f[n:]
     rates(s, end, s.new, ahead)
-    for i in range(n):
-        s.rest[i] = 0.0
-    for k in range(s.entry_count):
-        s.rest[s.rows[k]] += abs(s.jacobian[k] * s.new[s.columns[k]])
+    put_terms(s, s.new)
     solved = True
     for i in range(n):
         s.w[i] = ahead[i] if i >= s.differential else 0.0
-        if not abs(s.w[i]) <= max(ROUNDED * s.rest[i], UNSOLVED * abs(s.f[2 * n + i])):
+        if not abs(s.w[i]) <= max(ROUNDED * s.terms[i], UNSOLVED * abs(s.f[2 * n + i])):
             solved = False
     if solved:
         return False

@@ -137,6 +137,7 @@ class Stepper(Record):
     new: Floats  # n
     error: Floats  # n: of the last step, in units of its tolerance
     rest: Floats  # n
+    terms: Floats  # n: the sizes of the terms of each equation
     norms: Floats  # STUBBORN: of the last rejected tries
     sizes: Floats  # STUBBORN
     # what is reported

@@ -1,0 +1,292 @@
+"""Newton's method in wave variables: the solution of loops of monotone laws from anywhere.
+
+A loop is opened (`compiler/reduction/opened.py`): each nonlinear law v = g(a) has both its variables among the unknowns, and all else is linear.
+Where g rises, a and v are functions of the wave w = a + r v, and none of them is steeper than one (Minty, Monotone (nonlinear) operators in Hilbert space,
+Duke Math. J. 29, 1962; w is the incident wave of a port in Fettweis, Wave digital filters, Proc. IEEE 74, 1986). In w a diode has neither a part
+that overflows nor one that is flat, so that a damped iteration arrives from far away. Directions that nothing decides (a node between diodes that all
+block) are left as they are: the correction of least length is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+
+RESISTANCES = (1e3, 1.0, 1e6, 1e-3)  # tried one after the other as the reference resistance, in SI units
+LARGEST = 400  # unknowns
+ITERATIONS = 150
+HALVINGS = 30
+DESCENT = 1e-4  # share of the predicted decrease that a step has to bring
+CLOSE = 1e-12  # relative correction at which an iteration ends
+ARRIVED = 1e-6  # the same, of an end that is handed on although no step gets closer
+UNDECIDED = 1e-13  # of the largest singular value: directions below are left as they are
+BEGIN = 1e-6  # of all unknowns: laws may have no slope at zero
+PROBES = (1e-2, 1.0, 1e2, 1e4)  # arguments at which the sense of a law is asked
+SAMPLES = tuple(
+    s * 10.0**e for e in np.arange(-6, 4.5, 0.5).tolist() for s in (-1.0, 1.0)
+)  # arguments at which slopes are asked
+DOUBLINGS, BISECTIONS = 120, 120
+MOST = 1e150  # of a residual in the search for an argument
+
+Law = tuple[
+    int, int, int, bool
+]  # row, argument and value as places among the unknowns; whether the argument is an effort
+At = tuple[float, Any, Any, Any]  # time, inputs, constants, mode
+
+
+class OpenedLoops:
+    """The loops of a program at one instant, opened. `states`: shape (n,)."""
+
+    def __init__(self, program: Program, laws: Sequence[Law], at: At, states: Any) -> None:
+        self.program, self.at, self.states = program, at, states
+        self.size = len(program.unknowns.names)
+        self.rows, self.arguments, self.values = (np.array([law[i] for law in laws], dtype=int) for i in range(3))
+        self.efforts = np.array([law[3] for law in laws], dtype=bool)
+        self.others = np.setdiff1d(np.arange(self.size), self.rows)
+        count = len(states)
+        rows, columns = program.pattern
+        self._chosen = np.flatnonzero((rows >= count) & (columns >= count))
+        self._place = rows[self._chosen] - count, columns[self._chosen] - count
+
+    def residual(self, z: Any) -> Any:
+        """All equations of the loops, shape (unknowns,)."""
+        time, inputs, constants, mode = self.at
+        state = np.concatenate([self.states, z])
+        return self.program.derivative(time, state, inputs, constants, mode)[len(self.states) :]
+
+    def matrix(self, z: Any) -> Any:
+        """Their derivatives by the unknowns, shape (unknowns, unknowns)."""
+        time, inputs, constants, mode = self.at
+        state = np.concatenate([self.states, z])
+        result = np.zeros((self.size, self.size))
+        result[self._place] = self.program.jacobian_entries(time, state, inputs, constants, mode)[self._chosen]
+        return result
+
+    @cached_property
+    def factors(self) -> Any:
+        """The slope of each law's residual by its value, shape (laws,)."""
+        return self.matrix(np.full(self.size, BEGIN))[self.rows, self.values]
+
+    @cached_property
+    def rounds(self) -> list[Any]:
+        """The laws in groups, in each of which an argument occurs once: parallel elements have one voltage."""
+        seen: dict[int, int] = {}
+        number = np.array([seen.setdefault(a, -1) for a in self.arguments])
+        for k, a in enumerate(self.arguments):
+            seen[a] += 1
+            number[k] = seen[a]
+        return [np.flatnonzero(number == i) for i in range(number.max(initial=-1) + 1)]
+
+    def law(self, arguments: Any) -> Any:
+        """The values v = g(a) of all laws, shape (laws,)."""
+        result = np.empty(len(arguments))
+        for group in self.rounds:
+            z = np.zeros(self.size)
+            z[self.arguments[group]] = arguments[group]
+            result[group] = (z[self.values] - self.residual(z)[self.rows] / self.factors)[group]
+        return result
+
+    def slopes(self, arguments: Any) -> Any:
+        """g'(a), shape (laws,)."""
+        result = np.empty(len(arguments))
+        for group in self.rounds:
+            z = np.zeros(self.size)
+            z[self.arguments[group]] = arguments[group]
+            result[group] = (-self.matrix(z)[self.rows, self.arguments] / self.factors)[group]
+        return result
+
+    @cached_property
+    def senses(self) -> Any:
+        """1 for laws that rise, -1 for those that fall."""
+        result = np.zeros(len(self.rows))
+        for probe in PROBES:
+            change = self.law(np.full(len(result), probe)) - self.law(np.full(len(result), -probe))
+            result = np.where(result == 0.0, np.sign(np.nan_to_num(change)), result)
+        return np.where(result == 0.0, 1.0, result)
+
+    @property
+    def rise(self) -> bool:
+        """Whether all laws rise, or all that do not fall, at many arguments; no proof."""
+        slopes = np.array([self.slopes(np.full(len(self.rows), a)) for a in SAMPLES]) * self.senses
+        return bool(((slopes >= 0) | np.isnan(slopes)).all())
+
+
+def solve_opened(loops: OpenedLoops, guess: Any) -> Iterator[Any]:
+    """Unknowns at which the iteration ends close to a solution, from one reference resistance after the other.
+
+    `guess`: shape (unknowns,).
+    """
+    if loops.size > LARGEST or not len(loops.rows):
+        return
+    for resistance in RESISTANCES:
+        for begin in (guess, np.full(loops.size, BEGIN)):
+            with np.errstate(all="ignore"):
+                left, z = _Iteration(loops, resistance).run(begin)
+            if left <= ARRIVED:
+                yield z
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """Where an iteration stands: waves, then unknowns of no law (y); what that makes of arguments and values; all unknowns and equations."""
+
+    y: Any
+    arguments: Any
+    values: Any
+    z: Any
+    rest: Any
+
+
+class _Iteration:
+    """Damped Newton in waves, with one reference resistance for all laws."""
+
+    def __init__(self, loops: OpenedLoops, resistance: float) -> None:
+        self.loops, self.count = loops, len(loops.rows)
+        self.per_value = loops.senses * np.where(loops.efforts, resistance, 1 / resistance)  # r
+        owner: dict[int, tuple[bool, int]] = {}  # unknown -> whether it is an argument, of which law
+        self.copies: list[tuple[int, bool, int]] = []  # uses of an unknown by further laws
+        for k, (argument, value) in enumerate(zip(loops.arguments, loops.values, strict=True)):
+            for place, is_argument in ((int(argument), True), (int(value), False)):
+                if place in owner:
+                    self.copies.append((place, is_argument, k))
+                else:
+                    owner[place] = is_argument, k
+        self.of_arguments, self.of_values = (
+            np.array([k for is_argument, k in owner.values() if is_argument is which], dtype=int)
+            for which in (True, False)
+        )
+        self.free = np.setdiff1d(np.arange(loops.size), list(owner))
+
+    def run(self, guess: Any) -> tuple[float, Any]:
+        """The relative size of the last correction, and the unknowns."""
+        loops = self.loops
+        begin = np.where(np.isfinite(guess), guess, BEGIN)
+        waves = begin[loops.arguments] + self.per_value * begin[loops.values]
+        point = self._at(np.concatenate([waves, begin[self.free]]), begin[loops.arguments])
+        size = np.inf
+        for _ in range(ITERATIONS):
+            if not np.isfinite(point.rest).all():
+                return np.inf, point.z
+            step, rows, size = self._step(point)
+            if size <= CLOSE or not np.isfinite(size):
+                break
+            found = self._shortened(point, step, rows)
+            if found is None:
+                break
+            point = found
+        return size, point.z
+
+    def _at(self, y: Any, near: Any) -> _Point:
+        loops = self.loops
+        waves = y[: self.count]
+        arguments = _arguments(loops.law, waves, self.per_value, near)
+        values = (waves - arguments) / self.per_value
+        z = np.zeros(loops.size)
+        z[loops.arguments[self.of_arguments]] = arguments[self.of_arguments]
+        z[loops.values[self.of_values]] = values[self.of_values]
+        z[self.free] = y[self.count :]
+        doubled = [(arguments if is_argument else values)[k] - z[place] for place, is_argument, k in self.copies]
+        return _Point(y, arguments, values, z, np.concatenate([loops.residual(z)[loops.others], doubled]))
+
+    def _step(self, point: _Point) -> tuple[Any, Any, float]:
+        """Newton's correction of least length, the sizes of the equations' rows, and how large the correction is beside what it corrects."""
+        slopes = self._slopes(point)
+        size = np.abs(point.y)
+        columns = np.maximum(size, 1e-6 * size.max(initial=0.0) + 1e-12)
+        scaled = slopes * columns
+        rows = np.abs(scaled).max(axis=1, initial=0.0)
+        rows = np.where((rows > 0) & np.isfinite(rows), rows, 1.0)
+        matrix = scaled / rows[:, None]
+        if not np.isfinite(matrix).all():
+            return columns, rows, np.inf
+        left, singular, right = np.linalg.svd(matrix)
+        damped = singular / (singular**2 + (UNDECIDED * singular.max(initial=0.0)) ** 2)
+        step = right.T @ (damped * (left.T @ (-point.rest / rows)))
+        return step * columns, rows, float(np.abs(step).max(initial=0.0))
+
+    def _slopes(self, point: _Point) -> Any:
+        """The derivatives of the equations by waves and free unknowns."""
+        loops, count = self.loops, self.count
+        slope = loops.slopes(point.arguments)
+        known = np.isfinite(slope)
+        steep = np.where(known, slope, 0.0)
+        of_argument = np.where(known, 1 / (1 + self.per_value * steep), 0.0)
+        of_value = np.where(known, steep / (1 + self.per_value * steep), 1 / self.per_value)
+        inner = np.zeros((loops.size, len(point.y)))
+        inner[loops.arguments[self.of_arguments], self.of_arguments] = of_argument[self.of_arguments]
+        inner[loops.values[self.of_values], self.of_values] = of_value[self.of_values]
+        inner[self.free, count + np.arange(len(self.free))] = 1.0
+        whole = np.nan_to_num(loops.matrix(point.z)[loops.others], posinf=0.0, neginf=0.0)
+        doubled = np.zeros((len(self.copies), len(point.y)))
+        for number, (place, is_argument, k) in enumerate(self.copies):
+            doubled[number, k] = (of_argument if is_argument else of_value)[k]
+            doubled[number] -= inner[place]
+        return np.concatenate([whole @ inner, doubled])
+
+    def _shortened(self, point: _Point, step: Any, rows: Any) -> _Point | None:
+        """The point a step on, halved until the equations are better fulfilled; None if they never are."""
+        norm, factor = float(np.linalg.norm(point.rest / rows)), 1.0
+        for _ in range(HALVINGS):
+            found = self._at(point.y + factor * step, point.arguments)
+            if float(np.linalg.norm(found.rest / rows)) <= (1 - DESCENT * factor) * norm:
+                return found
+            factor *= 0.5
+        return None
+
+
+def _arguments(law: Callable[[Any], Any], waves: Any, per_value: Any, near: Any) -> Any:
+    """The arguments a with a + r g(a) = w, shape (laws,): bracketed from nearby, then narrowed, all laws at once."""
+
+    def beyond(a: Any) -> Any:
+        value = a + per_value * law(a) - waves
+        return np.clip(np.where(np.isnan(value), np.sign(a) * np.inf, value), -MOST, MOST)
+
+    value = beyond(near)
+    slope = np.maximum(np.abs(waves - near), 1e-3)
+    low, high = np.where(value < 0, near, -np.inf), np.where(value >= 0, near, np.inf)
+    at_low, at_high = value.copy(), value.copy()
+    reach = np.minimum(2 * np.abs(value), 1e-3 * slope) + 1e-12 * np.abs(near)
+    for _ in range(DOUBLINGS):
+        below, above = np.isinf(low), np.isinf(high)
+        if not (below | above).any():
+            return _narrowed(beyond, low, high, at_low, at_high)
+        middle = np.where(below, high - reach, np.where(above, low + reach, low))
+        value = beyond(middle)
+        down, up = (below | above) & (value < 0), (below | above) & (value >= 0)
+        low, at_low = np.where(down, middle, low), np.where(down, value, at_low)
+        high, at_high = np.where(up, middle, high), np.where(up, value, at_high)
+        reach = reach * 8
+    return np.where(np.isinf(low), high, low)
+
+
+def _narrowed(beyond: Callable[[Any], Any], low: Any, high: Any, at_low: Any, at_high: Any) -> Any:
+    """The zeros of rising functions between places of either sign, by inverse quadratic interpolation where it serves, else by halves
+    (Chandrupatla, Advances in Engineering Software 28, 1997)."""
+    a, b, at_a, at_b = high, low, at_high, at_low
+    c, at_c, share = a, at_a, np.full(len(low), 0.5)
+    for _ in range(BISECTIONS):
+        place = a + share * (b - a)
+        value = beyond(place)
+        same = np.sign(value) == np.sign(at_a)
+        c, at_c = np.where(same, a, b), np.where(same, at_a, at_b)
+        b, at_b = np.where(same, b, a), np.where(same, at_b, at_a)
+        a, at_a = place, value
+        best = np.where(np.abs(at_a) < np.abs(at_b), a, b)
+        width = np.abs(b - a)
+        least = 2e-16 * np.abs(best) + 1e-300
+        if ((width <= 2 * least) | (at_a == 0)).all():
+            return np.where(at_a == 0, a, best)
+        xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
+        quadratic = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (
+            at_c - at_b
+        )
+        serves = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi) & np.isfinite(quadratic)
+        edge = np.minimum(0.5, least / np.where(width > 0, width, 1.0))
+        share = np.clip(np.where(serves, quadratic, 0.5), edge, 1 - edge)
+    return np.where(np.abs(at_a) < np.abs(at_b), a, b)

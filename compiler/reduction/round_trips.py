@@ -1,0 +1,78 @@
+"""Terms of a residual that come back through the sums of junctions and cancel: a current that circulates between two nodes of a loop.
+
+Left standing they are subtracted as numbers. What remains is rounding of a current that may be 1e10 times as large as those that decide the
+node (a diode that blocks beside a capacitor and its load), and no iteration settles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..algebra.expression import Apply, Expression, Number, Symbol, add, multiply
+
+ROUNDING = 5e-15  # of coefficients that are products of numbers
+LARGEST = 64  # terms of an opened sum
+
+Terms = dict[Expression, float]
+
+
+class Sums:
+    """The computed members of a loop, opened on demand where they are sums with numbers as coefficients."""
+
+    def __init__(self, expressions: Mapping[object, Expression]) -> None:
+        self.expressions = expressions
+        self.opened: dict[object, Terms | None] = {}
+
+    def terms(self, variable: object) -> Terms | None:
+        """A member as coefficients of what is no such sum itself; None if it is none, or too long a one."""
+        if variable not in self.opened:
+            self.opened[variable] = None
+            expression = self.expressions.get(variable)
+            if expression is not None and _is_sum(expression):
+                self.opened[variable] = _bounded(self.open(expression)[0])
+        return self.opened[variable]
+
+    def open(self, expression: Expression) -> tuple[Terms, bool]:
+        """Coefficients of a sum, and whether terms of it cancelled."""
+        total: Terms = {}
+        sizes: Terms = {}
+        for term in _added(expression):
+            value, factor = _scaled(term)
+            inner = self.terms(factor.key) if isinstance(factor, Symbol) else None
+            for part, share in ({factor: 1.0} if inner is None else inner).items():
+                total[part] = total.get(part, 0.0) + value * share
+                sizes[part] = sizes.get(part, 0.0) + abs(value * share)
+        left = {part: value for part, value in total.items() if abs(value) > ROUNDING * sizes[part]}
+        return left, len(left) < len(total)
+
+
+def without_round_trips(residual: Expression, sums: Sums) -> Expression:
+    """The residual with what cancels taken out; itself where nothing does."""
+    if not _is_sum(residual):
+        return residual
+    terms, cancelled = sums.open(residual)
+    return add(*(multiply(Number(value), part) for part, value in terms.items())) if cancelled and terms else residual
+
+
+def _added(x: Expression) -> tuple[Expression, ...]:
+    """The terms of a sum; of anything else, itself."""
+    return x.operands if isinstance(x, Apply) and x.operator == "add" else (x,)
+
+
+def _is_sum(x: Expression) -> bool:
+    """Whether something is a sum, or a variable with a number before it."""
+    return len(_added(x)) > 1 or isinstance(_scaled(x)[1], Symbol)
+
+
+def _scaled(term: Expression) -> tuple[float, Expression]:
+    """A term as a number times the rest."""
+    match term:
+        case Number(value):
+            return value, Number(1.0)
+        case Apply(operator="multiply", operands=(Number(value), rest)):
+            return value, rest
+    return 1.0, term
+
+
+def _bounded(terms: Terms) -> Terms | None:
+    return terms if len(terms) <= LARGEST else None
