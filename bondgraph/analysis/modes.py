@@ -210,10 +210,19 @@ def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[l
 
 
 def _is_displacement(point: OperatingPoint, port: Any) -> bool:
-    """Whether a port of a field of both kinds stores a displacement: its flow is then the rate of what it stores."""
+    """Whether a port of a field of both kinds stores a displacement: its flow is then the rate of what it stores, or of the state that it shares."""
+    space = point.compilation.state_space
     storage = next((s for s in point.compilation.equations.storages if s.element == port.element), None)
-    rates = {s.variable: s.rate for s in point.compilation.equations.states}
-    return storage is not None and port.flow in {rates.get(v) for v in storage.stored}
+    if storage is None:
+        return False
+    rates = {s.variable: s.rate for s in space.states}
+    followed = {f.variable: rates[f.state] for f in space.following}
+    own = [p for p in space.ports if p.element == port.element]
+    rate = (rates | followed).get(storage.stored[own.index(port)])
+    if rate in (port.flow, port.effort):
+        return bool(rate == port.flow)
+    units = space.variables  # of a shared state whose rate is another variable
+    return rate is not None and bool(units[rate].unit == units[port.flow].unit)
 
 
 def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:

@@ -195,7 +195,8 @@ class OperatingPoint:
     @cached_property
     def jacobian(self) -> Any:
         """Of the rates and then of what unknowns make vanish, by states and unknowns, (n + m, n + m), from the program itself. Raises `RunFailed`."""
-        found = np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
+        with np.errstate(all="ignore"):
+            found = np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
         if len(bad):
             raise self._without_slope((*self.program.states.names, *self.program.unknowns.names)[bad[0]])

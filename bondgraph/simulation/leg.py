@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from .events.impulse import Jump
 
 
+MOST_SETTLING = 400  # rounds of what is delayed and a start that reads it
+SETTLED = 1e-14  # of what is delayed: rounding
+
+
 class Leg:
     """What one leg of a run holds while it goes: one program, one choice of states."""
 
@@ -200,14 +204,19 @@ class Leg:
 
     def _settle_history(self, history: History, start: float) -> None:
         """A start that reads what was before it, which is what it is at the start."""
-        for _ in range(20):
-            before = history.first
+        for _ in range(MOST_SETTLING):
+            before = np.array(history.first)
             history.begin(start, self.state, self.inputs, self.stretches[0].mode)
-            if (history.first == before).all():
-                break
+            if (np.abs(history.first - before) <= SETTLED * np.maximum(np.abs(history.first), np.abs(before))).all():
+                return
             ends = (start, float(self.instants[-1]))
             self.stretches = timeline_in_parts(self.program, self.constraints.constants, ends, self.parts).segments
+            self.events = None
             self.state, self.start_notes = self._start(self.program, self.compilation, self.constraints, self.stretches)
+        raise RunFailed(
+            f"at t = {start:.9g} s what is delayed and the state at the start do not settle on each other: each makes the other larger, or goes to "
+            "and fro; give the start itself instead of `equilibrium`, or delay what does not read itself"
+        )
 
     def _tolerances(self) -> Tolerances:
         """Absolute tolerances per state: what is given, else rtol times the magnitude."""
