@@ -9,7 +9,7 @@ these have the right sign a little later; what is stored passes over by the proj
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -222,9 +222,12 @@ def selected(
         found = circuit.pencil(on, interval)
         assert found is not None
         return on, found[0] @ (found[2] @ z)
-    everything = (
-        [np.array(x, dtype=bool) for x in itertools.product((False, True), repeat=len(on))] if len(on) <= 7 else []
+    everything: Iterable[np.ndarray] = (
+        np.array(x, dtype=bool) for x in itertools.product((False, True), repeat=len(on))
     )
+    if len(on) > 7:  # then those with few flips
+        flips = (np.isin(np.arange(len(on)), x) for k in (1, 2, 3) for x in itertools.combinations(range(len(on)), k))
+        everything = (on ^ x for x in flips)
     stored = circuit.matrices(on, interval)[0] @ z
     trial, order = on.copy(), []
     while trial is not None and not any((trial == x).all() for x in order):
@@ -235,9 +238,9 @@ def selected(
             if low is None or not low.any()
             else np.where(np.arange(len(on)) == np.flatnonzero(low)[0], ~trial, trial)
         )
-    order += sorted(everything, key=lambda x: int((x != on).sum()))
+    rest = everything if len(on) > 7 else sorted(everything, key=lambda x: int((x != on).sum()))
     best: tuple[float, np.ndarray, np.ndarray] | None = None
-    for trial in order:
+    for trial in itertools.chain(order, rest):
         low = wrong(trial)
         if low is None or low.any():
             continue

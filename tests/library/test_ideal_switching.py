@@ -242,16 +242,16 @@ def cascade(stages: int, seed: int) -> Case:
         lines += [
             f"0 o{k}, e{k}",
             f"IdealDiode a{k}, b{k}",
-            f"C co{k} : q = C*u {{ start u = {1 if k == 1 else 2.1} V }}",
+            f"C co{k} : q = C*u {{ start u = {1 if k == 1 else 2.2} V }}",
         ]
         lines += [
-            f"C ce{k} : q = C*u {{ start u = {2 + 0.1 * k} V }}",
+            f"C ce{k} : q = C*u {{ start u = {2 if k == 1 else 2.2} V }}",
             f"{above} -> 1(co{k}) -> o{k} -> 1(b{k}.pins) -> e{k}",
         ]
         lines += [f"e{k} -> 1(ce{k}) -> {below}", f"{below} -> 1(a{k}.pins) -> o{k}"]
-        capacitors += [(column, node, c, -(1.0 if k == 1 else 2.1)), (node + 1, row, c, 2 + 0.1 * k)]
+        capacitors += [(column, node, c, -(1.0 if k == 1 else 2.2)), (node + 1, row, c, 2.0 if k == 1 else 2.2)]
         lines[-3] = lines[-3].replace(f"{above} -> 1(co{k}) -> o{k} ->", f"o{k} -> 1(co{k}) -> {above}\n  o{k} ->")
-        capacitors[-2] = (node, column, c, 1.0 if k == 1 else 2.1)
+        capacitors[-2] = (node, column, c, 1.0 if k == 1 else 2.2)
         diodes += [(row, node), (node, node + 1)]
         above, below, column, row, node = f"o{k}", f"e{k}", node, node + 1, node + 2
     body = "\n  ".join(lines)
@@ -305,7 +305,7 @@ def test_three_phases(seed: int) -> None:
     agree(three_phase(seed))
 
 
-@pytest.mark.parametrize("stages", [1, 2])
+@pytest.mark.parametrize("stages", [1, 2, 10])
 def test_cascades(stages: int) -> None:
     agree(cascade(stages, stages))
 
