@@ -102,12 +102,13 @@ def compared(
 
 def _judged(product: Any, own: Opinion, rtol: float) -> Verdict:
     worst, words = 0.0, ""
+    rounding = 1e-12 * float(np.abs(own.values).max(initial=0.0))  # of outputs that are nothing
     for i, name in enumerate(own.names):
         if name not in product.names:
             continue
         there, here = np.asarray(product[name])[1:], own.values[i]
         scale = max(float(np.abs(product[name]).max()), float(np.abs(here).max()))
-        error = own.error[i].max() + rtol * scale * 10 + 1e-12 * scale
+        error = own.error[i].max() + rtol * scale * 10 + rounding
         gap = float(np.abs(there - here).max(initial=0.0))
         if not np.isfinite(there).all():
             return Verdict("disagreed", f"{name} is no number", events=len(own.events))
@@ -116,7 +117,6 @@ def _judged(product: Any, own: Opinion, rtol: float) -> Verdict:
             words = f"{name}: {there.tolist()} but {here.tolist()} +- {own.error[i].max():.2g} ({worst:.3g} times both errors)"
     if worst > FACTOR:
         return Verdict("disagreed", words, events=len(own.events))
-    rounding = 1e-12 * np.abs(own.values).max(initial=0.0)  # of outputs that are nothing
     loose = any(
         own.error[i].max() > 1e-2 * np.abs(own.values[i]).max(initial=0.0) + rounding for i in range(len(own.names))
     )
