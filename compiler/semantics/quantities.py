@@ -34,6 +34,7 @@ from .scope import (
 from .template import Template, Typed
 from .typed import ExpressionCompiler
 
+UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
 MAXIMUM_ROW = 40  # quantities that wait for one another at once
 
 
@@ -179,9 +180,11 @@ class QuantityResolver(Resolver):
         if value is None:
             return self._without_value(pending, declared)
         if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
+            if pending.role in UNCHANGING_ROLES:
+                raise Wrong(NotStatic(value.span, f"The {pending.role} `{pending.name}`", f"{value.function}(…)"))
             return self._integral(value, scope, pending.name, pending.role, declared, pending.item.description or "")
         template = self.template(value, scope, unit)
-        if pending.role in ("parameter", "constant", "mode"):
+        if pending.role in UNCHANGING_ROLES:
             self._require_static(template, scope, pending)
         self._check_value(pending, template.value, value, declared)
         dimension = declared if declared is not None else self._dimension(template.value) or ONE
@@ -366,6 +369,7 @@ class QuantityResolver(Resolver):
                 bound = Bound(_constant(override), ())
             else:
                 template = self.template(override, self.root)
+                self._require_static(template, self.root, pending)
                 found = self._dimension(template.value)
                 if isinstance(template.value, tuple):
                     raise Wrong(WrongType(override.span, f"A single number for `{name}`", "a list"))

@@ -8,9 +8,9 @@ from ..scene import Plan, Study, Swept
 from ..syntax import tree
 from .domain_table import paths_of
 from .elaborate import Elaborator
-from .errors import DimensionMismatch, UnknownAttribute, UnknownName, WrongExperiment
+from .errors import DimensionMismatch, NotStatic, UnknownAttribute, UnknownName, WrongExperiment
 from .scales import scale_of
-from .scope import Scalar, Scope, Wrong, describe, suggestion
+from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe, suggestion
 from .step_attributes import expressions_of
 
 MOST_POINTS = 1_000_000
@@ -35,6 +35,9 @@ def read_sweep(elaborator: Elaborator, step: tree.Study, experiment: tree.Experi
     values: list[float] = []
     for value in step.values:
         template = elaborator.template(value, root, unit)
+        for slot in template.slots:
+            if elaborator.scalar_at(slot, root).role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, "A swept value", slot.words))
         parts = template.value if isinstance(template.value, tuple) else (template.value,)
         for part, formula in zip(parts, template.formulas, strict=True):
             if part.dimension is not None and entry.dimension is not None and part.dimension != entry.dimension:

@@ -477,7 +477,6 @@ def test_a_very_tight_tolerance(name: str) -> None:
 
 
 # ---------------------------------------------------------------- accepted and wrong, slow, small
-@wrong_today
 @pytest.mark.parametrize("name", ["check", "run"])
 def test_an_integral_in_a_parameter(name: str) -> None:
     done = command(name, file_of("integral_in_parameter"))
