@@ -1,0 +1,101 @@
+"""A request as data: the length of its body, the version that a page has, the run that it asks for; and why a request is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from email.message import Message
+from typing import Any
+
+ONCE = ("Host", "Origin", "Sec-Fetch-Site", "X-Bondgraph-Token", "Content-Length", "Transfer-Encoding")
+MOST_DIGITS = 15  # of a whole number; a longer one is no version
+NO_RUN = "a question is an experiment and numbers by name, in JSON"
+
+
+class RequestRefused(Exception):
+    """A request that gets no answer but a status of HTTP and a sentence."""
+
+    def __init__(self, status: int, words: str) -> None:
+        super().__init__(words)
+        self.status = status
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of what clients can hold: sizes in bytes, times in s."""
+
+    body: int = 65_536
+    head: int = 131_072  # request line and headers
+    receiving: float = 20.0  # from the first wait for a request to the end of its body
+    sending: float = 60.0  # of an answer
+    draining: float = 0.5  # of what a refused client still sends, so that it can read why
+    connections: int = 32
+
+
+def check_headers(headers: Message) -> None:
+    """Raise `RequestRefused` if a line of the headers is none, or if a header that decides something is doubled."""
+    if headers.defects or headers.get_payload():
+        raise RequestRefused(400, "a header is a name, a colon and a value")
+    for name in ONCE:
+        if len(headers.get_all(name, [])) > 1:
+            raise RequestRefused(400, f"the header {name} is there more than once")
+
+
+def body_length(headers: Message, longest: int) -> int:
+    """Bytes of the body of a request, at most `longest`. Raises `RequestRefused`."""
+    if headers.get("Transfer-Encoding") is not None:
+        raise RequestRefused(411, "a question comes in one piece, with its Content-Length")
+    length = headers.get("Content-Length")
+    if length is None:
+        raise RequestRefused(411, "a question says how long it is: Content-Length is missing")
+    digits = length.strip(" \t")
+    if not _is_whole(digits):
+        raise RequestRefused(400, "Content-Length is a whole number, in decimal digits")
+    digits = digits.lstrip("0") or "0"
+    if len(digits) > MOST_DIGITS or int(digits) > longest:
+        raise RequestRefused(413, f"a question has at most {longest} bytes")
+    return int(digits)
+
+
+def known_version(values: list[str]) -> int:
+    """The version that a page has, from the values of `since`; -1 without one. Raises `RequestRefused`."""
+    if not values:
+        return -1
+    if len(values) > 1 or not _is_whole(values[0]) or len(values[0]) > MOST_DIGITS:
+        raise RequestRefused(400, "`since` is the number of a version, in decimal digits")
+    return int(values[0])
+
+
+def run_request(body: bytes) -> tuple[str, dict[str, float]]:
+    """The experiment and the values by name of a body in JSON. Raises `RequestRefused`."""
+    try:
+        told = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
+        experiment, settings = told["experiment"], told["settings"]
+        values = {name: _number(value) for name, value in settings.items()}
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise RequestRefused(400, NO_RUN) from None
+    except OverflowError:
+        raise RequestRefused(400, "a value is at most 1.8e308 in size") from None
+    if not isinstance(experiment, str) or not all(math.isfinite(value) for value in values.values()):
+        raise RequestRefused(400, "an experiment has a name, and a value is a finite number")
+    return experiment, values
+
+
+def _is_whole(digits: str) -> bool:
+    """Whether all of a text is digits 0 to 9: `str.isdigit` takes `²` as well, which is no number."""
+    return digits.isascii() and digits.isdigit()
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError(value)
+    return float(value)
+
+
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The pairs of an object as a dictionary. Raises `ValueError` for a name that is there twice: either value could be meant."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a name is there twice")
+    return found
