@@ -21,6 +21,7 @@ from .errors import CompilationFailed, Diagnostic
 from .graph.later import over_arguments
 from .graph.network import BondGraph
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
+from .graph.samples import sample_notes
 from .graph.switch import off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, valves
 from .memory import uncollected
@@ -39,6 +40,7 @@ from .reduction.errors import DerivativeWithoutEnd
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
+from .semantics.units_or_names import ambiguous_products, unit_notes
 from .source import Source, Span
 from .syntax import SyntaxTree, parse, parse_what_can_be_read
 
@@ -215,7 +217,19 @@ class Compilation:
             f"`{name}` is in integral form although it prefers the derivative form: with that nothing would decide what it holds"
             for name in self.given_way
         )
-        return certify(self.state_space, self.equations, left_out, (*notes(self.graph), *wishes))
+        told = (
+            *notes(self.graph),
+            *sample_notes(self.whole_graph),
+            *unit_notes(self.tree),
+            *self._notes_on_settings,
+            *wishes,
+        )
+        return certify(self.state_space, self.equations, left_out, told)
+
+    @property
+    def _notes_on_settings(self) -> Iterator[str]:
+        for override in self.scene.overrides:
+            yield from ambiguous_products(override.value, self.source)
 
     @cached_property
     def facts(self) -> Facts:

@@ -1,0 +1,36 @@
+"""What `every` blocks do that a controller's program would not: their right sides read the values from before the instant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .later import behind
+from .network import Action, BondGraph, Event, Quantity, Reading
+
+
+def sample_notes(graph: BondGraph) -> Iterator[str]:
+    """A note for each line of an `every` block that reads what an earlier line of it sets."""
+    for event in graph.events:
+        if event.period is not None:
+            yield from _notes(event, graph)
+
+
+def _notes(event: Event, graph: BondGraph) -> Iterator[str]:
+    actions = sorted(event.actions, key=lambda a: a.span.start)
+    for position, action in enumerate(actions):
+        read = _read(action, graph)
+        late = [a for a in actions[:position] if a.target in read]
+        if late:
+            names = ", ".join(f"`{a.words}` of line {a.span.line}" for a in late)
+            yield (
+                f"line {action.span.line}, `{action.words} = …`, does not see {names}: the right sides of one instant read "
+                "the values from before it, one period old"
+            )
+
+
+def _read(action: Action, graph: BondGraph) -> frozenset[Quantity | Reading]:
+    """All that the right side reads, by itself and through signals. Integrals are read as they are, not what they are made of."""
+    quantities = graph.quantities
+    names = behind([a.name for a in action.value.arguments if isinstance(a, Quantity)], quantities)
+    definitions = [action.value, *(d for n in names if (d := quantities[n].definition) is not None)]
+    return frozenset(a for d in definitions for a in d.arguments if isinstance(a, Quantity | Reading))

@@ -1,0 +1,114 @@
+"""Notes on text that can be read in two ways: names after a unit, and lines of `every` that read what an earlier one sets."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from bondgraph.commands import commands
+from compiler.graph.units import UNITS
+from tests.compiling import compiled
+
+SYMBOLS = sorted(set(UNITS) - {"rad", "degC", "dB"} | {"rad"})
+
+
+def notes(text: str, settings: dict[str, str | float] | None = None, experiment: str | None = None) -> tuple[str, ...]:
+    return compiled(text, settings, experiment=experiment).certificate.notes
+
+
+@pytest.mark.parametrize("symbol", SYMBOLS)
+def test_a_symbol_that_is_a_parameter(symbol: str) -> None:
+    for sign in "*/":
+        (note,) = notes(f"model A {{\n  parameter {symbol} = 2\n  output y = 5 N{sign}{symbol}\n}}")
+        assert f"line 3: `5 N{sign}{symbol}` is read as `5 [N]{sign}{symbol}`" in note
+        assert f"write `5 [N{sign}{symbol}]`" in note
+
+
+TEXT = "model A {\n  parameter m = 2 kg, s = 3\n  DECLARED\n  output y = VALUE\n}\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        ("5 N*m", "5 [N]*m"), ("-5 N*m", "5 [N]*m"), ("2*5 N*m", "5 [N]*m"), ("s*5 N*m", "5 [N]*m"), ("1/5 N*m", "5 [N]*m"),
+        ("5 m/s^2", "5 [m]/s^2"), ("5 kN*m/s", "5 [kN]*m/s"), ("2.5e3 mN * m", "2.5e3 [mN]*m"), ("(1 kg + 3 g)*s + 4 g/s", "4 [g]/s"),
+        ("sqrt(5 N*m)", "5 [N]*m"), ("5 N*m if time < 1 s else 5 [N*kg]", "5 [N]*m"), ("f(5 N*m)", "5 [N]*m"), ("part.y", "5 [N]*m"),
+        ("integral(5 N*m, 0 [N*kg*s])", "5 [N]*m"), ("5 N * m^-1", "5 [N]*m^-1"), ("g[1]", "5 [N]*m"), ("loop[2]", "5 [N]*m"),
+    ],
+)  # fmt: skip
+def test_wherever_it_stands(value: str, written: str) -> None:
+    declared = {
+        "f(5 N*m)": "function f(x) = 2*x",
+        "part.y": "B part",
+        "g[1]": "parameter g = (5 N*m, 1 [N*kg])",
+        "loop[2]": "for i in 1..2 { signal loop[i] = i*5 N*m }",
+    }
+    text = TEXT.replace("DECLARED", declared.get(value, "")).replace("VALUE", value)
+    found = notes(text + "model B { parameter m = 1 kg; output y = 5 N*m }\n" * (value == "part.y"))
+    assert len(found) == 1 and f"is read as `{written}`" in found[0]
+
+
+@pytest.mark.parametrize(
+    "value", ["5 [N*m]", "5 [N]*m", "5*m", "m*5 N", "5 N + m*1 [N/kg]", "5 N*mass", "5 N*part.m", "5 N*l[1]", "5 N*s_", "5 N*sin(s)"]
+)  # fmt: skip
+def test_one_reading_only(value: str) -> None:
+    declared = "parameter mass = 1 kg, l = (1, 2), s_ = 2; B part"
+    text = TEXT.replace("DECLARED", declared).replace("VALUE", value)
+    assert notes(text + "model B { parameter m = 1 kg; output y = m }\n") == ()
+
+
+def test_settings() -> None:
+    text = TEXT.replace(
+        "DECLARED", "parameter torque: N*kg = 1; experiment e { set torque = 3 N*m; simulate 0 .. 1 s }"
+    )
+    text = text.replace("VALUE", "torque")
+    assert len(notes(text, experiment="e")) == 1
+    told = notes(text, {"torque": "7 N*m"})
+    assert any(n.startswith("setting") and "`7 [N*m]`" in n for n in told)
+
+
+def test_it_is_told_by_check_and_run(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "a.bg"
+    text = TEXT.replace("DECLARED", "mode a = 0, b = 0; every 1 s { a = a + 1; b = a }").replace("VALUE", "b*5 N*m")
+    path.write_text(text)
+    for arguments in (["check", str(path)], ["run", str(path), "--to", "2 s"], ["certificate", str(path)]):
+        done = CliRunner().invoke(commands, arguments)
+        assert done.exit_code == 0, done.output
+        assert "note: line 4: `5 N*m` is read as" in done.output
+        assert "note: line 3, `b = …`, does not see `a` of line 3" in done.output
+
+
+SAMPLED = """model A {
+  mode a = 0, b = 0, c = 0
+  signal twice = 2*a, four = 2*twice, grown = integral(1 [1/s], 0), z = delay(a, 1 s)
+  I mass : p = 1 kg*v
+  Se push : F = 1 N
+  push -> mass
+  every 1 s {
+    FIRST
+    SECOND
+  }
+  output y = a + b + c
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "named"),
+    [
+        ("a = a + 1", "b = a", "a"), ("a = a + 1", "b = twice", "a"), ("a = 1", "b = four + c", "a"), ("a = 1", "b = 1 if a > 0 else 2", "a"),
+        ("a = 1", "b = max(0, a)", "a"), ("a = 1", "c = b*a", "a"), ("mass.v = 1 [m/s]", "b = mass.v/1 [m/s]", "mass.v"),
+        ("grown = 3", "b = grown", "grown"), ("a = b", "b = a", "a"), ("c = 5", "b = twice + sin(c)", "c"), ("b = 1; c = 2", "a = c", "c"),
+    ],
+)  # fmt: skip
+def test_a_line_that_reads_an_earlier_one(first: str, second: str, named: str) -> None:
+    (note,) = notes(SAMPLED.replace("FIRST", first).replace("SECOND", second))
+    assert f"line 9, `{second[0]} = …`, does not see `{named}` of line 8" in note
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [("b = a", "a = a + 1"), ("a = a + 1", "b = c"), ("a = a + 1", "b = b + 1"), ("b = twice", "a = 1"), ("c = 1", "b = twice"), ("a = 1", "b = z")],
+)  # fmt: skip
+def test_lines_that_mean_the_same_either_way(first: str, second: str) -> None:
+    assert notes(SAMPLED.replace("FIRST", first).replace("SECOND", second)) == ()
