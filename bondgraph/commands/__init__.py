@@ -6,7 +6,6 @@ Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a def
 from __future__ import annotations
 
 import gc
-import os
 import sys
 from importlib import import_module
 
@@ -40,7 +39,10 @@ def commands() -> None:
 
 def main() -> None:
     """Entry of the `bondgraph` command."""
+    from .streams import open_streams, told_at_the_end
+
     gc.disable()  # what a command reads and makes lives until its end: looking through it for what could go is for nothing
+    outlet = open_streams()
     try:
         code = commands.main(prog_name="bondgraph", standalone_mode=False)
     except click.ClickException as problem:
@@ -50,7 +52,4 @@ def main() -> None:
         from .telling import INTERRUPTED
 
         code = INTERRUPTED
-    except BrokenPipeError:  # whoever read the output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
-    sys.exit(code if isinstance(code, int) else 0)
+    sys.exit(told_at_the_end(outlet, code if isinstance(code, int) else 0))

@@ -32,7 +32,7 @@ def problems_told() -> Iterator[None]:
 
     try:
         yield
-    except (click.ClickException, click.exceptions.Exit, BrokenPipeError):
+    except (click.ClickException, click.exceptions.Exit):
         raise
     except KeyboardInterrupt as interrupted:
         stop(str(interrupted) or "interrupted", INTERRUPTED)

@@ -510,7 +510,6 @@ def test_a_chain_of_preferred_derivative_forms() -> None:
     assert done.returncode == 0, done.stderr
 
 
-@wrong_today
 def test_a_closed_standard_output() -> None:
     line = f'"{sys.executable}" -m bondgraph run "{file_of("gate_duty")}" --points 3 >&-'
     done = subprocess.run(["sh", "-c", line], cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)

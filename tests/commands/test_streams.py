@@ -1,0 +1,161 @@
+"""Standard streams that are closed, full or abandoned: every command ends as it would, with its own exit code and its files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bondgraph.commands import COMMANDS
+from tests.compiling import ROOT
+
+pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+
+MODEL = """model Rlc {
+  parameter R = 10 ohm, U = 5 V
+  Se battery   : u = U
+  1  loop      : electric
+  R  resistor  : u = R*i
+  I  inductor  : lambda = 10 mH*i
+  C  capacitor : q = 10 uF*u
+  battery -> loop -> resistor, inductor, capacitor
+  output i = loop.i, u = capacitor.u
+  experiment go { simulate 0 .. 1 ms { points = 3 } }
+}
+"""
+
+# What each command is called with in the folder of `m.bg`; the files it leaves come first.
+CALLS = {
+    "bode": ("m.bg", "--input", "U", "--output", "i", "--points", "3"),
+    "causality": ("m.bg",),
+    "certificate": ("m.bg",),
+    "check": ("m.bg",),
+    "compile": ("m.bg", "-o", "out.py"),
+    "continue": ("m.bg", "--along", "R=1 ohm .. 2 ohm", "--points", "3"),
+    "draw": ("m.bg", "--out", "out.svg"),
+    "equations": ("m.bg",),
+    "equilibrium": ("m.bg",),
+    "explain": ("m.bg", "i"),
+    "fit": ("m.bg", "--data", "missing.csv"),
+    "fmt": ("--check", "m.bg"),
+    "invert": ("m.bg", "--want", "u=2 V", "--by", "U"),
+    "linearize": ("m.bg",),
+    "modes": ("m.bg",),
+    "montecarlo": ("m.bg", "--vary", "R=1 %", "--samples", "4", "--jobs", "1"),
+    "new": ("new.bg",),
+    "report": ("m.bg", "-o", "out.html"),
+    "reproduce": ("missing",),
+    "run": ("m.bg", "--out", "out.csv"),
+    "sensitivity": ("m.bg",),
+    "serve": ("missing.bg",),
+    "show": ("m.bg", "--stage", "graph"),
+    "sweep": ("m.bg", "--over", "R=1 ohm .. 2 ohm : 2", "--jobs", "1"),
+}
+MODES = ("plain", "closed", "full")
+ERRORS_TOO = (*MODES, "abandoned", "errors closed", "errors full", "errors abandoned", "all closed")
+
+# Each case is a fork of one process that has read everything: a process of its own for each would take minutes.
+DRIVER = """
+import json, os, sys
+sys.path.insert(0, os.getcwd())
+from pathlib import Path
+from bondgraph.commands import COMMANDS, main, commands
+for name in COMMANDS:
+    commands.get_command(None, name)
+
+def shut(stream):
+    os.close(stream)
+    setattr(sys, {0: "stdin", 1: "stdout", 2: "stderr"}[stream], None)
+
+def become(mode, folder):
+    os.chdir(folder)
+    for stream, name in ((1, "stdout"), (2, "stderr")):
+        os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+    stream = 2 if mode.startswith("errors") else 1
+    if mode == "all closed":
+        for stream in (0, 1, 2):
+            shut(stream)
+    elif mode.endswith("closed"):
+        shut(stream)
+    elif mode.endswith("full"):
+        os.dup2(os.open("/dev/full", os.O_WRONLY), stream)
+    elif mode.endswith("abandoned"):
+        read, write = os.pipe()
+        os.close(read)
+        os.dup2(write, stream)
+
+found = []
+for index, (mode, arguments, model) in enumerate(json.load(sys.stdin)):
+    folder = Path(sys.argv[1]) / str(index)
+    folder.mkdir()
+    (folder / "m.bg").write_text(model)
+    child = os.fork()
+    if child == 0:
+        sys.argv = ["bondgraph", *arguments]
+        become(mode, folder)
+        main()
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    texts = [(folder / n).read_text() for n in ("stdout", "stderr")]
+    files = sorted(p.name for p in folder.glob("out.*")) + sorted(p.name for p in folder.glob("new.bg"))
+    found.append([code, *texts, files])
+json.dump(found, sys.stdout)
+"""
+
+End = tuple[int, str, str, list[str]]
+CASES = {
+    **{name: [name, *arguments] for name, arguments in CALLS.items()},
+    "run --help": ["run", "--help"],
+    "--help": ["--help"],
+    "no command": [],
+    "wrong option": ["run", "--nothing"],
+    "wrong model": ["check", "wrong.bg"],
+}
+
+
+KEYS = [
+    (name, mode)
+    for name in CASES
+    for mode in (MODES if name in CALLS and name not in ("run", "check", "new") else ERRORS_TOO)
+]
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], End]:
+    """How each case ended in each mode: exit code, standard output, errors, files."""
+    asked = json.dumps([(mode, CASES[name], MODEL) for name, mode in KEYS])
+    command = [sys.executable, "-c", DRIVER, str(tmp_path_factory.mktemp("streams"))]
+    done = subprocess.run(command, cwd=ROOT, input=asked, capture_output=True, text=True, check=True, timeout=300)
+    return dict(zip(KEYS, (tuple(e) for e in json.loads(done.stdout)), strict=True))
+
+
+def test_every_command_is_tried() -> None:
+    assert set(CALLS) == set(COMMANDS)
+
+
+@pytest.mark.parametrize(("name", "mode"), KEYS)
+def test_a_stream_ends_no_command(name: str, mode: str, ends: dict[tuple[str, str], End]) -> None:
+    plain, (code, _, errors, files) = ends[name, "plain"], ends[name, mode]
+    assert "Traceback" not in errors and "defect" not in errors and "Exception ignored" not in errors
+    assert files == plain[3]
+    if mode == "full" and plain[1]:
+        assert code == (plain[0] or 2)
+        assert errors.endswith("bondgraph: the standard output cannot be written: No space left on device\n")
+    else:
+        assert code == plain[0]
+        assert plain[0] in (0, 1, 2)
+        assert errors == ("" if mode.startswith("errors") or mode == "all closed" else plain[2])
+
+
+@pytest.mark.parametrize("name", ["run", "check", "equations", "compile", "new", "modes", "report", "draw"])
+def test_the_plain_case_is_fine(name: str, ends: dict[tuple[str, str], End]) -> None:
+    assert ends[name, "plain"][0] == 0, ends[name, "plain"][2]
+
+
+def test_a_letter_that_the_stream_has_not() -> None:
+    command = [sys.executable, "-X", "utf8=0", "-m", "bondgraph", "run", "models/rlc.bg"]
+    done = subprocess.run(command, cwd=ROOT, env={"PYTHONIOENCODING": "ascii"}, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.isascii()
