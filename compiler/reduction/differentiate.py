@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import replace
 
 from ..algebra.derivative import derivative
-from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, substitute
+from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, substitute, symbols
 from ..algebra.formula import bind
 from ..equations.system import Assignment, Derivative, EquationSystem, Variable
 from ..errors import Diagnostic
@@ -44,8 +44,17 @@ class Differentiator:
         self._moving = {item.target: True for item in self._system.derivatives}  # until their own assignments are known
         for item in self._system.derivatives:
             self._assign(item.target, self._derivative(item.of, item), item)
+        looked_ahead = False
         while self._waiting and not self.diagnostics:
             variable, item = self._waiting.popleft()
+            if variable in self.order and not looked_ahead:  # a second derivative: its expressions grow with each order
+                looked_ahead = True
+                endless = self._without_end()
+                if endless is not None:
+                    self.diagnostics.append(
+                        DerivativeWithoutEnd(endless.span, endless.owner, self.variables[endless.of].name)
+                    )
+                    return
             chain = self._chain(variable, item)
             self._assign(self._derivatives[variable], chain, item, self.assigned[variable].owner)
         self._shorten()
@@ -125,6 +134,57 @@ class Differentiator:
             return total
         own = derivative(assignment.formula.expression, Symbol(assignment.arguments.index(variable)))
         return multiply(Number(-1.0), total) / _put(own, assignment)
+
+    def _without_end(self) -> Derivative | None:
+        """The storage first found to depend on derivatives of ever higher order; None if none does, or if it cannot be told.
+
+        Of an n-th derivative only the terms with n-th derivatives matter: their factors are the slopes of the first one, and all that the
+        other terms ask for has been asked for before. So orders are counted without writing any expression of higher order.
+        """
+        of_target = {item.target: item.of for item in self._system.derivatives}
+        leading: dict[int, list[tuple[int, int]] | None] = {}
+        seen = set[tuple[int, int]]()
+        waiting = deque((item.of, 1, item) for item in self._system.derivatives)
+        while waiting:
+            variable, order, item = waiting.popleft()
+            if variable in self._rates:
+                variable, order = self._rates[variable], order - 1
+            if order == 0 or (variable, order) in seen or not self._moves(variable):
+                continue
+            if order > HIGHEST:
+                return item
+            seen.add((variable, order))
+            if variable in of_target:
+                waiting.append((of_target[variable], order + 1, item))
+                continue
+            if variable not in leading:
+                leading[variable] = self._leading(variable)
+            terms = leading[variable]
+            if terms is None:
+                return None
+            waiting.extend((argument, order + less, item) for argument, less in terms)
+        return None
+
+    def _leading(self, variable: int) -> list[tuple[int, int]] | None:
+        """The variables whose derivatives stand in that of a variable, and what their order differs by: -1 for the rate of a state.
+
+        None where that cannot be told: of what is not computed.
+        """
+        assignment = self.assigned.get(variable)
+        if assignment is None:
+            return [] if self.variables[variable].role == "time" else None
+        terms: list[Expression] = []
+        for slot, argument in enumerate(assignment.arguments):
+            if isinstance(argument, float) or (assignment.implicit and argument == variable):
+                continue
+            if self._moves(argument):
+                slope = _put(derivative(assignment.formula.expression, Symbol(slot)), assignment)
+                terms.append(multiply(slope, Symbol(("rate", self._rates.get(argument, ~argument)))))
+        found = symbols(add(*terms))
+        keys = [s.key[1] for s in found if isinstance(s.key, tuple)]
+        if sum(key in self._rates for key in keys) > 1:  # rates that are states: their own rates may be one
+            return None
+        return [(~key, 0) if key < 0 else (key, -1) for key in sorted(keys)]
 
     def _shorten(self) -> None:
         """Derivatives that turned out to be a copy or a number need no variable of their own."""

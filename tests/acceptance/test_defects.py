@@ -504,7 +504,6 @@ def test_an_integral_across_an_impulse(tmp_path: Path) -> None:
     assert found["moved"][-1] == pytest.approx(0.5, abs=1e-9)
 
 
-@wrong_today
 def test_a_chain_of_preferred_derivative_forms() -> None:
     done = in_time("check", file_of("slow_check_prefer_derivative"), "--json")
     assert done.returncode == 0, done.stderr
