@@ -8,10 +8,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bondgraph.errors import UsageError
 from bondgraph.page.serve import Server, Session
 from bondgraph.page.serve.request import Limits, RequestRefused, body_length, known_version, run_request
 
@@ -358,6 +360,52 @@ def until(holds: Callable[[], bool], patience: float = LONG) -> None:
     while not holds():
         assert time.monotonic() < end, "never"
         time.sleep(0.01)
+
+
+def test_a_defect_while_the_file_is_read_is_told_on_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the file is followed on: the thread that looks at it lives."""
+    path = tmp_path / "swing.bg"
+    path.write_text(TEXT, encoding="utf-8")
+    session = Session(path)
+    session.load()
+    first = session.loaded
+    with monkeypatch.context() as broken:
+        for kind in (RecursionError, MemoryError, ZeroDivisionError, AssertionError):
+            broken.setattr(session, "_compiled", lambda kind=kind: (_ for _ in ()).throw(kind("of a test")))
+            session.load()
+            assert kind.__name__ in session.problems and session.loaded is first
+    session.load()
+    assert session.problems == "" and session.loaded is not first
+
+
+# ---------------------------------------------------------------- addresses
+
+NO_ADDRESSES = [
+    "", " ", "[]", "a..b", "a" * 100, "é" * 100, "192.0.2.7", "127.0.0.1:80", "[2001:db8::1]", "a\0b", "\ud800", "²",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("host", NO_ADDRESSES, ids=lambda host: ascii(host[:16]))
+def test_addresses_that_cannot_be(host: str, tmp_path: Path) -> None:
+    """An empty one would be all addresses of the machine, which nobody said."""
+    with pytest.raises(UsageError, match="--host"):
+        Server(Session(tmp_path / "none.bg"), host)
+
+
+def test_a_port_that_is_taken_is_told(server: Server, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=f"port {server.server_port}: Address already in use; .*--port 0"):
+        Server(Session(tmp_path / "none.bg"), port=server.server_port)
+
+
+@pytest.mark.parametrize("host", ["::1", "[::1]"])
+def test_an_address_of_version_6(host: str, tmp_path: Path) -> None:
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        pytest.skip("this machine has no addresses of version 6")
+    listening = Server(Session(tmp_path / "none.bg"), host)
+    assert listening.guard.address.startswith(f"http://[::1]:{listening.server_port}/?token=")
+    listening.server_close()
 
 
 # ---------------------------------------------------------------- without a socket

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import socket
 import sys
 import threading
 from contextlib import suppress
@@ -27,7 +28,7 @@ BUSY = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length
 
 
 class Server(ThreadingHTTPServer):
-    """Listens on one address of this machine. `guard.address` is where the page is."""
+    """Listens on one address of this machine. `guard.address` is where the page is. Raises `UsageError` for an address that cannot be."""
 
     daemon_threads = True
     block_on_close = False
@@ -36,7 +37,19 @@ class Server(ThreadingHTTPServer):
     def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 0, limits: Limits | None = None) -> None:
         self.limits = limits or Limits()
         self.connections = Connections(self.limits.connections)
-        super().__init__((host, port), Handler)
+        host = host.strip().removeprefix("[").removesuffix("]")
+        if not host:
+            raise UsageError("`--host` is empty; 127.0.0.1 is this machine alone, 0.0.0.0 all addresses that it has")
+        if ":" in host:
+            self.address_family = socket.AF_INET6
+        try:
+            super().__init__((host, port), Handler)
+        except (OSError, ValueError, TypeError) as problem:
+            words = (
+                f"the server cannot listen on `{host}`, port {port}: {getattr(problem, 'strerror', None) or problem}"
+            )
+            advice = "`--host` is a name or an address of this machine, `--port 0` takes any free port"
+            raise UsageError(f"{words}; {advice}") from None
         self.session = session
         self.guard = Guard(host, self.server_port)
 

@@ -73,6 +73,9 @@ class Session:
                 problems = tag("p", f"{self.path.name} cannot be read: {problem}")
             except PROBLEMS as problem:
                 problems = tag("p", str(problem))
+            except Exception as problem:  # the thread that follows the file must not end without a word
+                kind = type(problem).__name__
+                problems = tag("p", f"a defect of ours, not of your file ({kind}: {problem}); the page stays as it was")
             self._look(loaded)
         with self.news:
             self.loaded, self.problems = loaded, problems
