@@ -350,7 +350,7 @@ def _examine(
     except RecursionError:
         return (_too_long(tree),), None
     found = [*mistakes, *parts.diagnostics]
-    if not found and tree.models:
+    if not found:
         compilation = Compilation(source, Scene(model, None), library)
         compilation.__dict__["tree"] = tree
         if parts.built is not None:
@@ -360,7 +360,7 @@ def _examine(
                 compilation.look_at_laws()
                 certificate = compilation.certificate
         except CompilationFailed as failed:
-            found = [d for d in failed.diagnostics if model is not None or d.code not in PART_ONLY]
+            found = [d for d in failed.diagnostics if model is not None or not tree.models or d.code not in PART_ONLY]
         except RecursionError:
             found = [_too_long(tree)]
     return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)

@@ -104,6 +104,9 @@ def _excerpt(span: Span) -> str:
     if len(line) > 160:  # a very long line is shown around the place only
         cut = max(0, first - 60)
         line, first, length = line[cut : cut + 140], first - cut, min(length, 80)
-    line = printable(line.replace("\t", " "))
+    line = line.replace("\t", " ")
+    before, marked = printable(line[:first]), printable(line[first : first + length])
+    first, length = len(before), max(length, len(marked))  # as long as it is shown
+    line = printable(line)
     number = str(span.line)
     return f"  {number} | {line}\n  {' ' * len(number)} | {' ' * first}{'^' * length}"

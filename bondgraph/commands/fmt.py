@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import click
 
@@ -16,12 +15,12 @@ from .telling import WRONG, harmless, problems_told
 def command(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay."""
     with problems_told():
-        from ..door import Source, format_text, read_text
+        from ..door import format_text, read_source
         from ..files import write_text
 
         changed = []
         for file in files:
-            source = Source(file, read_text(file, newline=""), Path(file))
+            source = read_source(file, newline="")
             text = format_text(source)
             if text != source.text:
                 changed.append(file)

@@ -31,26 +31,29 @@ def load(path_or_text: str | Path, model: str | None = None) -> Model:
     """A model from a file, or from a text with at least one line break or brace.
 
     `model` names one of several. Nothing is compiled yet: mistakes are told when something is asked of the model, or by
-    `check`. Raises OSError if the file cannot be read.
+    `check`. Raises OSError if the file cannot be read, `CompilationFailed` if it is not UTF-8.
     """
     return Model(_source(path_or_text), model)
 
 
 def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
     """Everything that is wrong with a file or text; empty if nothing is."""
-    return tuple(door.check_source(_source(path_or_text), model, LIBRARY))
+    return certify(path_or_text, model)[0]
 
 
 def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
     """As `check`; and if nothing is wrong, what kind of equations a run solves (None for a file of parts)."""
-    return door.examine(_source(path_or_text), model, LIBRARY)
+    try:
+        source = _source(path_or_text)
+    except door.CompilationFailed as failed:  # it is no text
+        return failed.diagnostics, None
+    return door.examine(source, model, LIBRARY)
 
 
 def _source(path_or_text: str | Path) -> Source:
     if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
         return door.Source("text", path_or_text)
-    path = Path(path_or_text)
-    return door.Source(str(path_or_text), door.read_text(path), path)
+    return door.read_source(path_or_text)
 
 
 class Model(Shown, Analysed):

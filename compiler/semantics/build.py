@@ -145,7 +145,15 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     if not own:
         if diagnostics:
             raise CompilationFailed(diagnostics)
-        raise CompilationFailed([NoSingleModel(span, "The file defines no model", "Write `model Name { … }`.")])
+        raise CompilationFailed(
+            [
+                NoSingleModel(
+                    span,
+                    "The file defines no model",
+                    "Write `model Name { … }`, or begin with what `bondgraph new` writes.",
+                )
+            ]
+        )
     if not free:  # all use each other: opening one finds the cycle
         return next(iter(own.values()))
     what = f"The file has several models to run: {', '.join(free)}"

@@ -16,11 +16,6 @@ from .within import is_there, project_folder, within_project
 MAXIMUM_FILES = 500
 
 
-def read_source(path: Path) -> Source:
-    """A file as a source. Raises OSError, or UnicodeDecodeError if it is not UTF-8."""
-    return Source(str(path), read_text(path), path)
-
-
 class Loader:
     """Loads a file and what it imports; collects what is wrong."""
 

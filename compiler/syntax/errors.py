@@ -30,11 +30,11 @@ class StrangeCharacter(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NumberTooLarge(Diagnostic):
-    """BG003: a literal beyond what a double can hold."""
+    """BG003: a literal beyond the limits, which leave a margin to those of double precision."""
 
     code = "BG003"
-    title = "The number {number} is outside the range of double precision"
-    advice = "Write it with a unit prefix, or check the exponent: numbers lie between 1e-300 and 1e300."
+    title = "The number {number} is beyond the limits of the language, 1e-300 to 1e300 in magnitude"
+    advice = "Check its exponent and its unit; the limits hold for the value in SI units, too."
     number: str
 
 
@@ -87,3 +87,14 @@ class ForeignFile(Diagnostic):
     code = "BG006"
     title = "This is a BondGraphTools model (YAML), not the language of this compiler"
     advice = "Both use the ending .bg. Write the elements as declarations (`C c : e = q/C`) and the bonds as arrows (`a -> b`)."
+
+
+@dataclass(frozen=True, slots=True)
+class NotUtf8(Diagnostic):
+    """BG009: bytes that are no text in UTF-8."""
+
+    code = "BG009"
+    title = "The file is not a text in UTF-8: {what}"
+    advice = "{hint}"
+    what: str
+    hint: str

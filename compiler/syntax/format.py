@@ -19,6 +19,7 @@ from ..errors import CompilationFailed, InternalError
 from ..memory import uncollected
 from ..nouns import dataclass
 from ..source import Source, Span
+from .hidden import without_hidden
 from .parse import MAXIMUM_SIZE, parse, read_words
 from .refused import Refused, Unreadable
 from .tree import Index, Member, Node
@@ -124,7 +125,7 @@ def _parse_with_tokens(source: Source) -> tuple[object, list[Word]]:
     """The statements of a file and its tokens, `_NL` among them where a line break ends something."""
     tokens: list[Word] = []
     try:
-        if len(source.text) <= MAXIMUM_SIZE:
+        if len(source.text) <= MAXIMUM_SIZE and not without_hidden(source)[1]:
             return read_words(source, source.text, seen=tokens), tokens
     except (Unreadable, Refused):
         pass

@@ -15,6 +15,7 @@ from ..source import Source, Span
 from .build import Builder
 from .errors import ForeignFile, TooLarge
 from .explain import explain
+from .hidden import without_hidden
 from .read import Reader
 from .refused import Refused, Unreadable
 from .table import Table, make_table
@@ -48,7 +49,7 @@ def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diag
         return None, [TooLarge(Span(source, 0, 0), len(source.text), MAXIMUM_SIZE)]
     statements = None
     mistakes: list[Diagnostic] = []
-    text = source.text
+    text, hidden = without_hidden(source)
     while True:
         try:
             statements = read_words(source, text)
@@ -70,7 +71,7 @@ def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diag
             break
     if mistakes and re.search(r"^\s*(components|netlist)\s*:", source.text, re.MULTILINE):
         return None, [ForeignFile(Span(source, 0, min(len(source.text), 1)))]
-    return None if statements is None else SyntaxTree(source, statements), mistakes
+    return None if statements is None else SyntaxTree(source, statements), [*hidden, *mistakes]
 
 
 def parse_expression(source: Source) -> Expression:

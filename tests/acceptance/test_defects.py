@@ -515,7 +515,6 @@ def test_a_closed_standard_output() -> None:
     assert done.returncode != 70 and "defect" not in done.stderr
 
 
-@wrong_today
 @pytest.mark.parametrize("content", [b"", b"\n\n", b"# nothing\n", bytes(range(128, 256)) * 3], ids=range(4))
 def test_a_file_without_a_model(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "nothing.bg"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from compiler.driver import check
-from compiler.errors import Diagnostic, render
+from compiler.errors import Diagnostic, printable, render
 from compiler.source import Source
 from tests.compiling import LIBRARY
 from tests.conftest import Golden
@@ -74,7 +74,7 @@ def test_what_is_quoted_is_the_author_s(path: Path) -> None:
         shown, mark = lines[1], lines[2]
         first = mark.index("^")
         marked = shown[first : first + mark.count("^")]
-        expected = item.span.text.split("\n")[0]
+        expected = printable(item.span.text.split("\n")[0])
         assert marked == expected[: len(marked)] or not expected.strip()
 
 

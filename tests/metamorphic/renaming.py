@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from compiler.semantics.domain_table import ELEMENT_KINDS, is_slot
-from compiler.semantics.load import read_source
 from compiler.source import Source
 from compiler.syntax import parse, tree
+from compiler.syntax.file import read_source
 
 LIBRARY = Path("bondgraph/library")
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)

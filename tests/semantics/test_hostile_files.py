@@ -6,8 +6,10 @@ large text is linear (`tests/syntax/test_growth.py`), so texts here are short an
 
 from __future__ import annotations
 
+import json
 import os
 import random
+import re
 import sys
 from pathlib import Path
 from types import FrameType
@@ -161,9 +163,86 @@ def test_what_is_no_text(tmp_path: Path) -> None:
     for data in ("model A { }".encode("utf-16"), noise.randbytes(100_000), b"\xff\xfe", b"model A { \xc3\x28 }"):
         path.write_bytes(data)
         code, text = told(path)
-        assert code == 2 and "not a text in UTF-8" in text
+        assert code == 1 and "not a text in UTF-8" in text
+        assert re.search(r"noise\.bg:\d+:\d+: BG009: ", text)
     path.write_bytes(bytes(noise.choice(b' \n{}()[]=:,.#"abc019') for _ in range(20_000)))
     assert told(path)[0] == 1
+
+
+HIDDEN = "\0\a\b\x1b\f\v\x7f\x85\x9b\u061c\u200e\u200f\u2028\u202a\u202e\u2066\u2069\ufeff"
+
+
+@pytest.mark.parametrize("character", HIDDEN, ids=[f"U+{ord(c):04X}" for c in HIDDEN])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "model A {\n  # a @ comment\n  output y = 1\n}\n",
+        "# a @\nmodel A { output y = 1 }\n",
+        "model A { output y = 1 }\n# at the end @",
+        'model A {\n  "described @"\n  output y = 1\n}\n',
+        "model A {\n  output y@ = 1\n}\n",
+        "model A {\r\n  output y = 1 # @\r\n}\r\n",
+    ],
+)
+def test_what_cannot_be_seen(text: str, character: str, tmp_path: Path) -> None:
+    """In comments and texts too: it would rewrite a terminal, or the reader's eye. Without it nothing is wrong."""
+    path = tmp_path / "hidden.bg"
+    path.write_bytes(text.replace("@", "").encode())
+    assert told(path)[0] == 0
+    path.write_bytes(text.replace("@", character).encode())
+    line = text[: text.index("@")].count("\n") + 1
+    for command in ("check", "run", "fmt", "equations"):
+        done = CliRunner().invoke(commands, [command, str(path)])
+        assert done.exit_code == 1
+        assert re.search(rf"hidden\.bg:{line}:\d+: BG002: .*U\+{ord(character):04X}", done.stderr)
+        assert character not in done.output
+
+
+def test_a_real_mistake_beside_what_cannot_be_seen() -> None:
+    found = check(Source("a.bg", "model A {\n  # \x1b[2J\n  output y = = 1\n  # \u202e\n}\n"))
+    assert [(d.code, d.span.line) for d in found] == [("BG002", 2), ("BG001", 3), ("BG002", 4)]
+
+
+def test_letters_of_other_scripts_in_comments() -> None:
+    assert not check(Source("a.bg", "model A {\n  # Ωμέγα, Länge ‒ 長さ, \u05d0\u05d1, 🙂\n  output y = 1\n}\n"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b" ", b"\n\n", b"# nothing\n", b"\xef\xbb\xbf", b"\t\r\n", b"constant a = 1\n", b"function f(x) = x\n"],
+)
+def test_a_file_without_a_model(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "nothing.bg"
+    path.write_bytes(content)
+    for command in ("check", "run", "certificate", "equations"):
+        done = CliRunner().invoke(commands, [command, str(path)])
+        assert done.exit_code == 1 and "nothing.bg:1:1: BG132: The file defines no model" in done.stderr
+
+
+BAD_BYTES = [
+    (b"\xff\xfem\0", 1, 1, "UTF-16"),
+    (b"\xfe\xff\0m", 1, 1, "UTF-16"),
+    (b"model A { # caf\xe9 }\n", 1, 16, "0xe9"),
+    (b"model A {\n  output l = 1 \xb5m\n}\n", 2, 16, "0xb5"),
+    (b"model A {\r\n\r\n  # \xc3\xa9 \xc3\x28\r\n}\r\n", 3, 7, "0xc3"),
+    (b"\xef\xbb\xbfmodel A {\n# \x80\n}", 2, 3, "0x80"),
+    (b"model A { }\n# \xed\xa0\x80", 2, 3, "0xed"),
+    (b"model A { }\n# \xf4\x90\x80\x80", 2, 3, "0xf4"),
+    (b"model A { }\n# \xe2\x82", 2, 3, "0xe2"),
+    (bytes(range(128, 256)), 1, 1, "0x80"),
+]
+
+
+@pytest.mark.parametrize(("data", "line", "column", "words"), BAD_BYTES, ids=range(len(BAD_BYTES)))
+def test_the_place_of_a_byte_that_is_no_text(data: bytes, line: int, column: int, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "bytes.bg"
+    path.write_bytes(data)
+    for command in ("check", "run", "fmt"):
+        done = CliRunner().invoke(commands, [command, str(path)])
+        assert done.exit_code == 1
+        assert f"bytes.bg:{line}:{column}: BG009: " in done.stderr and words in done.stderr
+    found = json.loads(CliRunner().invoke(commands, ["check", "--json", str(path)]).stdout)["diagnostics"]
+    assert [(d["code"], d["line"], d["column"]) for d in found] == [("BG009", line, column)]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,42 @@
+"""A file as a source."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+from ..errors import CompilationFailed
+from ..source import Source, Span, read_text
+from .errors import NotUtf8
+
+_AFTER = 200  # bytes that are shown from the first that is no text on
+
+
+def read_source(path: str | Path, newline: str | None = None) -> Source:
+    """The text of a file, called by its path. Raises OSError, or `CompilationFailed` if it is not UTF-8."""
+    try:
+        return Source(str(path), read_text(path, newline), Path(path))
+    except UnicodeDecodeError:
+        raise CompilationFailed([_not_utf8(Path(path), str(path))]) from None
+
+
+def _not_utf8(path: Path, name: str) -> NotUtf8:
+    """The diagnostic at the first byte that is no text."""
+    data = path.read_bytes()
+    try:
+        data.decode("utf-8")
+        place = 0  # the file has changed since it was read
+    except UnicodeDecodeError as problem:
+        place = problem.start
+    text = _lines(data[: place + _AFTER])
+    start = len(_lines(data[:place]))
+    is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    hint = "It begins as UTF-16 does: save it as UTF-8." if is_utf16 else "Save it as UTF-8, if it is a text."
+    what = f"byte {place + 1} is 0x{data[place]:02x}" if data else "it has changed"
+    return NotUtf8(Span(Source(name, text, path), start, min(start + 4, len(text))), what, hint)
+
+
+def _lines(data: bytes) -> str:
+    """Bytes with line breaks as in a text; what is none is `\\xff`, as Python writes it."""
+    text = data.decode("utf-8-sig", "backslashreplace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
