@@ -332,13 +332,15 @@ def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
 
 
 def _distinct(edges: Any) -> Any:
-    """Sorted instants without those that rounding has split; the first and the last stay."""
-    apart = np.diff(edges) > 4 * np.spacing(np.maximum(np.abs(edges[:-1]), np.abs(edges[1:])))
+    """Sorted instants without those that rounding has split; the first and the last stay. What is below the rounding of the whole run is no stretch: a root
+    of high order at time 0 is found anywhere below 1e-60 s."""
+    span = float(edges[-1] - edges[0])
+    apart = np.diff(edges) > 4 * np.spacing(np.maximum(span, np.maximum(np.abs(edges[:-1]), np.abs(edges[1:]))))
     if apart.all():
         return edges
     kept = [float(edges[0])]
     for edge in edges[1:].tolist():
-        if edge - kept[-1] > 4 * np.spacing(max(abs(edge), abs(kept[-1]))):
+        if edge - kept[-1] > 4 * np.spacing(max(span, abs(edge), abs(kept[-1]))):
             kept.append(edge)
     if kept[-1] != edges[-1]:
         kept[-1] = float(edges[-1])

@@ -192,7 +192,7 @@ def test_a_table_that_is_left_keeps_what_came_before() -> None:
     with pytest.raises(RunFailed, match=r"t = 2.* asked at .*2") as failed:
         bondgraph.load(text).simulate(to=4, points=41)
     result = failed.value.result
-    assert result is not None and result.time[-1] > 1
+    assert result is not None and result.time[-1] >= 1  # the last of a few long steps that ends within the table
     np.testing.assert_allclose(result["y"], result.time, rtol=1e-9)
 
 
