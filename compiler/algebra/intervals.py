@@ -333,7 +333,17 @@ def plain(operator: str, values: Sequence[Any]) -> Any:
         return math.prod(values[1:], start=values[0])
     if operator in PLAIN:
         return PLAIN[operator](*values)
-    return np.vectorize(lambda *xs: _number(operator, xs), otypes=[float])(*values)
+    moving = [
+        i for i, value in enumerate(values) if np.ndim(value)
+    ]  # of a curve its place alone, not its hundreds of points
+
+    def at(*xs: float) -> float:
+        operands = list(values)
+        for i, x in zip(moving, xs, strict=True):
+            operands[i] = x
+        return _number(operator, operands)
+
+    return np.vectorize(at, otypes=[float])(*(values[i] for i in moving)) if moving else at()
 
 
 def _number(operator: str, operands: Sequence[float]) -> float:

@@ -22,6 +22,7 @@ FULL = 1e-9  # the same, where they are exact
 DIFFERENCE = 1e-6
 CLOSE = 1e-6  # relative: by how much a start that was given may be off
 TRIES = 4
+QUIET = 1e-6  # 1/s: slower starts, written from a rest that was computed, are compared with this in place of themselves
 BESIDE = 1e-2  # radians or shares of the size: where the rank is looked at again
 Missed = Callable[[Any], Any]  # states (…, n) -> by how much the author's claims are missed
 
@@ -73,8 +74,8 @@ def _opening(constraints: Constraints, at: tuple[float, Any], state: Any, size: 
 
 
 def _fastest(constraints: Constraints, state: Any, size: Any) -> float:
-    """The largest rate on which those of gaps depend, in units of the mechanism."""
-    return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=0.0))
+    """The largest rate on which those of gaps depend, in units of the mechanism; not less than what rounding leaves of a rest."""
+    return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=QUIET))
 
 
 def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
