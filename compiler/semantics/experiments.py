@@ -211,14 +211,14 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
             settings[attribute.name] = value
             if (
                 value <= 0
-                or (attribute.name == "rtol" and value >= 1)
+                or (attribute.name == "rtol" and not 1e-13 <= value <= 0.1)
                 or (attribute.name == "points" and (value < 2 or value != round(value)))
             ):
                 raise Wrong(
                     WrongExperiment(
                         attribute.span,
                         f"`{attribute.name} = {value:g}` makes no sense",
-                        "rtol lies between 1e-13 and 1, points is a whole number from 2.",
+                        "`rtol` lies between 1e-13 and 0.1, `points` is a whole number from 2.",
                     )
                 )
         else:

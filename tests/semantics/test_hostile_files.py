@@ -219,6 +219,16 @@ def test_a_file_without_a_model(content: bytes, tmp_path: Path) -> None:
         assert done.exit_code == 1 and "nothing.bg:1:1: BG132: The file defines no model" in done.stderr
 
 
+@pytest.mark.parametrize("value", ["0", "1e-20", "9e-14", "0.11", "0.5", "1", "3", "1e300"])
+def test_the_limits_of_a_relative_tolerance(value: str) -> None:
+    text = "model A {\n  output y = 1\n  experiment e { simulate 0 .. 1 s { rtol = @ } }\n}\n"
+    found = check(Source("a.bg", text.replace("@", value)))
+    assert [(d.code, d.span.line) for d in found] == [("BG150", 3)]
+    assert "between 1e-13 and 0.1" in found[0].help
+    for fine in ("1e-13", "1e-6", "0.1"):
+        assert not check(Source("a.bg", text.replace("@", fine)))
+
+
 BAD_BYTES = [
     (b"\xff\xfem\0", 1, 1, "UTF-16"),
     (b"\xfe\xff\0m", 1, 1, "UTF-16"),
