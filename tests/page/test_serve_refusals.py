@@ -328,13 +328,13 @@ def test_half_sent_requests_hold_no_threads(server: Server, half: str) -> None:
 
 def test_requests_with_the_token_do_not_give_way(server: Server) -> None:
     """As many as the limit says wait for news; one more is refused until they have been answered."""
-    waiting = [
-        socket.create_connection(("127.0.0.1", server.server_port), timeout=LONG) for _ in range(SHORT.connections)
-    ]
+    until(lambda: len(server.connections) == 0)
     sent = request(server, f"GET /changes?since={server.session.version} HTTP/1.1")
-    for connection in waiting:
-        connection.sendall(sent)
-    until(lambda: server.connections.proven() == SHORT.connections)
+    waiting = []
+    for number in range(1, SHORT.connections + 1):
+        waiting.append(socket.create_connection(("127.0.0.1", server.server_port), timeout=LONG))
+        waiting[-1].sendall(sent)
+        until(lambda number=number: server.connections.proven() == number)  # type: ignore[misc]
     assert exchange(server, request(server, "GET /modes HTTP/1.1"))[0] == 503
     server.session.load()  # news
     for connection in waiting:
