@@ -203,9 +203,18 @@ class EventStepper(Stepper):
                 if not self._are_alike(time, stop - start, both, share * allowed):
                     return False
                 if state is old:
+                    if self._contradicts(time, *both[1]):
+                        return False
                     reach = np.fmax(reach, np.abs([events.roots(time, *x) for x in both]).max(axis=0))
         events.floor = np.where(flip.conditions, np.fmax(events.floor, reach), events.floor)
         return True
+
+    def _contradicts(self, time: float, state: Any, mode: Any) -> bool:
+        """Whether another condition is not what a mode says, because it reads what the conditions that flip decide (a damper that acts where the spring does)."""
+        events = self.events
+        roots = events.roots(time, state, mode)
+        wrong = np.isfinite(roots) & (events.truth(roots) != (mode[events.places] == 1.0))
+        return bool((wrong & (np.abs(roots) > events.floor)).any())
 
     def _under(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
         """A state with the unknowns that belong to it under a mode, if there are any; and the mode."""
