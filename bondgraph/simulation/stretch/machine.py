@@ -185,7 +185,7 @@ class InMachineCode:
             stepper.go_back(mark)
             self.stretch = before
             solver.put_mode(before.mode)
-            solver.repeat(flip.time - start)
+            solver.repeat(stepper.shortened(start, flip.time - start))
         else:
             solver.put_mode(self.stretch.mode)
             solver.doubt(stepper.floor)

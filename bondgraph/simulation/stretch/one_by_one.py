@@ -99,7 +99,7 @@ class OneByOne:
         flip, start = stepper.flip, solver.last_step[0]
         if flip is not None and not is_sure(stepper, start, flip.time, self.stretch.mode, dense):
             stepper.go_back(mark)
-            self._repeat(whole.up_to(start, whole.stop), flip.time - start)
+            self._repeat(whole.up_to(start, whole.stop), stepper.shortened(start, flip.time - start))
             self.stretch = whole
             return False
         if self.stretch is not whole:

@@ -66,6 +66,7 @@ class Stepper:
         self.mode: Any = None  # where the last piece ended
         self.history: History | None = None  # of delayed signals
         self.followed = (-np.inf, -np.inf)  # the step that is looked at
+        self.repeated = (-np.inf, np.inf)  # where the last step that was made anew began, and how long it was then
         self.reached = -np.inf  # where the last run ended
         self.flip: Flip | None = None  # where the last stretch ended early
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
@@ -314,6 +315,14 @@ class Stepper:
 
     def marked(self) -> Any:
         """What an event stepper changes where it follows a step."""
+
+    def shortened(self, start: float, size: float) -> float:
+        """How long a step is made anew that was to have this size: half of what it was when it was made anew before, so that this comes to an end."""
+        before, last = self.repeated
+        if start == before:
+            size = min(size, 0.5 * last)
+        self.repeated = start, size
+        return size
 
     def go_back(self, mark: Any) -> None:
         """The last step is to be made anew, and shorter: an event stepper forgets what it found in it."""
