@@ -29,7 +29,9 @@ TEXTS = [
     "[red]red[/red] [link=file:///canary]here[/link]",
     "$\\\\frac{1}{0$ $(touch canary) `touch canary` ; touch canary",
 ]
-COMMENT = "\"\"\" ; open('canary', 'w') # \x1b]0;canary\x07\x1b[31m \u202e $\\input{canary}$ </svg><script/> =cmd|A0"
+COMMENT = (
+    "\"\"\" ; open('canary', 'w') # $\\input{canary}$ </svg><script/> =cmd|A0"  # control characters in a text are BG002
+)
 NAME = "it's \x1b[31m$x$ %s {0} [red] <b> \u202e#\n open('canary', 'w').bg"
 
 MODEL = """# COMMENT
