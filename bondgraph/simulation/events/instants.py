@@ -210,7 +210,7 @@ class EventStepper(Stepper):
         return True
 
     def _contradicts(self, time: float, state: Any, mode: Any) -> bool:
-        """Whether another condition is not what a mode says, because it reads what the conditions that flip decide (a damper that acts where the spring does)."""
+        """Whether another condition is not what a mode says, because it reads what those that flip decide: a damper that acts where its spring does."""
         events = self.events
         roots = events.roots(time, state, mode)
         wrong = np.isfinite(roots) & (events.truth(roots) != (mode[events.places] == 1.0))
