@@ -109,6 +109,8 @@ def _crossings(
     ranges = Ranges(functions, (function.place, max(function.slope, 0)), constants)
     alone = Ranges(functions, (function.place,), constants)
     modes = _modes(program, constants, edges) if function.moded else np.empty(0)
+    if any(functions.nodes[i][0] == "noise" for i in alone.order):
+        _places(program, constants, float(edges[-1] - edges[0]))  # refuses what would change in each of millions of periods
     if function.slope >= 0 and not ranges.unbounded:
         try:
             found = crossings(OneFunction(ranges, alone, edges, modes))

@@ -310,7 +310,7 @@ def test_cascades(stages: int) -> None:
     agree(cascade(stages, stages))
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize("solver", ["explicit", "radau", "rodas"])
 def test_solvers_and_back_ends(solver: str, target: str) -> None:
     agree(bridge(2), solver=solver, target=target)

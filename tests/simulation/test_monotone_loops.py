@@ -159,13 +159,11 @@ def test_a_bridge_of_diodes_feeds_its_load(
         assert abs(i) == pytest.approx(current - blocked, rel=1e-6, abs=2 * saturation + 1e-9 * volt / load)
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 def test_a_bridge_with_a_capacitor_charges_it(target: str) -> None:
     """While all diodes block, leakage alone decides the potential of the output; the capacitor's voltage does not depend on it."""
     more = "C cap : u = q/(100 uF)\n  p -> 1(cap) -> m"
     text = BRIDGE.format(volt=10, saturation=1e-9, thermal=0.05, inner=1, load=100, law=LAWS[0], more=more)
-    if target == "native" and bondgraph.prepared.chosen_target(None) != "native":
-        pytest.skip("without machine code")
     result = bondgraph.load(text).simulate(target=target)
     assert result["u"].max() == pytest.approx(_charged(), rel=2e-6)
 
