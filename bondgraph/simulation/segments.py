@@ -86,7 +86,7 @@ def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple
     edges = base
     if program.hybrid is not None:
         sampled = [_multiples(float(p), start, stop) for p in program.hybrid.sampling(constants)]
-        edges = _distinct(np.unique(np.concatenate([edges, *sampled])))
+        edges = _distinct(np.sort(np.concatenate([edges, *sampled])))
     functions = program.time_functions
     if functions is None or not functions.crossings:
         return edges, ()
@@ -94,7 +94,7 @@ def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple
     for number, function in enumerate(functions.crossings):
         cut = edges if function.moded else base
         found, note = _crossings(program, functions, number, constants, cut)
-        edges = _distinct(np.unique(np.concatenate([edges, found[(start < found) & (found < stop)]])))
+        edges = _distinct(np.sort(np.concatenate([edges, found[(start < found) & (found < stop)]])))
         notes |= dict.fromkeys(note)
     return edges, tuple(notes)
 
@@ -110,7 +110,9 @@ def _crossings(
     alone = Ranges(functions, (function.place,), constants)
     modes = _modes(program, constants, edges) if function.moded else np.empty(0)
     if any(functions.nodes[i][0] == "noise" for i in alone.order):
-        _places(program, constants, float(edges[-1] - edges[0]))  # refuses what would change in each of millions of periods
+        _places(
+            program, constants, float(edges[-1] - edges[0])
+        )  # refuses what would change in each of millions of periods
     if function.slope >= 0 and not ranges.unbounded:
         try:
             found = crossings(OneFunction(ranges, alone, edges, modes))

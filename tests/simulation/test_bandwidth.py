@@ -273,7 +273,7 @@ def test_what_a_blow_leaves_ringing() -> None:
     found, full = model.simulate("kicked"), followed(model, "kicked", rtol=1e-9)
     told = found.left_out
     assert told is not None and told.instants and all(1 <= t < 1.1 for t in told.instants)
-    assert found.steps < 600 < 20 * found.steps < full.steps
+    assert found.steps < 750 < 20 * found.steps < full.steps
     after = found.time > 1.05
     apart = np.abs((full["stretch"] - found["stretch"])[after]).max()
     assert within(told.outputs["stretch"], float(apart), 3)
