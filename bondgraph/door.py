@@ -80,8 +80,8 @@ if TYPE_CHECKING:
     from compiler.semantics.unit import read_unit
     from compiler.semantics.within import project_folder
     from compiler.source import Source, Span, read_text
+    from compiler.source_file import read_source
     from compiler.syntax import parse_expression, parse_law
-    from compiler.syntax.file import read_source
     from compiler.syntax.format import format_text
     from compiler.syntax.tree import Experiment, Literal, Negative, Path
     from compiler.writing import write_text
@@ -119,7 +119,7 @@ _HOMES = {
     "SOLVERS": "scene",
     "Unsupported": "semantics.errors", "read_unit": "semantics.unit",
     "project_folder": "semantics.within", "scale_of": "semantics.scales", "Source": "source", "Span": "source",
-    "read_source": "syntax.file",
+    "read_source": "source_file",
     "read_text": "source",
     "uncollected": "memory", "parse_expression": "syntax", "format_text": "syntax.format", "Literal": "syntax.tree", "write_text": "writing",
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",

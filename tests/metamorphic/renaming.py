@@ -14,8 +14,8 @@ from typing import Any
 
 from compiler.semantics.domain_table import ELEMENT_KINDS, is_slot
 from compiler.source import Source
+from compiler.source_file import read_source
 from compiler.syntax import parse, tree
-from compiler.syntax.file import read_source
 
 LIBRARY = Path("bondgraph/library")
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)

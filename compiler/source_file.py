@@ -5,9 +5,8 @@ from __future__ import annotations
 import codecs
 from pathlib import Path
 
-from ..errors import CompilationFailed
-from ..source import Source, Span, read_text
-from .errors import NotUtf8
+from .errors import CompilationFailed, Diagnostic
+from .source import Source, Span, read_text
 
 _AFTER = 200  # bytes that are shown from the first that is no text on
 
@@ -20,8 +19,10 @@ def read_source(path: str | Path, newline: str | None = None) -> Source:
         raise CompilationFailed([_not_utf8(Path(path), str(path))]) from None
 
 
-def _not_utf8(path: Path, name: str) -> NotUtf8:
+def _not_utf8(path: Path, name: str) -> Diagnostic:
     """The diagnostic at the first byte that is no text."""
+    from .syntax.errors import NotUtf8  # a file that is one needs no room of the compiler
+
     data = path.read_bytes()
     try:
         data.decode("utf-8")
