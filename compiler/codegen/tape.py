@@ -35,6 +35,7 @@ class Tape:
         self._count = len(self._nodes)
         self._places = [self._slots[root] for root in self.roots]
         self._forward: dict[frozenset[Leaf], list[_Moved]] = {}
+        self._between: list[Step] = []  # to the slopes of operators, whatever directions asked for them first
 
     def values(self, lookup: Lookup) -> list[float]:
         """The roots at a point; NaN where one has no value there."""
@@ -50,6 +51,7 @@ class Tape:
         if forward is None:
             forward = self._forward[key] = self._moving(key)
         known = self._known(lookup)
+        _taken(self._between, known)
         moved: list[Any] = [None] * len(known)
         for slot, leaf in self._leaves:
             moved[slot] = directions.get(leaf)
@@ -97,7 +99,9 @@ class Tape:
         if node.operator in ("add", "multiply", "select", "item") or node.operator in SYSTEMS:
             return []
         slopes = [partial(node, i) for i in along]
-        return [(self._appended((slope,)), self._slots[slope]) for slope in slopes]
+        for slope in slopes:
+            self._between += self._appended((slope,))
+        return [([], self._slots[slope]) for slope in slopes]
 
 
 class _Moved:
