@@ -124,7 +124,7 @@ class Agreement:
     told: str = ""
 
 
-def agreement(model: Any, source: str, output: str, wanted: float, target: str = "native") -> Agreement:
+def agreement(model: Any, source: str, output: str, wanted: float, target: str | None = None) -> Agreement:
     """Inverse, rest and run of a model. Raises only what is no refusal."""
     shared = len(model.certificate.following)
     try:
