@@ -1,4 +1,4 @@
-"""A gear on a hinge that closes a loop, and the sparse solution of many rows."""
+"""A gear on a hinge that closes a loop, a rigid frame with a bar too many, and the sparse solution of many rows."""
 
 from __future__ import annotations
 
@@ -47,6 +47,28 @@ def test_a_gear_on_a_hinge_that_closes_a_loop() -> None:
         assert run["w"] == pytest.approx(-3 * run["d"], abs=1e-9)
     for name in ("a", "c", "w", "d"):
         assert found[1][name] == pytest.approx(found[0][name], abs=1e-6), name
+
+
+def test_a_rigid_frame_with_a_bar_too_many_stays() -> None:
+    """Three bars from the ground to one point: no freedom, and constraints that follow from others."""
+    text = """model M {
+  multibody m : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body p { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.25 m, 0.5 m) }
+    body q { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.75 m, 0.5 m) }
+    body r { mass = 1 kg, inertia = 0.1 [kg*m^2], at = (0.5 m, 0.5 m) }
+    hinge a : ground to p { at = (0, 0) }
+    hinge b : ground to q { at = (1 m, 0) }
+    hinge c : ground to r { at = (0.5 m, 0) }
+    hinge d : p to q { at = (0.5 m, 1 m) }
+    hinge e : p to r { at = (0.5 m, 1 m) }
+  }
+  output x = m.q.x, y = m.q.y
+  experiment go { simulate 0 .. 0.1 s { points = 3 } }
+}
+"""
+    found = bondgraph.load(text).simulate(target="numpy")
+    assert found["x"] == pytest.approx(0.75, abs=1e-9) and found["y"] == pytest.approx(0.5, abs=1e-9)
 
 
 @pytest.mark.parametrize("rows", [DENSE // 2, DENSE + 20])

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import RunFailed
 from ..loops.loops import LoopSolver
-from .constraints import Assembled, Constraints
+from .constraints import NOISE, Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
 
 LOOK = 16.0  # steps ahead, within which a singular pose is crossed in one go
@@ -89,10 +89,21 @@ class Watcher:
             self.tried = np.inf
         self.check_redundant(time, state, mode)
 
+    def _opens(self, time: float, state: Any, mode: Any) -> bool:
+        """Whether a gap is more than rounding of the mechanism's size: magnitudes of what hardly moves are less than that."""
+        constraints = self.constraints
+        slopes, _ = constraints.slopes(time, state, mode)
+        sizes = constraints.sizes(slopes / constraints.reach[constraints.positions])
+        return bool((np.abs(constraints.values(time, state, mode)[: constraints.gaps]) > NOISE * sizes).any())
+
     def check_redundant(self, time: float, state: Any, mode: Any) -> None:
         """What followed from other constraints at the start must go on to do so. Raises `RunFailed`."""
         constraints = self.constraints
-        if not constraints.taking.all() and constraints.missed(time, state, mode) > APART:
+        if (
+            not constraints.taking.all()
+            and constraints.missed(time, state, mode) > APART
+            and self._opens(time, state, mode)
+        ):
             assert constraints.assembled is not None
             names = ", ".join(f"`{n}`" for n in constraints.assembled.redundant[:SHOWN])
             raise RunFailed(
