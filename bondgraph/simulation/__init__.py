@@ -1,1 +1,1 @@
-"""From a program to a result: instants at which to stop, magnitudes, the solver, the energy balance."""
+"""Simulation: from a program to a result, with output instants, magnitudes, the integrator and the energy balance."""

@@ -1,8 +1,8 @@
-"""All zeros of functions of time, by branch and bound with ranges over boxes: none is stepped over, however narrow a window is.
+"""Root isolation: all zeros of functions of time, by branch and bound with interval ranges; no zero is missed, however narrow a window is.
 
-A box in whose range the function is not zero has no zero; one on which its derivative does not change sign has at most one, which its ends
-tell; any other is halved (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, chapter 8). All boxes of a function are looked at at
-once. A function that touches zero, to rounding, without changing its sign has no crossing there.
+A box whose range excludes zero has no zero; one on which the derivative does not change sign has at most one, which the signs at its ends
+show; any other box is halved (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, chapter 8). All boxes of a function are
+evaluated at once. A function that touches zero, to rounding, without changing its sign has no crossing there.
 """
 
 from __future__ import annotations
@@ -15,32 +15,35 @@ import numpy as np
 
 from ..door import Ranges
 
-MOST_BOXES = 3_000_000  # at once; beyond them a function is not decided
-MOST_CROSSINGS = 1_000_000  # of one function
-ROUNDING = 4  # times the rounding of a value: what is not told from zero
-NARROWEST = 4  # units in the last place of a time: a box that is not halved
-MOST_BLURRED, NEARLY_ALL = 4096, 0.9  # boxes, and the part of them in whose middle a function is zero to rounding
-BLURRED = 1e-4  # of a run: the longest box in which a function can be zero to rounding without more ado
-HIDDEN = 1e-3  # of a run: for longer than this no function touches zero, it is zero
-FLAT = 1e-9  # of a run: values that are zero for shorter are so by rounding
-NO_VALUE, UNKNOWN = 2.0, 3.0  # beside the signs -1, 0 and 1
+MOST_BOXES = 3_000_000  # boxes at once; with more, the search is given up (`Undecided`)
+MOST_CROSSINGS = 1_000_000  # crossings of one function
+ROUNDING = 4  # times the rounding error of a value: smaller values count as zero
+NARROWEST = 4  # units in the last place of a time: width of a box that is not halved
+MOST_BLURRED, NEARLY_ALL = 4096, 0.9  # number of boxes, and fraction of them whose middle value is zero to rounding
+BLURRED = 1e-4  # fraction of a run: the longest box that one value, zero to rounding, may decide
+HIDDEN = 1e-3  # fraction of a run: a function that is zero for longer does not merely touch zero
+FLAT = 1e-9  # fraction of a run: values that are zero for a shorter time are so by rounding
+NO_VALUE, UNKNOWN = 2.0, 3.0  # codes in addition to the signs -1, 0 and 1
 ITERATIONS = 120
 Signs = Callable[[Any, Any], Any]  # times, numbers of stretches -> signs
 
 
 def distinct(times: Any) -> Any:
-    """Sorted instants, each once. Not by numpy.unique, which loads masked arrays: a tenth of what a short run takes."""
+    """Return sorted instants without duplicates.
+
+    numpy.unique is avoided: it loads masked arrays, which takes a tenth of the time of a short run.
+    """
     ordered = np.sort(times)
     return ordered[np.diff(ordered, prepend=-np.inf) > 0]
 
 
 class Undecided(Exception):
-    """Ranges do not tell where a function is zero, or there are too many places."""
+    """Raised where interval ranges do not show where a function is zero, or where there are too many boxes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """Boxes that need not be halved again: where they lie, in which stretch, and the signs at their ends."""
+    """Boxes that need no more halving: bounds, index of the segment, and signs at both ends."""
 
     low: Any
     high: Any
@@ -56,10 +59,10 @@ class Pieces:
 
 @dataclass(frozen=True, slots=True)
 class OneFunction:
-    """A function of time on stretches between `edges`, each with its mode, shape (stretches, mode)."""
+    """A function of time on segments between `edges`; `modes` has the mode of each segment, shape (segments, mode)."""
 
-    ranges: Ranges  # of the function and of its derivative
-    alone: Ranges  # of the function
+    ranges: Ranges  # ranges of the function and of its derivative
+    alone: Ranges  # ranges of the function only
     edges: Any
     modes: Any
 
@@ -67,14 +70,14 @@ class OneFunction:
         return self.modes[stretch] if self.modes.shape[-1] else self.modes[:0]
 
     def over(self, low: Any, high: Any, stretch: Any) -> tuple[Any, Any, Any, Any]:
-        """Lower and upper ends of the ranges of the function and of its derivative, each (boxes,)."""
+        """Return lower and upper bounds of the function and of its derivative over boxes, four arrays (boxes,)."""
         (a, b), (c, d) = self.ranges.over(low, high, self.mode(stretch))
         whole = np.empty((4, len(low)))
         whole[0], whole[1], whole[2], whole[3] = a, b, c, d
         return whole[0], whole[1], whole[2], whole[3]
 
     def at(self, times: Any, stretch: Any) -> tuple[Any, Any]:
-        """Lower and upper ends of the values at instants, as rounding leaves them."""
+        """Return lower and upper bounds of the values at instants, including rounding errors."""
         ((a, b),) = self.alone.over(times, times, self.mode(stretch))
         return np.broadcast_to(a, np.shape(times)), np.broadcast_to(b, np.shape(times))
 
@@ -90,15 +93,13 @@ class OneFunction:
 class Found:
     """The zeros of a function."""
 
-    cuts: Any  # rising instants at which its sign changes, or is zero for a while
-    hidden: (
-        tuple[float, float] | None
-    )  # the first and last place at which rounding hides its sign, if it does so for long
-    touched: float | None  # the first instant at which it comes down to zero and goes up again
+    cuts: Any  # rising instants at which its sign changes, or at which an interval of zeros begins or ends
+    hidden: tuple[float, float] | None  # first and last instant at which rounding hides its sign, if that lasts long
+    touched: float | None  # first instant at which it falls to zero and rises again
 
 
 def crossings(function: OneFunction) -> Found:
-    """The instants at which a function changes its sign inside of its stretches. Raises `Undecided`."""
+    """Return the instants at which a function changes its sign inside its segments. Raises `Undecided`."""
     with np.errstate(all="ignore"):
         pieces = _signed(function, _pieces(function))
         changes = np.flatnonzero(pieces.monotone & (pieces.left != pieces.right))
@@ -111,7 +112,7 @@ def crossings(function: OneFunction) -> Found:
 
 
 def _touched(pieces: Pieces) -> float | None:
-    """The first place at which a positive function is zero, or cannot be told from it, and positive again; None if it stays there for a while."""
+    """Return the first instant at which a positive function is zero to rounding and then positive again; None if it stays zero for a while."""
     stays = ~pieces.monotone & (pieces.left == 0)
     signs = np.stack([pieces.left, pieces.right], axis=1)
     signs[signs == UNKNOWN], signs[stays] = 0.0, NO_VALUE
@@ -122,7 +123,7 @@ def _touched(pieces: Pieces) -> float | None:
 
 
 def _hidden_for_long(function: OneFunction, pieces: Pieces) -> tuple[float, float] | None:
-    """The first and last place at which rounding hides the sign, if that is for longer than at a place at which two sides touch."""
+    """Return the first and last instant at which rounding hides the sign, if that lasts longer than where two sides merely touch."""
     hidden = np.flatnonzero(~pieces.monotone & (pieces.left == UNKNOWN))
     if (pieces.high - pieces.low)[hidden].sum() < HIDDEN * (function.edges[-1] - function.edges[0]):
         return None
@@ -148,7 +149,7 @@ def _pieces(function: OneFunction) -> Pieces:
 
 
 def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[Any, Any]:
-    """For each box the sign that it has throughout, `UNKNOWN` where rounding hides it, NaN if it is not decided; and whether it is monotone."""
+    """Return for each box its constant sign, `UNKNOWN` where rounding hides it, or NaN if undecided; and a mask of the monotone boxes."""
     least, most, falls, rises = function.over(low, high, stretch)
     sign = _one_sign(least, most)
     monotone = np.isnan(sign) & np.isfinite(least) & np.isfinite(most) & ((falls >= 0) | (rises <= 0))
@@ -176,7 +177,7 @@ def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[
 
 
 def _one_sign(least: Any, most: Any) -> Any:
-    """The sign of all of a range; NaN if it has several."""
+    """Return the sign of a whole range; NaN if it has several."""
     sign = np.full(len(least), np.nan)
     sign[least > 0], sign[most < 0], sign[(least == 0) & (most == 0)] = 1.0, -1.0, 0.0
     sign[np.isnan(least) | np.isnan(most)] = NO_VALUE
@@ -184,7 +185,7 @@ def _one_sign(least: Any, most: Any) -> Any:
 
 
 def _signed(function: OneFunction, pieces: Pieces) -> Pieces:
-    """With the signs at the ends of what is monotone."""
+    """Return the boxes with the signs at both ends of the monotone ones filled in."""
     at = np.flatnonzero(pieces.monotone)
     pieces.left[at] = function.signs(pieces.low[at], pieces.stretch[at])
     pieces.right[at] = function.signs(pieces.high[at], pieces.stretch[at])
@@ -192,7 +193,7 @@ def _signed(function: OneFunction, pieces: Pieces) -> Pieces:
 
 
 def _in_clusters(function: OneFunction, pieces: Pieces) -> list[Any]:
-    """Where the sign changes within neighbours that rounding hides."""
+    """Return the instants at which the sign changes within neighbouring boxes whose sign rounding hides."""
     hidden = (pieces.left == UNKNOWN) & ~pieces.monotone
     if not hidden.any():
         return []
@@ -208,7 +209,7 @@ def _in_clusters(function: OneFunction, pieces: Pieces) -> list[Any]:
 
 
 def _located(function: OneFunction, pieces: Pieces, changes: Any) -> Any:
-    """Where monotone pieces change their sign: both ends of what is zero, where that is more than one place."""
+    """Return the zeros within monotone boxes; two instants, begin and end, where a function is zero for a while."""
     low, high, stretch = pieces.low[changes], pieces.high[changes], pieces.stretch[changes]
     left, right = pieces.left[changes], pieces.right[changes]
     opposite = left * right == -1.0
@@ -223,7 +224,7 @@ def _located(function: OneFunction, pieces: Pieces, changes: Any) -> Any:
 
 
 def _halved(signs: Signs, here: Any, there: Any, stretch: Any, sign: Any) -> Any:
-    """Where a sign ends that holds `here`, by halving."""
+    """Bisect for the end of the interval that has the sign `sign` at `here`."""
     for _ in range(ITERATIONS):
         middle = 0.5 * (here + there)
         going = (middle != here) & (middle != there)
@@ -235,8 +236,10 @@ def _halved(signs: Signs, here: Any, there: Any, stretch: Any, sign: Any) -> Any
 
 
 def _zeros(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[Any, Any]:
-    """A zero between each two places at which the signs differ, and whether it is one exactly (Chandrupatla, Advances in
-    Engineering Software 28, 1997)."""
+    """Return a zero between each two instants with different signs, and a mask of those that are exact.
+
+    Method of Chandrupatla, Advances in Engineering Software 28, 1997.
+    """
     b, a = low, high
     fb, fa = function.values(b, stretch), function.values(a, stretch)
     c, fc, share = a, fa, np.full(len(low), 0.5)

@@ -1,4 +1,4 @@
-"""One leg of a run: a program with one choice of states, from a start or from where the leg before it handed over."""
+"""One phase of a run (`Leg`): a program with one choice of states, from the initialization or from the transition of the phase before."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from .events.impulse import Jump
 
 
-MOST_SETTLING = 400  # rounds of what is delayed and a start that reads it
-SETTLED = 1e-14  # of what is delayed: rounding
+MOST_SETTLING = 400  # most iterations between delayed signals and an initialization that reads them
+SETTLED = 1e-14  # relative change of delayed signals that counts as rounding
 
 
 class Leg:
-    """What one leg of a run holds while it goes: one program, one choice of states."""
+    """State of one phase of a run: one program with one choice of states."""
 
     def __init__(
         self,
@@ -61,13 +61,13 @@ class Leg:
         smooth: dict[Program, Timeline] | None = None,
     ) -> None:
         self.solver, self.parts = solver, parts
-        self.companion, self.modes_at_start = companion, modes or {}  # of the ideal valves
+        self.companion, self.modes_at_start = companion, modes or {}  # modes of the ideal valves
         self.compilation, self.plan, self.begin = compilation, plan, begin
-        self.set = values or {}  # what is set when a run begins
-        self.off = self.begins_without = off  # the junctions that are off; those that are before anything acts
+        self.set = values or {}  # parameters set when a run begins
+        self.off = self.begins_without = off  # junctions that are off: now, and before any event acts
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
-        self.begins_without = self.off  # before anything acts
+        self.begins_without = self.off  # before any event acts
         self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
         self.instants, self.rtol, self.atol, self.energy = instants, rtol, atol, energy
@@ -77,14 +77,14 @@ class Leg:
         course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
         self.events: Events | None = None
-        self.jumps: tuple[Jump, ...] = ()  # of what is stored, where other junctions went on or off
+        self.jumps: tuple[Jump, ...] = ()  # of stored quantities, where junctions went on or off
         self.known = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
         self.state, self.start_notes = self._start(program, compilation, self.constraints, self.stretches)
         if self.history is not None and begin is None:
             self._settle_history(self.history, start)
-        self.looked_from = self.state  # where a look ahead begins
+        self.looked_from = self.state  # state from which a pilot run starts
         self.bandwidth = bandwidth
-        self.leaving: Leaving | None = None  # what is faster than the bandwidth
+        self.leaving: Leaving | None = None  # modal truncation at the bandwidth
         self.left_out: LeftOut | None = None
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.told = self._told_tolerances()
@@ -93,12 +93,12 @@ class Leg:
         self.trajectory = Trajectory(np.empty((0, 0)))
         self.watch = Watch(program, self.constants, self.inputs, rtol)
         self.held: dict[str, Any] | None = (
-            None  # what storages held where the leg before ended, then where this one ends
+            None  # stored quantities at the end of the phase before, later those at the end of this phase
         )
         self.scene: Scene = compilation.scene
-        self.whole = False  # whether it came to its end
-        self.used: Any = None  # the magnitudes, if they were asked for
-        self.values: Any = None  # of the outputs, shape (points, outputs)
+        self.whole = False  # True once the phase has reached its end
+        self.used: Any = None  # the magnitudes, if they were needed
+        self.values: Any = None  # outputs, shape (points, outputs)
         self.balance: EnergyBalance | None = None
 
     def _history(self, program: Program) -> History | None:
@@ -107,7 +107,7 @@ class Leg:
         return history_of(program, self._given(program), None if self.begin is None else self.begin.past)
 
     def _given(self, program: Program) -> Any:
-        """The parameters of this run, shape (P,)."""
+        """Return the parameters of this run, shape (P,)."""
         if not self.set:
             return np.array(program.defaults, dtype=float)
         return np.array([self.set.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)])
@@ -116,7 +116,7 @@ class Leg:
         return Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
 
     def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
-        """The stretches of this leg: of a program that was there before those that are left. `known`: of all programs of the run."""
+        """Return the segments of this phase; for a program used before in the run, its remaining segments. `known`: timelines of all programs of the run."""
         if self.history is not None or program not in known:
             known[program] = timeline_in_parts(program, self.constraints.constants, ends, self.parts)
             return replace(known[program], segments=list(known[program].segments))
@@ -125,8 +125,10 @@ class Leg:
     def _start(
         self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
     ) -> tuple[Any, tuple[str, ...]]:
-        """The state at the start, unknowns of loops included, and notes about it. With events, the first
-        stretch gets its mode."""
+        """Return the state at the start, with the unknowns of loops, and notes about it.
+
+        With events, the first segment gets its mode.
+        """
         constants = constraints.constants
         state = np.asarray(program.start(constants), dtype=float)
         names = program.states.names
@@ -174,7 +176,7 @@ class Leg:
     def _at_rest(
         self, compilation: Prepared, constraints: Constraints, full: Any, first: Segment, horizon: float
     ) -> tuple[Any, Segment]:  # fmt: skip
-        """The state at rest that is reached from a consistent one, and the first segment with the mode that holds there. Raises `RunFailed`."""
+        """Return the equilibrium reached from a consistent state, and the first segment with the mode that holds there. Raises `RunFailed`."""
         from .start.rest import equilibrium
         from .start.steady import check_steady, steady_rates
 
@@ -195,7 +197,7 @@ class Leg:
 
     @staticmethod
     def _check_rest(state: Any, rest: Any, mode: Any, assumed: Any) -> None:
-        """Raises `RunFailed` where ideal diodes or switches go on or off at a rest that was looked for in another mode."""
+        """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
         if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
             raise RunFailed(
                 "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest; start it nearer to its "
@@ -203,7 +205,10 @@ class Leg:
             )
 
     def _settle_history(self, history: History, start: float) -> None:
-        """A start that reads what was before it, which is what it is at the start."""
+        """Iterate the initial state and the delayed signals until they agree: before the start each delayed signal has its value at the start.
+
+        Raises `RunFailed` if they do not converge.
+        """
         for _ in range(MOST_SETTLING):
             before = np.array(history.first)
             history.begin(start, self.state, self.inputs, self.stretches[0].mode)
@@ -219,7 +224,7 @@ class Leg:
         )
 
     def _tolerances(self) -> Tolerances:
-        """Absolute tolerances per state: what is given, else rtol times the magnitude."""
+        """Return absolute tolerances per state: the given value, else rtol times the magnitude."""
         magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         if self.atol is None and self.constraints:
@@ -229,13 +234,13 @@ class Leg:
             absolute = np.maximum(absolute, least)
         held = np.full(len(self.state), self.atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
-        absolute[multipliers] = np.inf  # they follow from the states, and grow without bound near a singular pose
+        absolute[multipliers] = np.inf  # multipliers follow from the states, and have no bound near a singular pose
         for index, value in self.told.items():
             absolute[index], held[index] = value, True
         return Tolerances(self.rtol, absolute, magnitude, held)
 
     def _told_tolerances(self) -> dict[int, float]:
-        """The absolute tolerances that the experiment gives, by state or unknown. Raises `UsageError`."""
+        """Return the absolute tolerances that the experiment gives, by index of the state or unknown. Raises `UsageError`."""
         result: dict[int, float] = {}
         if not self.plan.tolerances:
             return result
@@ -254,7 +259,7 @@ class Leg:
         return result
 
     def _magnitudes(self) -> Any:
-        """Magnitudes of all states and unknowns."""
+        """Return magnitudes of all states and unknowns."""
         mechanisms = self.compilation.facts.mechanisms
 
         def found_with(choice: Looks, largest: Any = 0.0) -> Magnitudes:
@@ -273,13 +278,13 @@ class Leg:
         return found.values
 
     def _peaks(self, names: Sequence[str]) -> Any:
-        """The largest that states have been before this leg."""
+        """Return the largest absolute values that states have had before this phase."""
         if self.begin is None:
             return np.zeros(len(names))
         return np.array([self.begin.peaks.get(n, 0.0) for n in names])
 
     def _magnitudes_with_events(self, found_with: Callable[..., Magnitudes]) -> Any:
-        """Magnitudes of all states: a first look up to the first event, then a coarse run through the events."""
+        """Return magnitudes of all states: from a pilot run up to the first event, then from a coarse run through the events."""
         from .events.begin import UntilEvent
 
         names = (*self.program.states.names, *self.program.unknowns.names)
@@ -311,9 +316,9 @@ class Leg:
         return Choice(self.program, self.constants, self.inputs, storages, self.begin)
 
     def go(self) -> None:
-        """Integrate and evaluate the outputs, up to the end or to where other states should go on.
+        """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.
 
-        Whatever is raised on the way, `cut` gives what is sure before it.
+        After any exception, `cut` keeps the part of the result that is certain.
         """
         program = self.program
         self.choice = self._choice()
@@ -347,7 +352,7 @@ class Leg:
         self.balance = self._balance() if self.energy else None
 
     def _leaving(self) -> Leaving | None:
-        """What takes out what is faster than the bandwidth."""
+        """Return the modal truncation of this phase; None without a bandwidth, or with events or delayed signals."""
         if self.bandwidth is None or self.program.hybrid is not None or self.history is not None:
             return None
         from .bandwidth.leave import Leaving
@@ -358,12 +363,12 @@ class Leg:
         return Leaving(self.bandwidth, float(self.instants[-1] - self.instants[0]), restart)
 
     def _modes(self, mode: Any) -> dict[str, float]:
-        """What only events change, by name."""
+        """Return the discrete variables that only events change, by name."""
         hybrid = self.program.hybrid
         return {} if hybrid is None or mode is None else dict(zip(hybrid.modes.names, map(float, mode), strict=False))
 
     def _explained(self, failed: StepsCollapsed) -> RunFailed:
-        """Why steps collapsed, if something a little ahead has no value."""
+        """Return the failure of collapsed steps, with its cause if a quantity a little ahead has no value."""
         from .watch.finite import cause_ahead
 
         space, here = self.compilation.state_space, (failed.time, failed.state)
@@ -374,7 +379,7 @@ class Leg:
         return RunFailed(str(failed))
 
     def cut(self) -> None:
-        """Keep what is sure: up to the last accepted step, or if only an output is no number, up to there."""
+        """Keep the part that is certain: up to the last accepted step, or up to the last finite output."""
         kept = self.trajectory.kept
         if not self.whole:
             kept = self.trajectory.cut(self.stretches)
@@ -387,7 +392,7 @@ class Leg:
         wrong = np.flatnonzero(~np.isfinite(self.values).all(axis=1))
         if len(wrong):
             self.instants, self.values = self.instants[: wrong[0]], self.values[: wrong[0]]
-            self.trajectory.kept = None  # where it stands lies beyond what can be shown
+            self.trajectory.kept = None  # its instant lies beyond the last finite output
         elif self.energy and kept is not None:
             self.balance = self._balance()
 
@@ -399,7 +404,7 @@ class Leg:
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import told_of
 
-            assembled = self.constraints.assembled if self.begin is None else None  # others take part from there on
+            assembled = self.constraints.assembled if self.begin is None else None  # only of the first phase
             self.notes += told_of(assembled, self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         if self.bandwidth is not None:
@@ -408,7 +413,7 @@ class Leg:
             self.left_out = left_out_of(self, self.bandwidth)
 
     def end(self, until: float) -> End | None:
-        """Where this leg ended, for another run to go on; None if nothing is known of it."""
+        """Return the checkpoint at the end of this phase, from which another run can go on; None if no step was accepted."""
         kept, program = self.trajectory.kept, self.program
         if kept is None:
             return None
@@ -426,7 +431,7 @@ class Leg:
         )  # fmt: skip
 
     def _lossy(self, failed: NotLossless) -> UsageError:
-        """Which elements gain or lose energy, where a method that keeps it was asked for."""
+        """Return the error that names the elements that gain or lose energy, where an energy-conserving method was requested."""
         ports = self.compilation.state_space.ports
         powers = self._powers(failed.time, failed.state, failed.mode)[: len(ports)]
         by_element: dict[str, float] = {}
@@ -445,7 +450,7 @@ class Leg:
 
     @property
     def occurrences(self) -> list[Occurrence]:
-        """The events that acted."""
+        """Records of the events that acted."""
         if self.events is None:
             return []
         notes = self.events.hybrid.events
@@ -453,7 +458,7 @@ class Leg:
         return [Occurrence(t, n.words, n.owner, f"{PurePath(n.span.source.name).name}:{n.span.line}") for t, n in acted]
 
     def _outputs(self) -> Any:
-        """Shape (points, outputs)."""
+        """Return the outputs, shape (points, outputs)."""
         values = np.empty((len(self.instants), len(self.program.outputs.names)))
         pieces = self.trajectory.pieces or self.stretches
         for stretch in pieces:
@@ -465,7 +470,7 @@ class Leg:
         last = pieces[-1]
         if self.instants[-1] < last.stop:
             return values
-        if self.instants[-1] < self.stretches[-1].stop:  # cut off at a reported instant
+        if self.instants[-1] < self.stretches[-1].stop:  # the phase was cut off at a reported instant
             mode = last.mode
         else:
             mode = last.mode if last.start == last.stop else mode_after(self.program, self.constants, last.stop, last)
@@ -475,7 +480,7 @@ class Leg:
         return values
 
     def _within(self, stretch: Segment) -> slice:
-        """Which of the instants lie in a stretch."""
+        """Return the slice of the reported instants that lie in a segment."""
         return slice(*np.searchsorted(self.instants, (stretch.start, stretch.stop)).tolist())
 
     def _output(self, times: Any, states: Any, mode: Any) -> Any:
@@ -498,18 +503,18 @@ class Leg:
         arguments = self._arguments()
         left = [] if self.leaving is None else [self._around(removal) for removal in self.leaving.removals]
         found = energy_balance(space, work, before, after, arguments, self.trajectory.jumps, left)
-        own = slice(len(space.ports), len(space.ports) + len(space.stored))  # mechanisms: what goes to and fro within
+        own = slice(len(space.ports), len(space.ports) + len(space.stored))  # mechanisms: energy exchanged within
         self._audit(space, found, float(np.abs([before[own], after[own]]).sum()))
         passed = None if held is None else impulse_loss(space, held, before, arguments)
         return found if passed is None else added([passed, found]) or found
 
     def _around(self, removal: Removal) -> tuple[Any, Any]:
-        """Powers and what is stored, before and after something was left out."""
+        """Return powers and stored energies, before and after a removal of fast modes."""
         before, after = (self._powers(removal.time, state, removal.mode) for state in (removal.before, removal.after))
         return before, after
 
     def _audit(self, space: StateSpace, found: EnergyBalance, within: float) -> None:
-        """Name the laws that create energy: resistors that give power, storages whose work is not what they store."""
+        """Name the laws that create energy: resistors that deliver power, storages whose work differs from their stored energy."""
         from .watch.energy import givers, unexplained
 
         turnover = within + sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in found.elements)
@@ -524,7 +529,7 @@ class Leg:
         self.notes += tuple(unexplained(found, turnover, self.rtol))
 
     def _arguments(self) -> dict[int, float]:
-        """The values of the storages' parameters."""
+        """Return the values of the storages' parameters."""
         from ..door import Assignment, evaluate
 
         space = self.compilation.state_space

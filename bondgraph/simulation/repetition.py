@@ -1,4 +1,4 @@
-"""A run once more: by a method of another family, with a tenth of the tolerance, and restarted often, so that events are searched more finely."""
+"""Repetition of a run for `--check`: by a method of another family, with a tenth of the tolerance, in many parts so that events are searched anew."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 PARTS = 61
 TIGHTEST = 1e-12
-NEAR = 1e-9  # of the run: what lies so near to an event may belong to either side of it
-# What stepped in the run, by how its name begins -> methods of another family, the first that takes the model.
+NEAR = 1e-9  # fraction of the run: an instant this near to an event may belong to either side of it
+# Prefix of the name of the run's solver -> methods of another family; the first that can run the model is used.
 OTHERS = (
     ("matrix exponential", ("explicit", "radau")),
     ("Dormand-Prince", ("radau",)),
@@ -32,7 +32,7 @@ OTHERS = (
 
 
 def check_run(result: Result, repeat: Callable[[Wanted], Result], wanted: Wanted) -> RunCheck:
-    """A finished run beside its repetition; `repeat` makes a run of the same model, experiment and settings."""
+    """Compare a finished run with its repetition; `repeat` makes a run of the same model, experiment and settings."""
     rtol = max(result.rtol / 10, TIGHTEST)
     methods = next((m for name, m in OTHERS if result.solver.startswith(name)), ("automatic",))
     failure = ""
@@ -48,7 +48,7 @@ def check_run(result: Result, repeat: Callable[[Wanted], Result], wanted: Wanted
 
 
 def compare(result: Result, other: Result, rtol: float) -> RunCheck:
-    """The differences of two runs of one experiment."""
+    """Return the differences of two runs of one experiment."""
     whole = float(result.time[-1] - result.time[0])
     first, second = (np.array([e.time for e in r.events]) for r in (result, other))
     shift = float(np.abs(first - second).max(initial=0.0)) if len(first) == len(second) else math.nan
@@ -65,7 +65,7 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
 
 
 def _clear(times: Any, events: Any, margin: float) -> Any:
-    """The reported instants that are no event's; shape (n,)."""
+    """Return a mask (n,) of the reported instants that are not near an event."""
     clear = np.ones(len(times), dtype=bool)
     if len(events):
         events = np.sort(events)

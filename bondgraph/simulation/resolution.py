@@ -1,8 +1,8 @@
-"""Places at which signals of time must be known so that no narrow peak lies between them: boxes of time are halved until samples show what ranges allow.
+"""Sampling places for signals of time, so that no narrow peak lies between them: boxes of time are halved until samples show what ranges allow.
 
-Each operation that can be narrow (an exponential, a quotient, a high power …) is looked at by itself, so that a small peak is not hidden by a
-large slow signal that it is added to. A box is done when its range is a small part of that of the whole stretch, or places inside of it see a
-good part of the range.
+Each operation that can be narrow (an exponential, a quotient, a high power …) is examined separately, so that a large slow signal does not
+hide a small peak that is added to it. A box is finished when its range is a small part of the range of the whole segment, or when samples inside
+it cover a good part of the range.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 
 from ..door import Program, Ranges
 
-BEGIN = 32  # boxes of a stretch
-INSIDE = np.array([0.0983, 0.3029, 0.4871, 0.7082, 0.9213])  # of a box: where samples are taken
-SEEN = 0.25  # of a range: what samples show of it at least
-SMALL = 1e-3  # of the range on the whole stretch: what is not looked for
-MOST = 100_000  # boxes
-NARROWEST = 64  # units in the last place of a time
+BEGIN = 32  # number of boxes of a segment at the beginning
+INSIDE = np.array([0.0983, 0.3029, 0.4871, 0.7082, 0.9213])  # positions of samples, as fractions of a box
+SEEN = 0.25  # least fraction of a range that samples must cover
+SMALL = 1e-3  # fraction of the range on the whole segment: smaller ranges are ignored
+MOST = 100_000  # most boxes
+NARROWEST = 64  # least width of a box, in units in the last place of a time
 
 
 def resolved_places(program: Program, inputs: Any, constants: Any, mode: Any, start: float, stop: float) -> Any:
-    """Rising times within a stretch that see all that its signals do; none where no signal is narrow anywhere."""
+    """Return rising times within a segment that resolve all its narrow signals; an empty array where no signal is narrow."""
     functions = program.time_functions
     if functions is None or not functions.narrow or not stop > start:
         return np.empty(0)
@@ -49,17 +49,17 @@ def resolved_places(program: Program, inputs: Any, constants: Any, mode: Any, st
             middle = 0.5 * (low + high)
             low, high = np.concatenate([low[open_], middle[open_]]), np.concatenate([middle[open_], high[open_]])
     if count == BEGIN:
-        return np.empty(0)  # a look at many places sees it all
+        return np.empty(0)  # no box was halved: regular sampling is enough
     return np.sort(np.concatenate([part.ravel() for part in found]))
 
 
 def _widths(ranges: Ranges, low: Any, high: Any, times: Any, mode: Any) -> tuple[Any, Any]:
-    """The widths of the ranges over boxes, and of what the samples at `times` (boxes, places) show; each (operations, boxes)."""
+    """Return the widths of the ranges over boxes, and the widths that samples at `times` (boxes, places) show; each (operations, boxes)."""
     widths, shown = np.empty((2, len(ranges.roots), len(low)))
     values = ranges.values(times, mode)
     for number, ((a, b), value) in enumerate(zip(ranges.over(low, high, mode), values, strict=True)):
         widths[number] = b - a
         sampled = np.broadcast_to(value, times.shape)
         shown[number] = sampled.max(axis=1) - sampled.min(axis=1)
-    widths[~np.isfinite(shown)] = 0.0  # a value that is none is told by the run
+    widths[~np.isfinite(shown)] = 0.0  # the run reports values that are not finite
     return widths, shown

@@ -1,4 +1,4 @@
-"""A run that goes on from the result of another: whether it can, from where, and both as one."""
+"""Resumption of a run from the result of another: checks, the state to start from, and both results joined."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ..prepared import Prepared
     from ..results import Result
 
-SAME = 1e-12  # of a parameter's value: what reading and writing may change
-SHOWN = 4  # names in a message
+SAME = 1e-12  # relative change of a parameter by writing and reading
+SHOWN = 4  # most names in a message
 
 
 def resumed(
@@ -30,7 +30,7 @@ def resumed(
     energy: bool,
     instants: Any,
 ) -> tuple[Scene, Handover, Any]:
-    """The scene and the handover from which the run goes on, and what is left of its instants. Raises `UsageError`."""
+    """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
     end = before.end
     if end is None:
         raise UsageError("the result says nothing of where its run ended, so nothing goes on from it")
@@ -48,11 +48,12 @@ def resumed(
     if not len(left):
         raise UsageError(f"the result ends at t = {end.time:.9g} s already: let the run go further (--to)")
     peaks, known = dict(end.peaks), end.magnitudes
-    if instants[-1] > end.until * (1 + SAME):  # further than those magnitudes looked ahead: they only say what has been
+    # beyond the horizon of the stored magnitudes: they hold for the past only
+    if instants[-1] > end.until * (1 + SAME):
         for name, value in known.items():
             idle = (
                 value == 1.0 and end.stored.get(name) == 0.0
-            )  # what never moved is measured by 1 SI, which says nothing
+            )  # a state that never moved has the magnitude 1 in SI, which has no meaning
             peaks[name] = max(peaks.get(name, 0.0), 0.0 if idle else value)
         known = {}
     on = {(owner, place): truth for owner, place, truth in end.on}
@@ -63,7 +64,7 @@ def resumed(
 
 
 def _check_model(before: Result, end: End, prepared: Prepared, values: Mapping[str, float], energy: bool) -> None:
-    """Raises `UsageError` in words for a result of another model, other outputs or other parameters."""
+    """Raise `UsageError` if the result belongs to another model, or has other outputs or other parameters."""
     program, plan = prepared.program, prepared.plan
     if before.model != program.name:
         raise UsageError(f"the result is of the model `{before.model}`, not of `{program.name}`")
@@ -98,7 +99,7 @@ def _same(a: float, b: float) -> bool:
 
 
 def joined(before: Result, after: Result) -> Result:
-    """Both as one run."""
+    """Return both results as one."""
     from ..left_out import joined as both
     from .watch.energy import added
 

@@ -1,4 +1,4 @@
-"""One run: the plan and what overrides it, the program, the solver, the result."""
+"""One run: the plan with its overrides, the program, the integrator, the result."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ if TYPE_CHECKING:
 
 DEFAULT_RTOL = 1e-6
 RTOL = 1e-13, 0.1
-ATOL = 1e-200, 1e200  # in SI units: squares of numbers in parts of it must be numbers
+ATOL = 1e-200, 1e200  # range in SI units: squares of values relative to it must be finite
 DEFAULT_POINTS = 501
-ENERGY_METHOD = "energy"  # the solver that asks for the stored energy
-MOST_CHOICES = 1000  # of states in one run
-MOST_AT_ONCE = 100  # legs that begin at one instant
-RECENT = 4  # legs among which one of the same program tells the method that goes on
+ENERGY_METHOD = "energy"  # the solver that needs the stored energy as a function
+MOST_CHOICES = 1000  # changes of the state selection in one run
+MOST_AT_ONCE = 100  # phases that begin at one instant
+RECENT = 4  # phases back within which one of the same program decides the method that goes on
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """How runs are to be made; what is not None overrides the experiment."""
+    """Options of a run; each value that is not None overrides the experiment."""
 
     to: str | float | None = None
     points: int | None = None
@@ -53,11 +53,11 @@ class Wanted:
     target: str | None = None
     solver: str | None = None
     bandwidth: str | float | None = None  # a frequency as text, or in Hz
-    parts: int = field(default=1, kw_only=True)  # into which the run is cut, where it stops and starts again
+    parts: int = field(default=1, kw_only=True)  # number of parts; the integrator restarts between them
 
 
 def check_wanted(wanted: Wanted) -> None:
-    """Raises `UsageError` for what no run can be made with."""
+    """Raise `UsageError` for options with which no run is possible."""
     chosen_target(wanted.target)
     chosen_solver(wanted.solver)
     if isinstance(wanted.to, str):
@@ -80,9 +80,9 @@ def simulate(
     wanted: Wanted,
     start: Result | None = None,
 ) -> Result:
-    """Run a model with some settings. `start`: a result that is gone on from.
+    """Run a model with some settings. `start`: a result from which the run goes on.
 
-    A `RunFailed` and a `RunInterrupted` carry the result up to where they were raised.
+    A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised.
     """
     energy = wanted.energy or (start is not None and start.energy is not None)
     wanted = replace(wanted, target=chosen_target(wanted.target), energy=energy)
@@ -100,7 +100,7 @@ def simulate(
 
 
 def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
-    """The run in which zeros are as good as written in the text; None if that fails as well."""
+    """Run the scene in which parameters set to zero are compiled in; return None if that fails as well."""
     try:
         found = run(model, scene, {}, wanted, start)
     except (CompilationFailed, RunFailed):
@@ -111,7 +111,7 @@ def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None
 
 
 def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted, start: Result | None = None) -> Result:
-    """Run a scene of a model; `values` are set when it begins."""
+    """Run a scene of a model; `values` are parameters set when it begins."""
     began = clock.perf_counter()
     to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy
     target = chosen_target(wanted.target)
@@ -143,7 +143,7 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         run.scene, run.begin, run.instants = resumed(start, made, scene, values, prepared, energy, run.instants)
         run.before = start
     try:
-        with np.errstate(all="ignore"):  # what is not finite is looked for, and told with its name
+        with np.errstate(all="ignore"):  # values that are not finite are searched and reported by name
             run.go()
     except RunFailed as failed:
         failed.result = run.cut(f"it failed: {failed}")
@@ -155,14 +155,14 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
         from ..errors import RunInterrupted
 
         raise RunInterrupted(f"interrupted at t = {run.reached:.9g} s", result) from None
-    except UsageError:  # a solver was asked for that cannot do this
+    except UsageError:  # the requested solver cannot run this model
         raise
     except CompilationFailed as failed:
         if not run.legs:
             raise
         raise _uncompiled(run, failed) from failed
     except Exception as broken:
-        if run.leg is None:  # nothing runs: what is wrong is told by whoever found it
+        if run.leg is None:  # no phase has begun: the exception passes on unchanged
             raise
         from ..errors import RunBroken
 
@@ -173,13 +173,13 @@ def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted,
 
 
 def _conserving(scene: Scene, solver: str | None) -> Scene:
-    """The scene of a run with this solver."""
+    """Return the scene compiled for this solver: with or without the stored energy."""
     wanted = solver == ENERGY_METHOD
     return scene if scene.conserving == wanted else replace(scene, conserving=wanted)
 
 
 def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
-    """Why a run ends where other junctions go on or off, or other states are chosen, and the model has no equations then."""
+    """Return the failure of a run whose model has no equations after junctions went on or off, or after another state selection."""
     begin = run.begins_now
     off = () if begin is None or begin.off is None else begin.off
     how = f" without {', '.join(f'`{name}`' for name in off)}" if off else " with other states"
@@ -191,7 +191,7 @@ def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
 
 
 class Run:
-    """One run: its legs so far, and how it goes on."""
+    """One run: its phases so far, and the beginning of the next one."""
 
     def __init__(
         self, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], plan: Plan, stop: float, count: int,
@@ -203,17 +203,17 @@ class Run:
         self.rtol, self.atol, self.energy, self.solver, self.began = rtol, atol, energy, solver, began
         self.instants = np.linspace(plan.start, stop, count)
         self.legs: list[Leg] = []
-        self.leg: Leg | None = None  # that is on its way
+        self.leg: Leg | None = None  # the phase that is being integrated
         self.begin: Handover | None = None
-        self.begins_now: Handover | None = None  # how the leg begins that comes next
-        self.before: Result | None = None  # that this run goes on from
+        self.begins_now: Handover | None = None  # transition into the next phase
+        self.before: Result | None = None  # the result from which this run goes on
 
     def go(self) -> None:
-        """All legs, to the end. Raises `RunFailed`."""
+        """Integrate all phases, to the end. Raises `RunFailed`."""
         wishes, tried = dict(self.scene.preferences), set[tuple[str, ...]]()
         begin, left, legs = self.begin, self.instants, self.legs
         companion, modes = self._companion(), dict[str, float]()
-        smooth: dict[Program, Timeline] = {}  # the stretches of programs that were there before
+        smooth: dict[Program, Timeline] = {}  # the segments of programs used before
         while not legs or begin is not None:
             self.leg = None
             preferences = tuple(sorted(wishes.items()))
@@ -228,10 +228,11 @@ class Run:
             except RunFailed:
                 if legs or modes or begin is not None or companion is None or not companion.valves:
                     raise
-                modes = self._conducting(companion)  # where valves block as written, the starts cannot hold
+                # with the valves blocked as written, the start values may be impossible
+                modes = self._conducting(companion)
                 continue
             if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
-                tried.add(leg.begins_without)  # the first guess was wrong: begin anew
+                tried.add(leg.begins_without)  # the first guess was wrong: start again
                 self.scene = replace(self.scene, off=leg.begins_without)
                 continue
             leg.held = legs[-1].held if legs else None
@@ -263,7 +264,7 @@ class Run:
             )
 
     def _companion(self) -> Companion | None:
-        """The companion of the switched junctions, if valves or integrals need it."""
+        """Return the companion model of the switched junctions, if valves or integrals need it."""
         first = self.made(self.scene, self.energy)
         if not first.facts.valves and not first.facts.integrals:
             return None
@@ -277,7 +278,7 @@ class Run:
         return companion
 
     def _conducting(self, companion: Companion) -> dict[str, float]:
-        """The modes of the valves where the run begins, as the starts ask for them; the scene follows."""
+        """Return the modes of the valves at the beginning of the run that the start values require, and update the scene to match."""
         first = self.made(self.scene, self.energy)
         hybrid = first.program.hybrid
         assert hybrid is not None
@@ -289,7 +290,7 @@ class Run:
         return modes
 
     def cut(self, why: str) -> Result | None:
-        """What is sure where the run broke off; None if it had not begun."""
+        """Return the certain part of a run that broke off; None if it had not begun."""
         leg = self.leg
         if leg is not None and (not self.legs or self.legs[-1] is not leg):
             try:
@@ -303,12 +304,12 @@ class Run:
 
     @property
     def reached(self) -> float:
-        """How far the run came."""
+        """Time that the run has reached."""
         kept = self.legs[-1].trajectory.kept if self.legs else None
         return self.plan.start if kept is None else kept.time
 
     def result(self, stopped: str) -> Result:
-        """All legs as one result, with what came before them."""
+        """Return all phases as one result, joined with the result from which the run went on."""
         legs, plan = self.legs, self.plan
         program = legs[0].program
         columns = legs[0].compilation.columns
@@ -316,10 +317,10 @@ class Run:
         for leg in legs:
             evaluations.update(leg.trajectory.evaluations)
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
-        with np.errstate(all="ignore"):  # a run may end where something has no value
+        with np.errstate(all="ignore"):  # a run may end where a quantity has no value
             end = legs[-1].end(self.stop)
         time = self.instants[: len(values)]
-        if 2 * len(time) < len(self.instants):  # of a run that broke off: the others need not be kept
+        if 2 * len(time) < len(self.instants):  # the run broke off: do not keep the memory of the others
             time = time.copy()
         balance = _balance(legs) if self.energy else None
         lacking = _left_out(legs, balance)
@@ -345,7 +346,7 @@ def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
 
 
 def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> LeftOut | None:
-    """What all legs left out."""
+    """Return the joined truncation report of all phases, with the removed energy; None if nothing was truncated."""
     from ..left_out import joined
 
     found = None
@@ -359,7 +360,7 @@ def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> LeftOut | N
 
 
 def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handover:
-    """A handover with what earlier programs knew: what stands still in one may move in the next."""
+    """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
     if before is not None:
         begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
     past = None if leg.history is None else leg.history.past()
@@ -367,7 +368,7 @@ def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handove
 
 
 def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
-    """What jumped where junctions went on or off: each storage at its first instant."""
+    """Yield a note on each stored quantity that jumped where junctions went on or off, at its first instant."""
     told: dict[str, tuple[Jump, float, int]] = {}
     for leg in legs:
         for jump in leg.jumps:
@@ -385,7 +386,7 @@ def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
 def _check_choice(
     made: Callable[[Scene, bool], Prepared], scene: Scene, wishes: Mapping[str, str], begin: Handover, times: int
 ) -> None:
-    """Whether the other choice of states can be made. Raises `RunFailed`."""
+    """Raise `RunFailed` if the other state selection is not possible."""
     try:
         chosen = made(replace(scene, preferences=tuple(sorted(wishes.items()))), False)
         possible = times <= MOST_CHOICES and begin.dependent not in chosen.state_space.dependent
@@ -399,7 +400,7 @@ def _check_choice(
 
 
 def _warnings(legs: Sequence[Leg]) -> tuple[LimitLeft, ...]:
-    """Each limit that was left once, at its first instant, and the first doubt about tolerances."""
+    """Return each violated limit once, at its first instant, and the first doubt about tolerances."""
     first: dict[tuple[str, str, str], LimitLeft] = {}
     for item in (w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)):
         first.setdefault((item.owner, item.condition, item.place), item)
@@ -424,7 +425,7 @@ def _stop(plan: Plan, to: str | float | None) -> float:
 
 
 def seconds(text: str) -> float:
-    """A time as text, `20 ms`, or a bare number of seconds."""
+    """Return the time in s of a text such as `20 ms`, or of a bare number of seconds."""
     found = _number("--to", text, "s")
     if found is None:
         raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
@@ -432,16 +433,16 @@ def seconds(text: str) -> float:
 
 
 def hertz(given: str | float) -> float:
-    """A bandwidth as text, `50 kHz`, or a bare number of Hz. Raises `UsageError`."""
+    """Return the frequency in Hz of a text such as `50 kHz`, or of a bare number of Hz. Raises `UsageError`."""
     found = _number("--bandwidth", given, "Hz") if isinstance(given, str) else float(given)
     if found is None or not 0 < found < float("inf"):
         raise UsageError(f"`{given}` is no bandwidth: write `50 kHz`, or a number of Hz")
     return found
 
 
-@lru_cache(maxsize=256)  # asked anew at each point of a sweep
+@lru_cache(maxsize=256)  # called again at each point of a sweep
 def _number(where: str, text: str, unit: str) -> float | None:
-    """A number in SI, bare or in a unit of the same kind as `unit`; None if the text is none."""
+    """Return a number in SI, written bare or in a unit of the same kind as `unit`; None if the text is not a number."""
     from ..door import CompilationFailed, Literal, Source, parse_expression, read_unit
 
     try:
@@ -453,7 +454,7 @@ def _number(where: str, text: str, unit: str) -> float | None:
             if scale.dimension == read_unit(Source(where, unit)).dimension:
                 return scale.to_si(tree.number)
     except CompilationFailed:
-        pass  # no expression, or no unit: the same answer as for a number of anything else
+        pass  # no expression, or no unit: the same answer as for a number of another kind
     return None
 
 

@@ -1,4 +1,4 @@
-"""The stretches of time on which the right side is smooth: between the instants of steps, pulses, ramps and `if` on time."""
+"""Segments of time on which the right-hand side is smooth: between the instants of steps, pulses, ramps and `if` on time."""
 
 from __future__ import annotations
 
@@ -18,56 +18,57 @@ from .events.zeros import crossing
 if TYPE_CHECKING:
     from .crossings import Found
 
-GRID = 256  # places of a short stretch at which signals are known
-UNBOUNDED = 65_536  # places at which a stretch is searched for zeros of what has no bounds
-NODES = 4096  # places at which what time alone moves is known, of a whole run
+GRID = 256  # places of a short segment at which signals are sampled
+UNBOUNDED = 65_536  # places at which a segment is searched for zeros of functions without interval ranges
+NODES = 4096  # places at which signals of time are sampled in a whole run
 PER_PERIOD = 8  # such places for each period of a noise, if there are more
 MAXIMUM_GRID = 2_000_000
-SPARSE = 16  # places for each change of sign, else more are taken
+SPARSE = 16  # least number of places for each change of sign; with fewer, more are added
 GOLDEN = 0.6180339887498949
-BESIDE = (GOLDEN * np.arange(NODES) + 0.5) % 1.0  # how far beyond its equal share each of many places lies
-MOST_SAMPLES = 1_000_000  # of one sampled event
-SHARE = 1e-4  # of a signal's range: what a step may overlook of it; some twelve steps for each period of a sine
-OFFSET = 0.1180339887498949  # of a part, by which parts begin earlier than they would at round instants
+BESIDE = (GOLDEN * np.arange(NODES) + 0.5) % 1.0  # offset of each place from the regular grid, in grid widths
+MOST_SAMPLES = 1_000_000  # samples of one sampled event
+SHARE = 1e-4  # fraction of a signal's range that a step may overlook; about twelve steps per period of a sine
+OFFSET = 0.1180339887498949  # fraction of a part by which parts begin before round instants
 ROUNDING = 16  # units in the last place of a time
-# Where a step looks, places between, and the weights that a cubic through the former has at the latter.
+# Nodes of a step, places between them, and the weights of the cubic through the nodes at those places.
 SEEN = np.array([0.0, 0.155, 0.645, 1.0])
 LOOKS = np.concatenate([SEEN, [0.075, 0.3, 0.5, 0.85]])
 BETWEEN = np.linalg.solve(np.vander(SEEN).T, np.vander(LOOKS[4:], 4).T).T
-CUBIC = np.linalg.inv(np.vander(SEEN))  # from the values there to the coefficients of that cubic, the highest first
+# from the values at the nodes to the coefficients of the cubic, highest degree first
+CUBIC = np.linalg.inv(np.vander(SEEN))
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A stretch of time and the truth of the conditions on time within it."""
+    """Interval of time, and the truth values of the conditions on time within it."""
 
     start: float
     stop: float
     mode: Any
     seen: dict[float, tuple[Any, ...]] = field(
         default_factory=dict, init=False, compare=False, repr=False
-    )  # by `signals_on`
+    )  # cache of `signals_on`
 
     def up_to(self, start: float, stop: float) -> Segment:
-        """A part of it; itself, if that is all of it."""
+        """Return a part of the segment; the segment itself if the part is all of it."""
         return self if (start, stop) == (self.start, self.stop) else Segment(start, stop, self.mode)
 
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """The segments of a run, and what a user must know of how they were found."""
+    """Segments of a run, and notes for the user on how they were found."""
 
     segments: list[Segment]
     notes: tuple[str, ...] = ()
 
 
 def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
-    """Cut [start, stop] where an expression of time jumps or bends."""
+    """Cut [start, stop] at the jumps and kinks of expressions of time."""
     return timeline(program, constants, start, stop).segments
 
 
 def timeline(program: Program, constants: Any, start: float, stop: float) -> Timeline:
-    """Cut [start, stop] where an expression of time jumps or bends. The last answer of a program is kept with the numbers it was found for."""
+    """Cut [start, stop] at the jumps and kinks of expressions of time. The last answer of a program is cached with its arguments."""
     key = np.asarray(constants).tobytes(), start, stop
     last = program.kept.get("timeline")
     if last is None or last[0] != key:
@@ -80,7 +81,7 @@ def timeline(program: Program, constants: Any, start: float, stop: float) -> Tim
 
 
 def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, tuple[str, ...]]:
-    """The ends of all segments, rising, shape (segments + 1,); and notes."""
+    """Return the ends of all segments, rising, shape (segments + 1,); and notes."""
     cuts = np.atleast_1d(program.instants(constants))
     base = _distinct(np.concatenate([[start], np.sort(cuts[(start < cuts) & (cuts < stop)]), [stop]]))
     edges = base
@@ -102,7 +103,7 @@ def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple
 def _crossings(
     program: Program, functions: TimeFunctions, number: int, constants: Any, edges: Any
 ) -> tuple[Any, tuple[str, ...]]:
-    """The zeros of one function of time; where there are no ranges, what a look at many places tells, and a note of it."""
+    """Return the zeros of one function of time; without interval ranges, those found by sampling, with a note about it."""
     from .crossings import OneFunction, Undecided, crossings
 
     function = functions.crossings[number]
@@ -112,7 +113,7 @@ def _crossings(
     if any(functions.nodes[i][0] == "noise" for i in alone.order):
         _places(
             program, constants, float(edges[-1] - edges[0])
-        )  # refuses what would change in each of millions of periods
+        )  # refuses functions that change in each of millions of periods
     if function.slope >= 0 and not ranges.unbounded:
         try:
             found = crossings(OneFunction(ranges, alone, edges, modes))
@@ -130,7 +131,7 @@ def _crossings(
 
 
 def _notes(program: Program, function: Function, found: Found) -> Iterator[str]:
-    """What a user must know of a condition on time."""
+    """Yield notes for the user on a condition on time: equality to rounding, or truth at single instants only."""
     if function.condition and found.hidden is not None:
         first, last = found.hidden
         yield (
@@ -153,14 +154,14 @@ def _notes(program: Program, function: Function, found: Found) -> Iterator[str]:
 
 
 def _named(function: Function) -> str:
-    """A condition or a bend, by its owner and its line."""
+    """Return the name of a condition or kink in messages: its owner and its line."""
     return (
         f"a condition on time of `{function.owner}` ({PurePath(function.span.source.name).name}:{function.span.line})"
     )
 
 
 def timeline_in_parts(program: Program, constants: Any, ends: tuple[float, float], parts: int) -> Timeline:
-    """The segments between two instants, looked for in each of `parts` parts by itself; no part begins at a round instant."""
+    """Return the segments between two instants, searched separately in each of `parts` parts; no part begins at a round instant."""
     start, stop = ends
     if parts == 1:
         return timeline(program, constants, start, stop)
@@ -173,7 +174,7 @@ def timeline_in_parts(program: Program, constants: Any, ends: tuple[float, float
 
 
 def rest_of(stretches: Sequence[Segment], start: float) -> list[Segment]:
-    """What is left of stretches from an instant on; of the last one at least an end."""
+    """Return the remainder of the segments from an instant on; the last one always remains, even if only its end is left."""
     first = bisect_right(stretches, start, key=lambda s: s.stop)
     while first < len(stretches) - 1 and stretches[first].stop - start <= ROUNDING * np.spacing(abs(start)):
         first += 1
@@ -183,7 +184,7 @@ def rest_of(stretches: Sequence[Segment], start: float) -> list[Segment]:
 
 
 def _multiples(period: float, start: float, stop: float) -> Any:
-    """The instants at which an event is sampled."""
+    """Return the sample instants of an event."""
     if not period > 0 or (stop - start) / period > MOST_SAMPLES:
         raise RunFailed(
             f"an event every {period:g} s for {stop - start:g} s acts more than {MOST_SAMPLES} times, or never"
@@ -194,26 +195,26 @@ def _multiples(period: float, start: float, stop: float) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """What time alone moves on a stretch: how much of each signal a step may overlook, and what they are at many places."""
+    """Signals that depend on time alone, on a segment: their tolerated error, and their values at many places."""
 
-    allowed: Any  # (signals,)
+    allowed: Any  # (signals,): part of each signal that a step may overlook
     times: Any  # (places,), rising
     values: Any  # (places, signals)
-    steady: bool  # whether they are the same at all of them
+    steady: bool  # True if they are equal at all places
 
 
 def _irregular(start: float, span: float, count: int) -> Any:
-    """Places that lie irregularly: on a regular grid a fast oscillation would look like a slow one."""
+    """Return irregular places: on a regular grid a fast oscillation would look like a slow one."""
     numbers = np.arange(count)
     beside = BESIDE[:count] if count <= NODES else (GOLDEN * numbers + 0.5) % 1.0
     return start + span * (numbers + beside) / count
 
 
 def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
-    """The signals on a stretch, at places that lie irregularly: the denser, the larger its share of the `whole` run is.
+    """Return the signals on a segment at irregular places, the denser, the larger its share of the `whole` run is.
 
-    A signal that can have narrow peaks is also known wherever it has one. All that looks at a stretch asks for these places: they are found
-    once, unless what is delayed is among them.
+    A signal with narrow peaks is also sampled at each of them. All users of a segment share these places: they are computed once, unless delayed
+    signals are among them.
     """
     asked, seen = (program, inputs, constants), stretch.seen.get(whole)
     if seen is not None and all(a is b for a, b in zip(seen, asked, strict=False)):
@@ -227,7 +228,7 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
 def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float) -> Signals:
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
-    begin, end = inside(stretch)  # where a narrow pulse may have its crest
+    begin, end = inside(stretch)  # a narrow pulse may have its crest there
     first = program.signals(begin, inputs, constants, stretch.mode)
     if not len(first):
         return Signals(np.zeros(0), np.zeros(0), np.zeros((0, 0)), False)
@@ -243,18 +244,20 @@ def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, wh
     values = program.signals(times, inputs, constants, stretch.mode)
     columns = np.ascontiguousarray(values.T)
     low, high = columns.min(axis=1), columns.max(axis=1)
-    allowed = SHARE * (high - low) + 1e-9 * np.maximum(high, -low)  # the latter for rounding
+    allowed = SHARE * (high - low) + 1e-9 * np.maximum(high, -low)  # the second term covers rounding
     return Signals(allowed, times, values, not (high - low).any())
 
 
 def follower(
     program: Program, inputs: Any, constants: Any, stretch: Segment, known: Signals | None = None, coarse: float = 1.0
 ) -> Callable[[float, float], bool]:
-    """Tells whether a step sees what time alone moves: the cubic through the places at which the step looks must be close to
-    the signal between them, to a share of the range that the signal has; and so at every place in the step at which the signal
-    is known. A rectifier whose diode is off at all of a step's places would else not see the next peak, and a pulse
-    that is short beside a step would not be seen at all. `known`: the signals there, if they have been asked for; `coarse`: times as much may be missed, for a
-    first look."""
+    """Return a function of the ends of a step that is True if the step resolves the signals of time.
+
+    The cubic through the nodes of the step must be close to the signal between them, to a fraction of the signal's range, at fixed places and
+    at every place in the step at which the signal is known. Otherwise a rectifier whose diode is off at all nodes of a step would not see the next
+    peak, and a pulse that is short beside a step would not be seen at all. `known`: the signals there, if already computed; `coarse`: factor on
+    the tolerated error, for a pilot run.
+    """
     known = known or signals_on(program, inputs, constants, stretch)
     first, last = inside(stretch)
     allowed = coarse * known.allowed
@@ -276,28 +279,28 @@ def follower(
 
 
 def always(start: float, stop: float) -> bool:
-    """What a step sees of what does not move."""
+    """Return True: every step resolves signals that are constant."""
     return True
 
 
 def inside(stretch: Segment) -> tuple[float, float]:
-    """The first and last instant at which a signal is asked: where a stretch begins and ends is itself rounded."""
+    """Return the first and last instant at which a signal is evaluated: just inside the segment, because its ends are rounded."""
     margin = ROUNDING * float(np.spacing(max(abs(stretch.start), abs(stretch.stop))))
     return stretch.start + margin, stretch.stop - margin
 
 
 def mode_size(program: Program, constants: Any) -> int:
-    """How many items the mode of a program has."""
+    """Return the number of entries of a program's mode."""
     return len(program.switches(0.0, constants)) if program.hybrid is None else program.hybrid.size
 
 
 def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
-    """The conditions just after the end of a run, which is what an output at a jump shows (values hold from the jump on)."""
+    """Return the conditions just after the end of a run, which an output at a jump shows (values hold from the jump on)."""
     return with_time_of(program, _mode(program, constants, instant + 1e-6 * (last.stop - last.start)), last.mode)
 
 
 def with_time_of(program: Program, mode: Any, before: Any) -> Any:
-    """The mode before, with the conditions on time alone as they are in `mode`."""
+    """Return the mode `before`, with the conditions on time alone taken from `mode`."""
     if program.hybrid is None:
         return mode
     timed = list(program.hybrid.timed)
@@ -307,13 +310,13 @@ def with_time_of(program: Program, mode: Any, before: Any) -> Any:
 
 
 def _modes(program: Program, constants: Any, edges: Any) -> Any:
-    """The modes between the edges, shape (segments, mode); (0,) where there is none."""
-    mode = _mode(program, constants, edges[:-1] + GOLDEN * np.diff(edges))  # no place at which periods meet
+    """Return the modes between the edges, shape (segments, mode); (0,) where there is none."""
+    mode = _mode(program, constants, edges[:-1] + GOLDEN * np.diff(edges))  # a place at which no periods meet
     return mode if mode.shape[-1] else np.empty(0)
 
 
 def _mode(program: Program, constants: Any, time: Any) -> Any:
-    """The conditions on time; with events, what only they change is as at the start. Shape (…, mode)."""
+    """Return the conditions on time; with events, the entries that only events change are as at the start. Shape (…, mode)."""
     hybrid = program.hybrid
     if hybrid is None and not _count(program, "switches", lambda: program.switches(0.0, constants)):
         return np.empty((*np.shape(time), 0))
@@ -328,7 +331,7 @@ def _mode(program: Program, constants: Any, time: Any) -> Any:
 
 
 def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
-    """How many values a function of a program has, whatever they are."""
+    """Return the number of values of a function of a program, cached by name."""
     kept = program.kept
     if name not in kept:
         kept[name] = int(np.shape(values())[-1])
@@ -336,8 +339,10 @@ def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
 
 
 def _distinct(edges: Any) -> Any:
-    """Sorted instants without those that rounding has split; the first and the last stay. What is below the rounding of the whole run is no stretch: a root
-    of high order at time 0 is found anywhere below 1e-60 s."""
+    """Return sorted instants without those that rounding has split; the first and the last stay.
+
+    Intervals below the rounding of the whole run are no segments: a root of high order at time 0 is found anywhere below 1e-60 s.
+    """
     span = float(edges[-1] - edges[0])
     apart = np.diff(edges) > 4 * np.spacing(np.maximum(span, np.maximum(np.abs(edges[:-1]), np.abs(edges[1:]))))
     if apart.all():
@@ -352,7 +357,7 @@ def _distinct(edges: Any) -> Any:
 
 
 def _places(program: Program, constants: Any, length: float) -> int:
-    """At how many places a stretch is searched."""
+    """Return the number of places at which a segment is searched."""
     period = float(min(np.abs(program.periods(constants)), default=np.inf))
     places = max(UNBOUNDED, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
     if places > MAXIMUM_GRID:
@@ -364,7 +369,7 @@ def _places(program: Program, constants: Any, length: float) -> int:
 
 
 def _looked_at(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, Any]:
-    """Times and the values there of the functions whose zeros are looked for; more places where signs change often."""
+    """Return times and values of the functions whose zeros are searched; more places where signs change often."""
     places = _places(program, constants, stop - start)
     while True:
         times = _irregular(start, stop - start, places)
@@ -382,7 +387,7 @@ def _looked_at(program: Program, constants: Any, start: float, stop: float) -> t
 
 
 def _sampled(program: Program, constants: Any, number: int, edges: Any) -> tuple[list[float], float]:
-    """Zeros of a function of time without ranges: signs at many places, then bisection; and how far these places lie apart at most.
+    """Return zeros of a function of time without ranges (signs at many places, then bisection), and the largest distance of these places.
 
     Two zeros closer than that can be missed.
     """

@@ -1,8 +1,8 @@
-"""What is set from outside: numbers are arguments of one program for all their values; what decides more than numbers is compiled.
+"""Settings from outside: numbers are arguments of one program for all their values; settings that decide more than numbers are compiled in.
 
-A setting is compiled into the program where it is an expression (of time, of other quantities), where the model asks for its value before
-there is a program (a length, a choice between laws), or where it cannot be (the compiler then says why). Where a zero makes other equations
-of the model (a mass that divides), the run goes on with a program in which it is one, as if the text said so.
+A setting is compiled into the program where it is an expression (of time, of other quantities), where the model needs its value before
+there is a program (a length, a choice between laws), or where it cannot be an argument (the compiler then gives the reason). Where a zero changes
+the equations of the model (a mass that divides), the run uses a program with the zero compiled in, as if the text said so.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Settled:
 
 
 def settle(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, everything: bool, target: str) -> Settled:  # fmt: skip
-    """How a run of a model with some settings is made. Raises `CompilationFailed` for what cannot be set."""
+    """Return the scene and the numbers for a run of a model with some settings. Raises `CompilationFailed` for settings that are not possible."""
     numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(name, x)) is not None}
     later = frozenset(numbers)
     while later:
@@ -50,13 +50,13 @@ def settle(model: Model, experiment: str | None, settings: Settings, outputs: tu
                 later -= needed.names
                 continue
         except CompilationFailed:
-            pass  # told with the values, if it is wrong with them, too
+            pass  # raised again below, with the values, if they are wrong too
         break
     return Settled(model.scene(experiment, settings, (), outputs), {})
 
 
 def compiled_in(model: Model, experiment: str | None, settings: Settings, names: Iterable[str]) -> dict[str, str]:
-    """Which of some names, set to numbers, are no arguments of a program but compiled into one of their own; for each the place that asks."""
+    """Return those of `names`, set to numbers, that must be compiled in instead of being arguments; for each the place that needs the value."""
     found: dict[str, str] = {}
     written = {name: x for name, x in settings.items() if name not in names}
     later = frozenset(name.replace(" ", "") for name in names)
@@ -72,13 +72,13 @@ def compiled_in(model: Model, experiment: str | None, settings: Settings, names:
             if why:
                 continue
         except CompilationFailed:
-            pass  # told where it is compiled
+            pass  # raised where the scene is compiled
         break
     return found
 
 
 def with_zeros(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> Scene | None:  # fmt: skip
-    """The scene in which what is set to zero is so for the whole run; None if nothing is."""
+    """Return the scene in which settings equal to zero are compiled in for the whole run; None if no setting is zero."""
     zeros = frozenset(n.replace(" ", "") for n, x in settings.items() if (found := _number(n, x)) and found.value == 0)
     if not zeros:
         return None
@@ -86,7 +86,7 @@ def with_zeros(model: Model, experiment: str | None, settings: Settings, outputs
 
 
 def refused_with_values(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip
-    """Raises `CompilationFailed` if the compiler, which did not know the values, finds something wrong with them."""
+    """Raise `CompilationFailed` if the compiler, which did not know the values, finds an error with them."""
     from ..door import Compilation
     from ..model import LIBRARY
 
@@ -95,14 +95,14 @@ def refused_with_values(model: Model, experiment: str | None, settings: Settings
 
 @dataclass(frozen=True, slots=True)
 class _Number:
-    """A number in SI, and the text of its unit; None where any unit will do."""
+    """A number in SI, and the text of its unit; None if any unit is accepted."""
 
     value: float
     unit: str | None
 
 
 def _number(name: str, given: str | float) -> _Number | None:
-    """A setting that is a number; None for any other expression."""
+    """Return a setting that is a number; None for any other expression."""
     if not isinstance(given, str):
         return _Number(float(given), None)
     from ..door import Literal, Negative, parse_expression, read_unit
@@ -118,16 +118,16 @@ def _number(name: str, given: str | float) -> _Number | None:
         scale = read_unit(Source("unit", text))
         return None if sign < 0 and scale.offset else _Number(sign * scale.to_si(tree.number), text)
     except CompilationFailed:
-        return None  # told where it is compiled
+        return None  # raised where the scene is compiled
 
 
 def _argument(name: str) -> Override:
-    """What is set when a run begins: the same for all its values."""
+    """Return the override that makes a name an argument of the program, set when a run begins; equal for all values."""
     return Override(name, None, Span(Source(f"setting of {name}", name), 0, len(name)))
 
 
 def _fits(facts: Facts, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
-    """Whether the units are right, the numbers are some, and what is never negative is not."""
+    """Return True if the units are right, the numbers are finite, and quantities that must not be negative are not."""
     from ..door import evaluate, read_unit
 
     for name, number in numbers.items():

@@ -1,4 +1,4 @@
-"""What a stepper is asked to hold, and what comes of its steps."""
+"""Input and output of an integrator: tolerances, checkpoints and the trajectory."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """Relative, and per state absolute tolerance and magnitude, in SI; shape (n,).
+    """Relative tolerance, and absolute tolerance and magnitude per state, in SI; shape (n,).
 
-    `held` marks the absolute tolerances that the author gave; others grow with a state that exceeds its magnitude.
+    `held` marks the absolute tolerances that the author gave; the others grow with a state that exceeds its magnitude.
     """
 
     relative: float
@@ -30,50 +30,52 @@ class Tolerances:
 
     @property
     def scaled(self) -> Any:
-        """Absolute tolerances of the states divided by their magnitudes, as the solver is to see them."""
+        """Absolute tolerances of the states divided by their magnitudes, as the solver uses them."""
         return self.absolute / self.magnitude
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Where a run stands after a step that it accepted: enough to go on from there, and to tell it from what came of later ones."""
+    """Checkpoint of a run after an accepted step: data to go on from there, and to discard the results of later steps."""
 
     time: float
     state: Any  # with the unknowns of loops; shape (n,)
     mode: Any
     begun: float  # where the current piece begins
-    position: int  # reported instants that have been passed
-    pieces: int  # that are over
-    jumps: int  # of energy
-    happened: int  # events, in the log
-    remembered: int  # steps whose delayed signals are known
+    position: int  # number of reported instants that have been passed
+    pieces: int  # number of finished segments
+    jumps: int  # number of jumps of energy
+    happened: int  # number of events in the log
+    remembered: int  # number of steps whose delayed signals are stored
     work: Any
-    on: Mapping[tuple[str, int], bool]  # which events' conditions hold
+    on: Mapping[tuple[str, int], bool]  # conditions of events, with their truth values
 
 
 @dataclass(slots=True)
 class Trajectory:
-    """States at the requested instants, and what the solver did."""
+    """States at the requested instants, and statistics of the integrator."""
 
     states: Any  # (points, n)
     steps: int = 0
     evaluations: dict[str, int] = field(default_factory=dict)
     work: Any = None  # integral of the powers, if asked
     final: Any = None
-    poses: list[SingularPose] = field(default_factory=list)  # that were passed
-    handover: Handover | None = None  # the run stops there: other states should go on
-    settled: int | None = (
-        None  # the method that goes on whatever the next stretch looks like, and the next leg of this program
-    )
-    solvers: dict[str, None] = field(default_factory=dict)  # that were at work, in the order of their first use
-    pieces: list[Segment] = field(default_factory=list)  # of the stretches, with their modes, as they were run through
+    poses: list[SingularPose] = field(default_factory=list)  # singular poses passed on the way
+    handover: Handover | None = None  # transition at which the phase ends: other states are integrated from there on
+    settled: int | None = None  # the method kept for all further segments, and for the next phase of this program
+    solvers: dict[str, None] = field(default_factory=dict)  # used, in the order of their first use
+    pieces: list[Segment] = field(default_factory=list)  # the segments, with their modes, as they were integrated
     peak: Any = None  # the largest magnitudes on the way
-    notes: list[str] = field(default_factory=list)  # of what held the steps
-    jumps: list[tuple[Any, Any]] = field(default_factory=list)  # powers and what is stored, before and after each event
+    notes: list[str] = field(default_factory=list)  # on the causes of short steps
+    # powers and stored energies, before and after each event
+    jumps: list[tuple[Any, Any]] = field(default_factory=list)
     kept: Kept | None = None  # after the last accepted step
 
     def cut(self, stretches: Sequence[Segment]) -> Kept | None:
-        """Only what came before the last accepted step, which an error may have left half looked at; None if there was none."""
+        """Keep only the part before the last accepted step and return its checkpoint, or None if no step was accepted.
+
+        An exception may leave the step after it half processed.
+        """
         kept = self.kept
         if kept is None:
             self.states = self.states[:0]
@@ -90,5 +92,5 @@ class Trajectory:
 
 
 def empty(program: Program, instants: Any) -> Trajectory:
-    """A trajectory in which nothing has been reached yet."""
+    """Return a trajectory in which no instant has been reached yet."""
     return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))

@@ -1,1 +1,1 @@
-"""What is faster than the bandwidth of a run is left out where it rings, and told."""
+"""Modal truncation: oscillating modes faster than the bandwidth of a run are removed from the state and reported."""

@@ -1,7 +1,7 @@
-"""A ringing that was left out, followed along the slow motion, which is known at the reported instants: its amplitude in the outputs.
+"""Modal envelope: amplitude in the outputs of truncated modes, followed along the slow motion, which is known at the reported instants.
 
-A mode that changes slowly keeps c v with w.v' = 0 (v, w its right and left vector, w.v = 1; the first order of the WKB method), and decays at
-its own rate.
+A mode that changes slowly keeps c v with w.v' = 0 (v, w: its right and left eigenvector, w.v = 1; first order of the WKB method) and decays
+at its own rate.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from ..segments import Segment
 from .leave import Removal
 from .split import GROWN, Flow, Modes, Split, several, split
 
-# parts of a run at which modes are computed, after its start; no simple parts of a turn of the slow motion
+# Fractions of a run at which modes are computed after its start; they are no simple fractions of a period of the slow motion.
 PLACES = (0.31, 0.67, 1.0)
-SHORT = 0.25  # of the run: a way for which its ends are enough
-HALVINGS = 8  # more places where modes are not recognised from one to the next
-SMALL = 1e-4  # of the largest: modes that ring by less are of no account
-ALIKE = 0.7  # of a mode's share in the modes before: else it is taken for several that turn alike
-KNOWN = 0.5  # of a mode in all of those at the next place, if it is to be followed there
+SHORT = 0.25  # fraction of the run: on a shorter way, modes at its two ends are enough
+HALVINGS = 8  # most halvings of an interval across which modes are not recognised
+SMALL = 1e-4  # fraction of the largest amplitude: smaller modes are ignored
+ALIKE = 0.7  # least share of a mode in one earlier mode; below, it is a mix of modes with equal frequencies
+KNOWN = 0.5  # least share of a mode in all modes at the next place for it to be followed there
 LOG_SMALL = math.log(SMALL)
-EIGHTHS = np.exp(0.25j * np.pi * np.arange(3))  # of a turn
-INSTANTS = 32  # at which eigenvalues are computed where decays change on the way
-STEADY = 0.1  # of itself, or powers of e in the run: a change of a decay that needs no more than the places
+EIGHTHS = np.exp(0.25j * np.pi * np.arange(3))  # phases of 0, 1/8 and 1/4 of a turn
+INSTANTS = 32  # number of instants with eigenvalues where decay rates change along the way
+STEADY = 0.1  # relative change of a decay rate, or powers of e in the run, below which the places are enough
 TINY = 1e-300
-LARGEST = 40.0  # powers of e by which a ringing is told to grow
+LARGEST = 40.0  # powers of e: limit of the reported growth of an oscillation
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """The slow motion from a removal on, at k instants with their modes; `states` (k, size) in SI."""
+    """Slow motion from one removal on, at k instants with their discrete modes; `states` (k, size) in SI."""
 
     times: Any
     states: Any
@@ -49,21 +49,24 @@ class Way:
         return Way(self.times[places], self.states[places], self.modes[places])
 
     def moved(self, flow: Flow, by: Any) -> tuple[Any, Any, Any, Any]:
-        """Times, modes, states and scaled states for states that are moved (k, m, n)."""
+        """Return times, modes, states in SI and scaled states for displacements `by` (k, m, n) of the states."""
         k, m, n = by.shape
         scaled, places = self.states[:, None, :n] / flow.magnitude + by, np.repeat(np.arange(k), m)
         return self.times[places], self.modes[places], self.states[places], scaled.reshape(k * m, n)
 
     def outputs(self, flow: Flow, by: Any) -> Any:
-        """At states that are moved (k, m, n): (k, m, outputs)."""
+        """Return the outputs (k, m, outputs) at states displaced by `by` (k, m, n)."""
         return flow.outputs(*self.moved(flow, by)).reshape(*by.shape[:2], -1)
 
 
 @dataclass(frozen=True, eq=False)
 class Ringing:
-    """`shapes` (k, n, p) are the complex amplitudes a of p modes at some places of a way as they are without growth or decay, over the magnitudes of
-    the flow; the ringing is the sum of Re(a exp(integral of the eigenvalue)). `values` (k, p): eigenvalues at the places; `instants` (f,) with
-    `rates` (f, p): at the places and between them, in 1/s. `lost`: where something that still rings is not recognised."""
+    """Truncated modes at some places of a way.
+
+    `shapes` (k, n, p): complex amplitudes a of p modes without growth or decay, over the magnitudes of the flow; the oscillation is the sum of
+    Re(a exp(integral of the eigenvalue)). `values` (k, p): eigenvalues at the places. `instants` (f,) with `rates` (f, p): eigenvalues at the
+    places and between them, in 1/s. `lost`: time at which a mode that still rings is not recognised, or None.
+    """
 
     way: Way
     splits: Sequence[Split]
@@ -75,12 +78,12 @@ class Ringing:
 
     @cached_property
     def logarithms(self) -> Any:
-        """Of the amplitudes at the instants (f, p): what the real parts of the eigenvalues add up to."""
+        """Logarithms of the amplitudes at the instants (f, p): integral of the real parts of the eigenvalues."""
         steps = 0.5 * np.diff(self.instants)[:, None] * (self.rates[1:] + self.rates[:-1]).real
         return np.concatenate([np.zeros((1, self.rates.shape[1])), np.cumsum(steps, axis=0)])
 
     def sizes(self, times: Any) -> Any:
-        """The amplitudes at rising times (k, p), 1 at the start."""
+        """Return the amplitudes at rising times (k, p), relative to 1 at the start."""
         if len(self.instants) == 1:
             return np.ones((len(times), self.rates.shape[1]))
         at = np.clip(np.searchsorted(self.instants, times, "right") - 1, 0, len(self.instants) - 2)
@@ -90,7 +93,7 @@ class Ringing:
 
     @cached_property
     def peaks(self) -> Any:
-        """The largest amplitude at the instants nearest to each place (k, p)."""
+        """Largest amplitude at the instants nearest to each place (k, p)."""
         found = np.exp(np.clip(self.logarithms, -700.0, LARGEST))
         if len(self.instants) == len(self.way):
             return found
@@ -99,22 +102,22 @@ class Ringing:
 
     @cached_property
     def phases(self) -> Any:
-        """Of the modes at the last of the instants (p,): what the imaginary parts of the eigenvalues add up to."""
+        """Phase factors of the modes at the last instant (p,): exp(i times the integral of the imaginary parts of the eigenvalues)."""
         turned = 0.5 * np.diff(self.instants)[:, None] * (self.rates[1:] + self.rates[:-1]).imag
         return np.exp(1j * turned.sum(axis=0))
 
     @property
     def coming(self) -> Any:
-        """What rings at the last of the places, as complex amplitudes (n,)."""
+        """Complex amplitudes (n,) of the modes that still ring at the last place."""
         return self.shapes[-1] @ (np.exp(np.clip(self.logarithms[-1], -700.0, LARGEST)) * self.phases)
 
     @cached_property
     def largest(self) -> Any:
-        """The shapes with their amplitudes at the places."""
+        """Shapes multiplied by their amplitudes at the places."""
         return self.shapes * self.peaks[:, None, :]
 
     def grows(self) -> tuple[float, float] | None:
-        """Since when something of it grows by more than is left out, and how many times; None if nothing does."""
+        """Return the time since when a mode grows by more than `GROWN` powers of e, and the growth factor; None if no mode grows so much."""
         logarithms = self.logarithms
         grown = logarithms - np.minimum.accumulate(logarithms, axis=0)
         grown = np.where(logarithms > LOG_SMALL, grown, 0.0)
@@ -126,7 +129,7 @@ class Ringing:
 
 
 def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Sequence[Segment]) -> Iterator[Way]:
-    """From each removal to the next one, or to the end: the reported instants between, and those of the removals."""
+    """Yield the slow motion from each removal to the next one or to the end: the reported instants between, and those of the removals."""
     starts, modes = np.array([p.start for p in pieces]), several([p.mode for p in pieces])
     for removal, after in zip_longest(removals, removals[1:]):
         stop = np.inf if after is None else after.time
@@ -140,8 +143,10 @@ def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Seq
 
 
 def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None) -> Ringing:
-    """The modes of a ringing at places from the start of a way to its end, or to where they are not recognised. `part`: of the run that the way is;
-    `before`: what rang until then, and rings on."""
+    """Return the modes of an oscillation at places from the start of a way to its end, or to the place at which they are not recognised.
+
+    `part`: fraction of the run that the way covers; `before`: oscillation of the preceding way, which continues on this one.
+    """
     last = len(way) - 1
     parts = PLACES if part > SHORT else PLACES[-1:]
     places = sorted({max(1, round(last * p)) for p in parts}) if last else []
@@ -149,7 +154,7 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: 
     if before is not None:
         both = _with(removal, before)
         at, lost = (at, float(removal.time)) if both is None else (both, None)
-    change = 2 * removal.found.removed + coming  # of a conjugate pair one mode is taken, twice as large
+    change = 2 * removal.found.removed + coming  # one mode of each conjugate pair is used, with twice the amplitude
     shares = np.abs(at.dual @ change) * np.linalg.norm(at.right, axis=0)
     once = (at.values.imag >= 0) & (shares > SMALL * shares[at.values.imag >= 0].max())
     vectors, duals, values = at.right[:, once], at.dual[once], at.values[once]
@@ -173,7 +178,7 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: 
             break
         earlier, unknown = values, gone & ~_found(new, vectors, duals) if gone.any() else gone
         vectors, duals, values = carried(vectors, duals, new)
-        values = np.where(unknown, earlier, values)  # what is gone and not recognised decays as it did
+        values = np.where(unknown, earlier, values)  # modes that have decayed and are not recognised keep their rate
         sizes = sizes + 0.5 * span * (earlier + values).real
         reached.append(ahead.pop())
         splits.append(new)
@@ -185,7 +190,7 @@ def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: 
 
 
 def _with(removal: Removal, before: Ringing) -> Split | None:
-    """The split at a removal, with what still rings from before among its fast modes; None if that is not found."""
+    """Return the split at a removal, with the modes that still ring from before among its fast modes; None if they are not found."""
     at, coming, removed = removal.found.split, before.coming, removal.found.removed
 
     def has(fast: Split) -> bool:
@@ -201,7 +206,10 @@ def _with(removal: Removal, before: Ringing) -> Split | None:
 def _recognised(
     flow: Flow, rate: float, way: Way, place: int, usual: Split | str | None, vectors: Any, duals: Any, gone: Any
 ) -> Split | None:
-    """The split at a place of a way, if all modes that still ring are found there: among its fast modes, or else wherever their eigenvalues went."""
+    """Return the split at a place of a way if it contains all modes that still ring; None otherwise.
+
+    The modes are searched among the fast modes first, then wherever their eigenvalues have moved to.
+    """
     if isinstance(usual, Split) and (gone | _found(usual, vectors, duals)).all():
         return usual
     there = way[[place]]
@@ -214,12 +222,12 @@ def _recognised(
 
 
 def _found(at: Split, vectors: Any, duals: Any) -> Any:
-    """Which modes lie among the fast ones of a split (p,)."""
+    """Return a mask (p,) of the modes that lie in the fast subspace of a split."""
     return np.abs(((at.dual @ vectors) * (duals @ at.right).T).sum(axis=0)) >= KNOWN
 
 
 def _between(flow: Flow, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
-    """Instants from the start to the last of the places, and the eigenvalues there (f, p): more of them where decays change on the way."""
+    """Return instants from the start to the last place, and the eigenvalues there (f, p); more instants where decay rates change."""
     apart, span = np.ptp(rates.real, axis=0), places[-1] - places[0]
     if not (apart > STEADY * np.maximum(np.abs(rates.real).max(axis=0), 1 / max(span, TINY))).any() or len(way) <= len(
         places
@@ -239,13 +247,13 @@ def _between(flow: Flow, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
 
 
 def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
-    """Right and left vectors of the modes at the next place, scaled so that c v changes by nothing but its phase; and the modes' rates there."""
+    """Return right and left vectors of the modes at the next place, scaled so that c v changes only in phase, and the eigenvalues there."""
     here, back = new.dual @ vectors, duals @ new.right  # (new, old), (old, new)
-    shares = np.abs(here * back.T)  # of the old modes in the new ones: 1 where they are the same
+    shares = np.abs(here * back.T)  # share of each old mode in each new one: 1 where they are equal
     nearest = shares.argmax(axis=0)
     right, dual, rates = np.empty_like(vectors), np.empty_like(duals), new.values[nearest]
     for old, j in enumerate(nearest):
-        if shares[j, old] < ALIKE:  # modes that turn alike mix as they like: what they do together stays
+        if shares[j, old] < ALIKE:  # modes of equal frequency mix arbitrarily: only their sum is preserved
             right[:, old], dual[old] = new.right @ here[:, old], back[old] @ new.dual
             continue
         factor = np.sqrt(here[j, old] / back[old, j])
@@ -255,8 +263,10 @@ def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
 
 
 def amplitudes(flow: Flow, ringing: Ringing) -> Any:
-    """In each output (outputs,): the largest at the places, all modes at their largest at once. Of an output that is not linear (a power) the even
-    part is added: the largest that it gets by a mode whatever its phase, if it goes with the square."""
+    """Largest amplitude in each output (outputs,) over the places, with all modes at their largest at once.
+
+    For an output that is not linear (a power) the even part is added: its largest value for any phase of a mode, if it grows with the square.
+    """
     shapes = ringing.largest.transpose(0, 2, 1)  # (k, p, n)
     count, modes, n = shapes.shape
     ways = (shapes[:, None] * EIGHTHS[:, None, None]).real.reshape(count, -1, n)

@@ -1,4 +1,6 @@
-"""Whether what drives a model has content above the bandwidth: that is followed, since a step that does not see a signal answers to another one."""
+"""Frequency content of the signals that drive a model: a signal above the bandwidth must be followed, because a step that does not see it would
+answer to a different signal.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,13 @@ from ..segments import GOLDEN, Segment, inside
 if TYPE_CHECKING:
     from ...door import Program
 
-PLACES = 128  # of a stretch
-AHEAD = 1e-3  # of a radian at the bandwidth: differences in time
-SMALL = 1e-9  # of a signal: a change within that time that is rounding
+PLACES = 128  # number of sample places per segment
+AHEAD = 1e-3  # radians at the bandwidth: time step of difference quotients
+SMALL = 1e-9  # relative change of a signal within that time that counts as rounding
 
 
 def content(program: Program, inputs: Any, constants: Any, stretch: Segment, bandwidth: float) -> float:
-    """A frequency in Hz: how fast the fastest of the signals of time changes, by its largest second and first derivative; 0 if it is below the bandwidth."""
+    """Return a frequency in Hz: how fast the fastest signal of time changes, from its largest second and first derivative; 0 if below the bandwidth."""
     ahead = AHEAD / (2 * np.pi * bandwidth)
     first, last = inside(stretch)
     if last - first < 4 * ahead:

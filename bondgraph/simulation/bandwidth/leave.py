@@ -1,6 +1,6 @@
-"""What rings faster than the bandwidth is taken out of the state: where a stretch begins, and where steps get short because of it.
+"""Mode truncation: oscillations faster than the bandwidth are removed from the state where a segment begins, and where they shorten the steps.
 
-The steps themselves know nothing of that: after the removal they hold the tolerance of the whole system, which does not ring.
+The integrators know nothing of that: after the removal they hold the tolerance of the whole system, which no longer oscillates.
 """
 
 from __future__ import annotations
@@ -22,45 +22,48 @@ from .split import Flow, Split, one
 if TYPE_CHECKING:
     from ..stretch.stepper import Solver, Stepper
 
-SEEN = 1.0  # of the tolerance: a ringing above that shortens steps
-# Of what would be removed, so much may be left, or it is no ringing but driven; the latter where nothing begins anew.
+SEEN = 1.0  # in units of the tolerance: a larger oscillation shortens steps
+# Largest fraction of the removed part that may remain; above, the motion is driven and no free oscillation. The second holds within a segment.
 LEFT, LEFT_LATER = 0.3, 0.01
-AFTER = 50  # steps, after which it is looked whether they are short
-LOUD = 0.3  # of a state's magnitude: a ringing that a look ahead should not have seen
-IN_A_TURN = 65  # instants at which what is required is asked of what was removed
-SHORT = 0.02  # of a period of the bandwidth
+AFTER = 50  # number of steps after which the step size is checked
+LOUD = 0.3  # fraction of a state's magnitude: a larger oscillation falsifies magnitudes that a pilot run found
+IN_A_TURN = 65  # instants per period at which requirements of the model are checked for the removed oscillation
+SHORT = 0.02  # in periods of the bandwidth: steps shorter than this are short
 
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """What was removed at an instant. States in SI, with their unknowns."""
+    """Record of one removal at an instant. States in SI, with their unknowns."""
 
     time: float
     mode: Any
     before: Any
     after: Any
     found: Settled
-    rate: float  # beyond which a mode is fast, 1/s
+    rate: float  # modes beyond this rate are fast, 1/s
 
 
 class Leaving:
-    """What is left out of one leg. `restart` is told the state from which magnitudes are looked for, where what was left out would count."""
+    """Mode truncation of one phase (`Leg`).
+
+    `restart` receives the state from which magnitudes are searched again, where the removed part would dominate them.
+    """
 
     def __init__(self, bandwidth: float, span: float, restart: Callable[[Any], None]) -> None:
         self.bandwidth, self.span, self.restart = bandwidth, span, restart
         self.flow: Flow | None = None
         self.removals: list[Removal] = []
-        self.looks: list[float] = []  # when it was looked what is faster
-        self.faster = 0  # modes that ring faster
-        self.fastest = 0.0  # the rate of the fastest motion within the circle, 1/s
-        self.decay = 0.0  # that of what is beyond it and does not ring
-        self.reasons: dict[str, float] = {}  # why what is faster was not left out, and when first
-        self.above = 0.0  # Hz: how fast what drives the model changes, if that is faster
-        self.pause = AFTER  # steps of a piece, after which it is looked at
+        self.looks: list[float] = []  # instants at which the eigenvalues were examined
+        self.faster = 0  # number of oscillating modes faster than the bandwidth
+        self.fastest = 0.0  # rate of the fastest motion within the circle of the bandwidth, 1/s
+        self.decay = 0.0  # rate of the fastest motion beyond the circle that does not oscillate, 1/s
+        self.reasons: dict[str, float] = {}  # reasons why faster modes were not truncated, with the first time of each
+        self.above = 0.0  # Hz: frequency of the driving signals, if above the bandwidth
+        self.pause = AFTER  # number of steps of a segment after which it is examined
         self._began, self._counted = 0.0, 0
 
     def begin(self, stepper: Stepper, stretch: Segment, x: Any) -> Any:
-        """The state without what rings in it. x: in SI, with its unknowns."""
+        """Return the state without its fast oscillations. x: in SI, with its unknowns."""
         self.pause, self._began, self._counted = AFTER, stretch.start, 0
         first = self.flow is None
         if self.flow is None:
@@ -83,7 +86,7 @@ class Leaving:
         return after
 
     def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
-        """Whether a stretch is to be cut after so many steps, since something rings there that shortens them."""
+        """Return True if a segment is to be cut after so many steps, because a fast oscillation there shortens them."""
         if steps < self.pause or solver.finished:
             return False
         time = float(solver.time)
@@ -97,7 +100,7 @@ class Leaving:
         return isinstance(self._found(time, x, stretch.mode, LEFT_LATER), Settled)
 
     def _found(self, time: float, x: Any, mode: Any, left: float) -> Settled | str | None:
-        """The slow motion there; None if nothing need be left out, a reason if it cannot."""
+        """Return the slow motion at a state; None if nothing need be removed, or the reason as text if removal is not possible."""
         flow = self.flow
         assert flow is not None
         self.looks.append(time)
@@ -117,7 +120,7 @@ class Leaving:
         return found if rest <= left * ringing else "what is fast follows its drive as much as it rings, and is kept"
 
     def _told(self, at: Split | str) -> str | None:
-        """Why nothing may be left out there; counts what is faster."""
+        """Return the reason why nothing may be truncated at a split, or None; count the faster modes."""
         if isinstance(at, str):
             return at
         self.faster = max(self.faster, int((at.values.imag >= 0).sum()))
@@ -130,14 +133,14 @@ class Leaving:
         return f"a motion of {told_hertz(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
     def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:
-        """The slow state in SI, on all constraints, with its unknowns."""
+        """Return the slow state in SI, on all constraints, with its unknowns."""
         assert self.flow is not None
         states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
         return stepper.held(stretch.start, states, stretch.mode)
 
 
 def _ask(stepper: Stepper, magnitude: Any, removal: Removal) -> None:
-    """Ask the first turn of what was removed for what the model requires; nothing comes of it where loops have no solution."""
+    """Check the requirements of the model over the first period of the removed oscillation; ignore instants at which loops have no solution."""
     at, count = removal.found.split, len(removal.found.removed)
     parts = (at.right * (at.dual @ removal.found.removed)).T * magnitude
     turn = 2 * np.pi / float(np.abs(at.values.imag).min())
@@ -152,5 +155,5 @@ def _ask(stepper: Stepper, magnitude: Any, removal: Removal) -> None:
 
 
 def _size(flow: Flow, change: Any) -> float:
-    """The norm of a change in units of the tolerance, as steps measure their errors."""
+    """Return the norm of a change in units of the tolerance, as the integrators measure their errors."""
     return float(np.linalg.norm(change / flow.allowed) / max(1, len(change)) ** 0.5)

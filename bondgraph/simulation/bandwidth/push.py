@@ -1,7 +1,8 @@
-"""What a ringing that was left out would have done to the motion that is kept.
+"""Averaged forcing: effect of the truncated oscillations on the slow solution.
 
-In the mean over its phase a ringing pushes the slow motion by what is of second order in the rates (for a lossless one by the slope of its frequency,
-times its action), and the slow motion answers by its own linear equations. Where a bound says that nobody could see the answer, it is not computed.
+Averaged over its phase, an oscillation forces the slow motion by a term of second order in the rates (for a lossless one the gradient of its
+frequency times its action), and the slow motion answers by its own linearized equations. Where a bound shows that the answer lies below the
+tolerance, it is not computed.
 """
 
 from __future__ import annotations
@@ -15,23 +16,26 @@ import numpy as np
 from .along import Ringing, Way
 from .split import Flow
 
-IN_A_TURN, LEAST = 3, 48  # instants at which the push on the slow motion is computed: in a turn of it, and in all
-ROOM = 2_000_000  # numbers in their matrices
-APART = 0.01  # of its rate: modes nearer to one are taken together with it
-# By so much the answer within an interval may differ from that in the first of several that are taken for one.
+IN_A_TURN, LEAST = 3, 48  # instants with forcing: per period of the slow motion, and at least in all
+ROOM = 2_000_000  # most numbers in their matrices
+APART = 0.01  # relative distance of eigenvalues below which modes are taken together
+# Largest change of the answer matrix, in powers of e, among intervals that share one propagator.
 ALIKE_ENOUGH = 0.01
-UNSEEN = 0.3  # of the tolerance: where the bound says less, nothing is computed
-# Powers of e within an interval: below, a push changes linearly; above, that of the larger end is taken.
+UNSEEN = 0.3  # in units of the tolerance: below this bound nothing is computed
+# Powers of e within an interval: below, the forcing changes linearly; above, that of the larger end is used.
 EVEN, STEEP = 1e-4, 3.0
-ALIVE = 4.0  # powers of e by which a ringing decays until it pushes nothing
+ALIVE = 4.0  # powers of e after which the forcing of a decaying oscillation is ignored
 PHASES = np.exp(0.5j * np.pi * np.arange(4))
-TERMS = 8  # of the series of an exponential, where what it is of is below 1
+TERMS = 8  # number of terms of the series of an exponential for arguments below 1
 
 
 @dataclass(frozen=True, eq=False)
 class Fine:
-    """A ringing at all of some instants: `shapes` as they are there, `later`, alike, what they get by changing on the way; `sizes` (k, p): their
-    amplitudes in parts of the first; `matrices` (k, n, n); `places` (k - 1,): which place each interval belongs to."""
+    """An oscillation at a finer set of instants.
+
+    `shapes`: as they are there; `later`: their first-order corrections because they change along the way, of the same shape; `sizes` (k, p):
+    amplitudes relative to the first; `matrices` (k, n, n); `places` (k - 1,): index of the place that each interval belongs to.
+    """
 
     way: Way
     matrices: Any
@@ -42,8 +46,10 @@ class Fine:
 
 
 def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
-    """By how much what is kept lacks what the ringing does to it, from one removal to the next; the largest in each output (outputs,), 0 where that is
-    surely below the tolerance, NaN where it is not known."""
+    """Upper bound, per output (outputs,), on the shift of the slow solution by the truncated oscillations, over all ways.
+
+    0 where it is surely below the tolerance, NaN where it is not known.
+    """
     largest = np.zeros(len(flow.program.outputs.names))
     if any(ringing.lost is not None for _, ringing in ringings):
         return largest + np.nan
@@ -63,7 +69,7 @@ def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
 
 
 def _seen(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
-    """Whether the answer to all of them may be seen."""
+    """Return True if the effect of all oscillations together may exceed the tolerance."""
     bound = 0.0
     for way, ringing in ringings:
         bound += _bound(flow, ringing, float(ringings[-1][0].times[-1] - way.times[0]))
@@ -73,7 +79,7 @@ def _seen(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
 
 
 def _answer(flow: Flow, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, Any]:
-    """How far what is kept is pushed at the end (n,), and the most that the outputs show of it; `held`: how far at the start."""
+    """Return the shift of the slow solution at the end (n,), and its largest effect on each output; `held`: the shift at the start."""
     slow, static = (np.array([getattr(at, part) for at in ringing.splits])[fine.places] for part in ("slow", "inverse"))
     each = _pushes(flow, fine.way, fine.shapes + fine.later)
     pushes = each.sum(axis=1)
@@ -95,8 +101,11 @@ def _answer(flow: Flow, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, A
 
 
 def _bound(flow: Flow, ringing: Ringing, rest: float) -> float:
-    """In units of the tolerance, from the places alone: pushes all of one sign for the whole run, and shapes that change as fast as the slow motion
-    turns; both carried from state to state as far as that motion does in a turn, or in the `rest` of the run, in s."""
+    """Upper bound, in units of the tolerance, on the effect of one oscillation, computed from the places alone.
+
+    Assumes forcing of one sign for the whole run, and shapes that change as fast as the slow motion; both are carried from state to state as far
+    as that motion does within a period, or within `rest`, the remaining time of the run in s.
+    """
     way, splits, shapes = ringing.way, ringing.splits, ringing.largest
     span = way.times[-1] - way.times[0]
     gap = min(at.gap for at in splits)
@@ -116,7 +125,7 @@ def _bound(flow: Flow, ringing: Ringing, rest: float) -> float:
 
 
 def _fine(flow: Flow, way: Way, ringing: Ringing, run: float) -> Fine:
-    """At enough of the instants up to the last of the places, and while it rings; `run`: the length of the whole, in s."""
+    """Return the oscillation at enough instants up to the last place, while it rings; `run`: length of the whole run in s."""
     last = int(np.searchsorted(way.times, ringing.way.times[-1]))
     span = float(way.times[-1] - way.times[0])
     least, turns = int(np.ceil(LEAST * span / run)), ringing.splits[0].slowest * span / (2 * np.pi)
@@ -138,7 +147,7 @@ def _fine(flow: Flow, way: Way, ringing: Ringing, run: float) -> Fine:
 
 
 def _resolvents(ringing: Ringing) -> Any:
-    """For its modes at each place (k, p, n, n): by what other motions take part where the matrix changes a little."""
+    """Resolvents of the modes at each place (k, p, n, n): they give the change of a mode's vector for a small change of the matrix."""
     matrices = np.array([at.matrix for at in ringing.splits])[:, None]
     unit, rates = np.eye(matrices.shape[-1]), ringing.values[..., None, None]
     near = [
@@ -150,7 +159,7 @@ def _resolvents(ringing: Ringing) -> Any:
 
 
 def _between(way: Way, matrices: Any, ringing: Ringing, resolvents: Any) -> Any:
-    """Shapes at all instants: from those at the places on both sides, and to first order by what the matrix is there."""
+    """Return shapes at all instants, interpolated from the places on both sides, and their first-order correction for the matrix there."""
     found = np.zeros((len(way), *ringing.shapes.shape[1:]), dtype=complex)
     for at, shapes, resolvent, own in zip(
         ringing.splits, ringing.shapes, resolvents, np.eye(len(resolvents)), strict=True
@@ -163,12 +172,12 @@ def _between(way: Way, matrices: Any, ringing: Ringing, resolvents: Any) -> Any:
 
 
 def _through(resolvents: Any, changes: Any) -> Any:
-    """Each mode's (p, n, n) on its changes (c, n, p), for all modes."""
+    """Apply the matrix (p, n, n) of each mode to its changes (c, n, p), for all modes."""
     return (resolvents @ changes.transpose(2, 1, 0)).transpose(2, 1, 0)
 
 
 def _pushes(flow: Flow, way: Way, shapes: Any) -> Any:
-    """The mean of the rates over the phases of each mode, less those without it (k, p, n)."""
+    """Return the mean of the rates over the phases of each mode, minus the rates without it (k, p, n)."""
     count, n, modes = shapes.shape
     ways = (shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
     moved = np.concatenate([np.zeros((count, 1, n)), ways], axis=1)
@@ -177,20 +186,22 @@ def _pushes(flow: Flow, way: Way, shapes: Any) -> Any:
 
 
 def _means(pushes: Any, sizes: Any) -> Any:
-    """The means of the pushes of all modes within the intervals between instants (k - 1, n): they go with the square of the amplitudes, which grow or
-    decay exponentially there; the rest changes linearly."""
+    """Return the mean forcing by all modes within the intervals between instants (k - 1, n).
+
+    It is proportional to the square of the amplitudes, which grow or decay exponentially within an interval; everything else changes linearly.
+    """
     decays = 2 * (np.log(sizes[:-1]) - np.log(sizes[1:]))[:, :, None]
     first, last = pushes[:-1], pushes[1:]
     x = np.where(np.abs(decays) > EVEN, np.clip(decays, -STEEP, STEEP), 1.0)
     both = (x + np.expm1(-x)) / x**2 * first + (np.expm1(x) - x) / x**2 * last
     both = np.where(np.abs(decays) > EVEN, both, 0.5 * (first + last))
-    y = np.where(np.abs(decays) > STEEP, np.abs(decays), 1.0)  # the smaller one is lost in rounding
+    y = np.where(np.abs(decays) > STEEP, np.abs(decays), 1.0)  # the value at the smaller end is below rounding
     one = -np.expm1(-y) / y * np.where(decays > 0, first, last)
     return np.where(np.abs(decays) > STEEP, one, both).sum(axis=1)
 
 
 def _propagators(matrices: Any) -> tuple[Any, Any]:
-    """exp(A), and its mean over the way there, of several matrices (k, n, n): by Taylor's series and doubling, to some four digits."""
+    """Return exp(A) and the mean of exp(A s) over s from 0 to 1, for matrices A (k, n, n); Taylor series and doubling, to about four digits."""
     norm = float(np.abs(matrices).sum(axis=1).max(initial=0.0))
     halvings = max(0, int(np.ceil(np.log2(norm)))) if 0 < norm < np.inf else 0
     part, unit = matrices / 2.0**halvings, np.eye(matrices.shape[-1])

@@ -1,9 +1,9 @@
-"""A state without what rings in it: the slow motion that has the same slow coordinates.
+"""Slow manifold: project a state onto the slow motion with the same slow coordinates, which removes its fast oscillations.
 
-On a slow motion the fast coordinates only follow, so that all their derivatives are small. The state whose fast part of x'' vanishes misses the slow
-motion by a part (slow rate / fast rate)^2 of what the fast coordinates follow (Gear, Kaper, Kevrekidis and Zagaris, Projecting to a slow manifold,
-SIAM J. Appl. Dyn. Syst. 4, 2005); a step towards a vanishing third derivative brings one order more, and says whether the orders get smaller. Newton
-steps take the fast part of the Jacobian from the split where the run stands.
+On the slow motion the fast coordinates only follow, so all their derivatives are small. The state whose fast part of x'' vanishes misses the
+slow motion by a part (slow rate / fast rate)^2 of the value that the fast coordinates follow (Gear, Kaper, Kevrekidis and Zagaris, Projecting to
+a slow manifold, SIAM J. Appl. Dyn. Syst. 4, 2005). A step towards a vanishing third derivative adds one order, and shows if the orders
+converge. Newton steps take the fast part of the Jacobian from the split at the current state.
 """
 
 from __future__ import annotations
@@ -15,16 +15,20 @@ import numpy as np
 
 from .split import Flow, Split, one
 
-ROUNDS = 3  # of splits, each at the state that the one before led to
+ROUNDS = 3  # number of splits, each at the state that the previous one led to
 ITERATIONS = 12
-CLOSE = 1e-8  # of what is removed: where iterations end
-STRAIGHT = 1e-4  # of the first change: a second one below that says that the fast motions are the same at both ends
-LOOK = 0.01  # of a radian of the fastest motion: differences in time
+CLOSE = 1e-8  # relative to the removed part: the iteration ends below this change
+STRAIGHT = 1e-4  # relative to the first change: a smaller second one shows equal fast motions at both ends
+LOOK = 0.01  # radians of the fastest motion: time step of difference quotients
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """`state` (n,) over the magnitudes of the flow, what was `removed` from the one before, the `split` there; `rest`: what the orders used still miss."""
+    """Result of a projection onto the slow manifold.
+
+    `state` (n,) over the magnitudes of the flow, the part `removed` from the earlier state, the `split` there; `rest`: remaining error of the
+    orders that were used.
+    """
 
     state: Any
     removed: Any
@@ -33,7 +37,7 @@ class Settled:
 
 
 def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwidth: float) -> Settled | str:
-    """The slow motion near a state in SI, with its unknowns; or why there is none."""
+    """Return the slow motion near a state in SI, with its unknowns; or the reason as text why there is none."""
     before = state[: flow.count] / flow.magnitude
     here, now, times, near = before, first, np.array([time]), state[None]
     rest = np.zeros(flow.count)
@@ -57,7 +61,7 @@ def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwi
 
 
 def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
-    """The state whose fast part of x'' vanishes, the last change on the way there, and the second in parts of the first."""
+    """Return the state whose fast part of x'' vanishes, the last change of the iteration, and the ratio of the second change to the first."""
     twice = at.inverse @ at.inverse
     sizes: list[float] = []
     change = np.full(len(here), np.inf)
@@ -65,7 +69,7 @@ def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: An
         step = twice @ second(flow, at, time, here, mode, near)
         sizes.append(float(np.linalg.norm(step)))
         if not np.isfinite(sizes[-1]) or (len(sizes) > 1 and sizes[-1] > 0.5 * sizes[-2]):
-            break  # rounding, or there is none
+            break  # rounding is reached, or there is no such state
         here, change = here - step, step
         if sizes[-1] <= CLOSE * sizes[0]:
             break
@@ -73,19 +77,19 @@ def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: An
 
 
 def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
-    """The second derivative at a state over the magnitudes; `near`: one in SI with its unknowns."""
+    """Return the second time derivative at a state over the magnitudes; `near`: a state in SI with its unknowns."""
     return _next(flow, at, time, here, mode, near)[1]
 
 
 def _next(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> tuple[Any, Any]:
-    """The first two derivatives. `matrix`: the Jacobian there, if it is not that of `at`."""
+    """Return the first two time derivatives. `matrix`: the Jacobian there, if it differs from that of `at`."""
     ahead = LOOK / float(np.abs(at.values).max())
     rate, later = (flow.rate(t, mode, near, here) for t in (time, time + ahead))
     return rate, (at.matrix if matrix is None else matrix) @ rate + (later - rate) / ahead
 
 
 def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
-    """The third one."""
+    """Return the third time derivative."""
     ahead = LOOK / float(np.abs(at.values).max())
     rate, now = _next(flow, at, time, here, mode, near)
     there = here + ahead * rate + 0.5 * ahead**2 * now

@@ -1,9 +1,9 @@
-"""Where a run stands: which of its motions are faster than the bandwidth, and how a state splits into those and the others.
+"""Spectrum split: separation of the motions faster than the bandwidth from the others, and of a state into both parts.
 
-The fast motions are the invariant subspace of the eigenvalues beyond the circle of the bandwidth that ring, of the Jacobian with the unknowns of
-loops eliminated: those that turn by at least as much as they decay (abs(Im) >= abs(Re), a damping of 0.71; the next turn of such a motion is smaller
-by more than 500). What decays faster than that shortens no steps but those in which it does, and is followed. The projector needs the fast eigenvectors
-alone, right and left ones: what is kept may have Jordan blocks (rigid motion).
+The fast motions are the invariant subspace of the oscillating eigenvalues beyond the circle of the bandwidth, of the Jacobian with the unknowns
+of loops eliminated. Oscillating means abs(Im) >= abs(Re), a damping ratio of 0.71 at most (the next period of a more damped motion is smaller by
+a factor of more than 500). Motions that decay faster than that shorten only the steps in which they decay, and are followed. The projector needs
+only the right and left fast eigenvectors: the remaining motions may have Jordan blocks (rigid motion).
 """
 
 from __future__ import annotations
@@ -20,18 +20,21 @@ from ..loops.loops import Eliminated
 if TYPE_CHECKING:
     from ..stretch.stepper import Stepper
 
-LARGEST = 200  # states up to which all eigenvectors are computed
-TOLD_APART = 1e-8  # the least singular value of the products of left and right vectors of unit length
-RINGS = 1.0  # of its decay: what turns by less does not ring
-PART = 0.2  # of a known mode in one that belongs to it
-STEADY = 1e-8  # of its rate: what rounding may make a motion grow by
-GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be left out
+LARGEST = 200  # most states for which all eigenvectors are computed
+TOLD_APART = 1e-8  # least singular value of the products of left and right unit vectors, for modes to be separable
+RINGS = 1.0  # least ratio of frequency to decay rate of an oscillating mode
+PART = 0.2  # least share of a known mode in a mode that continues it
+STEADY = 1e-8  # relative to the rate: growth that may come from rounding
+GROWN = 1.0  # powers of e by which a fast motion may grow in a run and still be truncated
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """n states over their magnitudes, m fast eigenvalues. `matrix` (n, n); `values` (m,) in 1/s; `right` (n, m), `dual` (m, n) with dual right = 1.
-    The n - m eigenvalues of what is kept: `others` within the circle of the bandwidth, `decays` beyond it, which do not ring."""
+    """Split of n scaled states (states over their magnitudes) with m fast eigenvalues.
+
+    `matrix` (n, n); `values` (m,) in 1/s; `right` (n, m), `dual` (m, n) with dual right = 1. The n - m eigenvalues of the slow part: `others` within
+    the circle of the bandwidth, `decays` beyond it, which do not oscillate.
+    """
 
     matrix: Any
     values: Any
@@ -42,38 +45,38 @@ class Split:
 
     @property
     def slowest(self) -> float:
-        """The rate of the fastest motion within the circle, 1/s."""
+        """Rate of the fastest motion within the circle of the bandwidth, 1/s."""
         return float(np.abs(self.others).max(initial=0.0))
 
     @cached_property
     def slow(self) -> Any:
-        """The projector onto what is not fast."""
+        """Projector onto the slow part."""
         return np.eye(len(self.matrix)) - (self.right @ self.dual).real
 
     def envelope(self, change: Any) -> Any:
-        """The largest that each state gets by the fast part of a change, whatever the phases of its modes."""
+        """Return the largest value of each state due to the fast part of a change, for any phases of its modes."""
         return np.abs(self.right) @ np.abs(self.dual @ change)
 
     @cached_property
     def inverse(self) -> Any:
-        """The inverse of the matrix on the fast motions, zero on the others."""
+        """Inverse of the matrix on the fast motions, zero on the others."""
         return (self.right / self.values @ self.dual).real
 
     def grows(self, span: float) -> bool:
-        """Whether a motion beyond the circle grows within so many seconds."""
+        """Return True if a motion beyond the circle grows within `span` seconds."""
         values = np.append(self.values, self.decays)
         return bool((values.real > np.maximum(GROWN / span, STEADY * np.abs(values))).any())
 
     @property
     def gap(self) -> float:
-        """How near an eigenvalue of what is kept comes to one of the fast ones, 1/s."""
+        """Smallest distance between an eigenvalue of the slow part and a fast one, 1/s."""
         kept = np.append(self.others, self.decays)
         return float(np.abs(self.values[:, None] - kept).min(initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """The modes of k places: some of `kinds`, by their numbers (k,)."""
+    """Discrete modes at k places: `numbers` (k,) are indices into `kinds`."""
 
     kinds: tuple[Any, ...]
     numbers: Any
@@ -82,7 +85,7 @@ class Modes:
         return Modes(self.kinds, self.numbers[places])
 
     def each(self, function: Callable[[Any, Any, Any], Any], times: Any, states: Any) -> Any:
-        """A function of times, states and one mode, for those of each mode at once."""
+        """Evaluate a function of times, states and one mode, once per mode for all places with that mode."""
         if len(self.kinds) == 1:
             return np.asarray(function(times, states, self.kinds[0]))
         places = [np.flatnonzero(self.numbers == kind) for kind in np.unique(self.numbers)]
@@ -91,12 +94,12 @@ class Modes:
 
 
 def one(mode: Any, count: int = 1) -> Modes:
-    """One mode at all of so many places."""
+    """Return `Modes` with the same mode at `count` places."""
     return Modes((mode,), np.zeros(count, dtype=int))
 
 
 def several(modes: Sequence[Any]) -> Modes:
-    """A mode at each of some places, equal ones told as one."""
+    """Return `Modes` from one mode per place; equal modes are stored once."""
     kinds = {np.asarray(mode).tobytes(): mode for mode in modes}
     if len(kinds) == 1:
         return one(modes[0], len(modes))
@@ -105,7 +108,7 @@ def several(modes: Sequence[Any]) -> Modes:
 
 
 class Flow:
-    """A program as rates of states over `magnitude` (n,), whatever unknowns its loops have."""
+    """Program as a function that gives the rates of scaled states (states over `magnitude` (n,)), with any unknowns of its loops solved."""
 
     def __init__(self, stepper: Stepper) -> None:
         self.stepper, self.program = stepper, stepper.program
@@ -116,24 +119,27 @@ class Flow:
 
     @property
     def allowed(self) -> Any:
-        """The tolerance of each state over its magnitude (n,); magnitudes may be looked for anew, and those here stay."""
+        """Tolerance of each state over its magnitude (n,); later searches for magnitudes do not change the ones stored here."""
         found: Any = self.stepper.tolerances.absolute[: self.count] / self.magnitude
         return found
 
     def whole(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
-        """States and unknowns in SI; `scaled` (k, n) at `times` (k,), with as many modes; `near` (k, …): states whose unknowns are a guess."""
+        """Return states and unknowns in SI.
+
+        `scaled` (k, n) at `times` (k,), with one mode per place; `near` (k, …): states whose unknowns are an initial guess.
+        """
         states = np.concatenate([scaled * self.magnitude, near[:, self.count :]], axis=1)
         return states if states.shape[1] == self.count else modes.each(self.stepper.loops.solve_all, times, states)
 
     def rate(self, time: float, mode: Any, near: Any, scaled: Any) -> Any:
-        """Shape (n,), for one state over the magnitudes; `near`: one in SI, whose unknowns are a guess."""
+        """Return the rates (n,) of one scaled state; `near`: a state in SI whose unknowns are an initial guess."""
         state = scaled * self.magnitude
         if len(near) > self.count:
             state = self.stepper.loops.solve(time, np.concatenate([state, near[self.count :]]), mode)
         return self.program.derivative(time, state, *self.fixed, mode)[: self.count] / self.magnitude
 
     def rates(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
-        """The same for several instants (k, n)."""
+        """Return the rates at several instants (k, n)."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
             return self.program.derivative(times, states, *self.fixed, mode)
@@ -141,7 +147,7 @@ class Flow:
         return modes.each(at, times, self.whole(times, modes, near, scaled))[:, : self.count] / self.magnitude
 
     def outputs(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
-        """Shape (k, outputs)."""
+        """Return the outputs (k, outputs)."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
             return self.program.output(times, states, *self.fixed, mode)
@@ -149,7 +155,7 @@ class Flow:
         return modes.each(at, times, self.whole(times, modes, near, scaled))
 
     def matrices(self, times: Any, modes: Modes, states: Any) -> Any:
-        """The Jacobians (k, n, n) of the rates, unknowns following. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
+        """Return the Jacobians (k, n, n) of the rates with the unknowns eliminated. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
 
         def entries(times: Any, states: Any, mode: Any) -> Any:
             return self.eliminated.entries(times, states, *self.fixed, mode)
@@ -165,7 +171,7 @@ class Flow:
         return found * self.magnitude / self.magnitude[:, None]
 
     def splits(self, times: Any, states: Any, modes: Modes, bandwidth: float) -> list[Split | str]:
-        """The motions faster than a bandwidth in Hz, at states in SI; or why they are not told from the others."""
+        """Return, for each state in SI, the split at a bandwidth in Hz, or the reason as text why the fast motions are not separable."""
         if not len(times):
             return []
         if self.count > LARGEST:
@@ -178,8 +184,10 @@ class Flow:
 
 
 def split(matrices: Any, rate: float, known: tuple[Any, Any] | None = None) -> list[Split | str]:
-    """Split each of several matrices (k, n, n) at a rate in 1/s; or why that is not possible. `known`: right and left vectors of modes that are told
-    from what is kept wherever their eigenvalues went. Raises `LinAlgError`."""
+    """Split each of several matrices (k, n, n) at a rate in 1/s; or return the reason as text why that is not possible.
+
+    `known`: right and left vectors of modes that belong to the fast part wherever their eigenvalues have moved to. Raises `LinAlgError`.
+    """
     values, right = np.linalg.eig(matrices)
     try:
         inverses: Any = np.linalg.inv(right)
@@ -206,12 +214,12 @@ def split(matrices: Any, rate: float, known: tuple[Any, Any] | None = None) -> l
 
 
 def _partners(values: Any, chosen: Any) -> Any:
-    """The chosen eigenvalues and their conjugates."""
+    """Return the mask `chosen` extended by the conjugates of the chosen eigenvalues."""
     return chosen | (values[:, None] == values[chosen].conj()).any(axis=1)
 
 
 def _dual(matrix: Any, fast: Any, right: Any) -> Any:
-    """The left vectors that belong to the fast values and right vectors, where what is kept has no modes (rigid motion); None if what is fast has none."""
+    """Return the left vectors of the fast eigenvalues and right vectors, if the slow part is defective (rigid motion); None if the fast part is."""
     values, left = np.linalg.eig(matrix.T)
     left = left[:, np.argsort(np.abs(values[:, None] - fast).min(axis=1), kind="stable")[: len(fast)]].T
     products = left @ right

@@ -1,4 +1,4 @@
-"""What a leg left out, in the words of its result."""
+"""Truncation report of a phase: the truncated modes and their estimated effect, in the terms of the result."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from .split import STEADY, Flow
 if TYPE_CHECKING:
     from ..leg import Leg
 
-SHARE = 0.01  # of the largest: modes of which more was removed are named
+SHARE = 0.01  # fraction of the largest removed amplitude above which a mode is named
 
 
 def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
-    """What a leg that has been run left out."""
+    """Return the truncation report of a phase that has been run."""
     leaving, program = leg.leaving, leg.program
     if leaving is None:
         events = program.hybrid is not None
@@ -46,7 +46,7 @@ def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
 
 
 def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any, list[str]]:
-    """The amplitude of the ringing in the outputs, and what it does to what is kept, of each the largest (outputs,); what else there is to say."""
+    """Return the largest amplitude of the oscillation per output, its largest effect on the slow solution (outputs,), and further remarks."""
     lacking = np.zeros(len(flow.program.outputs.names))
     reasons: list[str] = []
     pieces = leg.trajectory.pieces or leg.stretches
@@ -66,12 +66,12 @@ def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, 
 
 
 def _finite(names: Sequence[str], values: Any) -> dict[str, float]:
-    """What is not finite is not known."""
+    """Return values by name, with NaN (unknown) for each value that is not finite."""
     return {n: float(v) if np.isfinite(v) else math.nan for n, v in zip(names, values, strict=True)}
 
 
 def _reason(leaving: Leaving, leg: Leg) -> str:
-    """Why nothing was left out."""
+    """Return the reason why nothing was truncated."""
     if leaving.flow is None:
         if leg.program.states.names:
             return "this model is linear and solved exactly, however fast it is"
@@ -103,7 +103,7 @@ def _reasons(leaving: Leaving) -> list[str]:
 
 @dataclass(eq=False)
 class _Known:
-    """A mode that was left out, with its right and left vectors where it was so last."""
+    """A truncated mode, with its right and left vectors at its last removal."""
 
     told: FastMode
     right: Any
@@ -114,10 +114,10 @@ class _Known:
 
 
 def _modes(flow: Flow, removals: Sequence[Removal]) -> tuple[FastMode, ...]:
-    """The modes that rang, those of one removal slowest first; one that was left out several times is told as it was first."""
+    """Return the truncated modes, those of one removal slowest first; a mode removed several times is reported as at its first removal."""
     names, known = flow.program.states.names, list[_Known]()
     for removal in removals:
-        at, before = removal.found.split, list(known)  # modes of one removal are not the same
+        at, before = removal.found.split, list(known)  # modes of one removal are distinct
         shares = np.abs(at.dual @ removal.found.removed) * np.linalg.norm(at.right, axis=0)
         for i in np.argsort(np.abs(at.values), kind="stable"):
             right, left, rate = at.right[:, i], at.dual[i], at.values[i]

@@ -1,1 +1,1 @@
-"""Mechanisms with closed loops in a run: held on their constraints, over singular poses."""
+"""Mechanisms with closed loops in a run: projection on their constraints, and crossing of singular poses."""

@@ -1,8 +1,8 @@
-"""States held on their invariants: gaps of closing joints and norms of quaternions, and the rates of gaps.
+"""Projection of states on their invariants: residuals of loop joints, norms of quaternions, and the rates of the residuals.
 
-Position first: the least change, in units of the magnitudes of the states, that closes the gaps (Gauss-Newton to round-off); then the
-least change of the speeds that makes the gaps stand still, which is linear. Small systems go through the Cholesky factors of J J',
-large ones through a sparse augmented matrix, both through the singular values where the rows hang together.
+Positions first: the least change, in units of the magnitudes of the states, that makes the residuals vanish (Gauss-Newton to round-off); then
+the least change of the speeds that makes their rates vanish, which is linear. Small systems use the Cholesky factors of J J', large ones a
+sparse augmented matrix, both the singular values where rows are dependent.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from ..steps.compiled.held import CompiledConstraints
 
 ITERATIONS = 20
-ROUNDING = 4e-16  # of the size of a gap: closer it cannot be
-NOISE = 1e-13  # of that size: what is left of large positions that are subtracted
+ROUNDING = 4e-16  # relative to the size of a constraint residual: it cannot get smaller
+NOISE = 1e-13  # relative to that size: rounding left where large positions are subtracted
 DENSE = 60  # rows up to which the linear algebra is dense
-RANK = 1e-8  # of the largest singular value: rows that lose more say nothing at this pose
-NO_SLOPE = 1e-9  # of an angle: slopes that are rounding
+RANK = 1e-8  # relative to the largest singular value: smaller ones count as lost rank at this pose
+NO_SLOPE = 1e-9  # relative to an angle: smaller derivatives are rounding
 WEAK = 1e-5  # smallest pivot of a Cholesky factor that is trusted
 
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """What is known of the constraints at the start."""
+    """Facts on the constraints at the start."""
 
-    mobility: int  # coordinates less independent constraints
+    mobility: int  # number of coordinates minus number of independent constraints
     redundant: tuple[str, ...]  # constraints that follow from others
 
 
 class Constraints:
-    """The invariants of a program. `parameters` say which rows take part; `magnitude`: of its states (and unknowns), shape (n,)."""
+    """Invariants of a program. `parameters` decide which rows are active; `magnitude`: of its states (and unknowns), shape (n,)."""
 
     def __init__(self, program: Program, parameters: Any, inputs: Any, magnitude: Any) -> None:
         self.program, self.parameters, self.inputs = program, np.array(parameters, dtype=float), inputs
@@ -50,10 +50,10 @@ class Constraints:
         self.scale(magnitude)
 
     def _places(self, program: Program) -> tuple[Any, Any, Any, Any]:
-        """The rows of rates, the states that gaps and that their rates depend on, and which gaps are lengths."""
+        """Return the indices of residual rates, of the states that residuals and that their rates depend on, and a mask of residuals that are lengths."""
         if "places" not in program.kept:
             of_gaps = self.rows < self.gaps
-            # Not by numpy.unique, which loads masked arrays: a tenth of what a short run takes.
+            # numpy.unique is avoided: it loads masked arrays, which takes a tenth of the time of a short run.
             positions, speeds = (
                 np.flatnonzero(np.bincount(self.columns[which], minlength=self.count)) for which in (of_gaps, ~of_gaps)
             )
@@ -62,12 +62,12 @@ class Constraints:
         return cast("tuple[Any, Any, Any, Any]", program.kept["places"])
 
     def scale(self, magnitude: Any) -> None:
-        """The magnitudes that a change is measured by."""
+        """Set the magnitudes by which changes are measured."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
         turns = [p for p in self.positions if self.program.states.units[p] == "1"]
-        self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0  # of the angles
-        if self.gaps:  # else it holds nothing that could change
+        self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0  # magnitude of the angles
+        if self.gaps:  # without residuals there is nothing to rebuild
             self._compiled = None
 
     def __bool__(self) -> bool:
@@ -75,11 +75,11 @@ class Constraints:
 
     @property
     def taking_rates(self) -> Any:
-        """Among the rates of gaps, those of the rows that take part."""
+        """Mask of the active rows among the rates of the residuals."""
         return self.rate_rows[self.taking & (self.rate_rows >= 0)] - self.gaps
 
     def leave_out(self, taking: Any) -> None:
-        """Rows that are redundant take no part: neither here, nor, by the program's own parameters, in its equations."""
+        """Deactivate redundant rows, here and, through the program's own parameters, in its equations."""
         self.taking = taking
         for place, takes in zip(self.program.parts, taking, strict=True):
             if place >= 0:
@@ -89,12 +89,12 @@ class Constraints:
 
     @property
     def compiled(self) -> CompiledConstraints | None:
-        """The same in machine code, if the program has some."""
+        """Native version of the constraints, if the program has machine code."""
         return self.always_compiled if self.gaps and self.program.native is not None else None
 
     @property
     def always_compiled(self) -> CompiledConstraints:
-        """The same, empty where nothing is held; a program with machine code."""
+        """Native version of the constraints, empty if there are none; for a program with machine code."""
         if self._compiled is None:
             from ..steps.compiled.held import CompiledConstraints
 
@@ -103,18 +103,18 @@ class Constraints:
 
     # ------------------------------------------------------------ values and slopes
     def values(self, time: float, state: Any, mode: Any) -> Any:
-        """All invariants: gaps, then rates of gaps."""
+        """Return all invariants: residuals, then their rates."""
         return np.asarray(self.program.invariant(time, state, self.inputs, self.constants, mode))
 
     def slopes(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
-        """Of the gaps by the positions, and of their rates by the speeds; dense, in units of the magnitudes."""
+        """Return the Jacobians of the residuals by the positions and of their rates by the speeds; dense, in units of the magnitudes."""
         entries = self.program.invariant_slopes(time, state, self.inputs, self.constants, mode)
         whole = np.zeros((len(self.program.invariants.names), self.count))
         whole[self.rows, self.columns] = entries * self.reach[self.columns]
         return whole[: self.gaps][:, self.positions], whole[self.gaps :][:, self.speeds]
 
     def length(self, time: float, state: Any, mode: Any) -> float:
-        """That of the mechanism, m: the longest arm with which an angle opens a gap; 0 if there is none."""
+        """Return the length of the mechanism in m: the longest lever arm from an angle to a residual; 0 if there is none."""
         entries = np.asarray(self.program.invariant_slopes(time, state, self.inputs, self.constants, mode))
         arms = [
             abs(entry)
@@ -124,9 +124,10 @@ class Constraints:
         return float(max(arms, default=0.0))
 
     def sizes(self, slopes: Any) -> Any:
-        """How large a gap of each row can be: rows of one unit share the largest, as one that loses its slopes is still a length.
+        """Return the size of each residual row: rows of one unit share the largest norm, because a row whose derivatives vanish is still a length.
 
-        Where all angles have lost theirs (a planar loop in space), rounding is no size: then it is that of the angles among the positions.
+        Where the derivatives of all angular rows vanish (a planar loop in space), rounding must not be the size: then it is that of the angles among the
+        positions.
         """
         norms = np.linalg.norm(slopes, axis=1)
         result = np.ones(self.gaps)
@@ -138,7 +139,7 @@ class Constraints:
 
     # ------------------------------------------------------------ projection
     def project(self, time: float, state: Any, mode: Any) -> Any:
-        """The nearest state that keeps all invariants."""
+        """Return the nearest state that satisfies all invariants."""
         if not self.gaps:
             return state
         if self.compiled is not None:
@@ -146,7 +147,7 @@ class Constraints:
         return self._projected(time, state, mode)
 
     def project_by(self, taking: Any, time: float, state: Any, mode: Any) -> Any:
-        """The nearest state that keeps some of the invariants; `taking`: which gaps."""
+        """Return the nearest state that satisfies the invariants chosen by the mask `taking`."""
         all_of_them, self.taking = self.taking, taking
         try:
             return self._projected(time, state, mode)
@@ -166,7 +167,7 @@ class Constraints:
         return state
 
     def _closed(self, time: float, state: Any, mode: Any) -> Any:
-        """The gaps closed, by Newton's method with the slopes of its first state while these serve."""
+        """Return the state with vanishing residuals, by Newton's method with the Jacobian of its first state as long as it converges."""
         taking, solver, before, size = self.taking, None, np.inf, 1.0
         for _ in range(ITERATIONS):
             gap = self.values(time, state, mode)[: self.gaps][taking]
@@ -186,8 +187,7 @@ class Constraints:
         return state
 
     def tangents(self, time: float, state: Any, mode: Any) -> Any:
-        """Orthonormal directions (columns, in units of the magnitudes) in which states may differ on the constraints: of positions,
-        of speeds, and of all other states."""
+        """Orthonormal directions (columns, in units of the magnitudes) in which states may vary on the constraints: of positions, of speeds, of the rest."""
         gaps, rates = self.slopes(time, state, mode)
         free = np.setdiff1d(np.arange(self.count), np.concatenate([self.positions, self.speeds]))
         columns = [np.eye(self.count)[:, free]]
@@ -198,24 +198,24 @@ class Constraints:
         return np.concatenate(columns, axis=1)
 
     def project_all(self, times: Any, states: Any, mode: Any) -> Any:
-        """The same for several instants; shape (times, n)."""
+        """Project the states at several instants; shape (times, n)."""
         if not self.gaps:
             return states
         if self.compiled is None:
             return np.stack([self._projected(t, x, mode) for t, x in zip(times, states, strict=True)])
         held, weak = self.compiled.hold(times, states, mode)
-        for k in np.flatnonzero(weak):  # rows hang together there: by singular values
+        for k in np.flatnonzero(weak):  # rows are dependent there: use singular values
             held[k] = self._projected(times[k], states[k], mode)
         return held
 
     def missed(self, time: float, state: Any, mode: Any) -> float:
-        """The largest gap that is left, as a share of its size."""
+        """Return the largest remaining residual, relative to its size."""
         slopes, _ = self.slopes(time, state, mode)
         return float(np.abs(self.values(time, state, mode)[: self.gaps] / self.sizes(slopes)).max(initial=0.0))
 
 
 class Least:
-    """The shortest solution of slopes @ step = gap."""
+    """Minimum-norm solution of slopes @ step = gap."""
 
     def __init__(self, slopes: Any) -> None:
         self.slopes = slopes
@@ -251,7 +251,7 @@ class Least:
         return lambda gap: factor.solve(np.concatenate([np.zeros(count), gap / rows]))[:count]
 
     def solve(self, gap: Any) -> Any:
-        """The step for a gap."""
+        """Return the step for a residual."""
         if self.factor is not None:
             return self.factor(gap)
         step, *_ = np.linalg.lstsq(self.slopes, gap, rcond=RANK)
@@ -259,7 +259,7 @@ class Least:
 
 
 def null_space(slopes: Any) -> Any:
-    """Orthonormal columns that the slopes map to nothing; for rows that are independent."""
+    """Return orthonormal columns that span the null space of the Jacobian, whose rows must be independent."""
     if not len(slopes):
         return np.eye(slopes.shape[1])
     q, _ = np.linalg.qr(slopes.T, mode="complete")

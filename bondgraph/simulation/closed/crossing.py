@@ -1,11 +1,11 @@
-"""Over a singular pose in one long step.
+"""Crossing of a singular pose in one long step.
 
-Where closing joints lose rank, two branches of motion cross. The branch that goes on with a continuous tangent is smooth, but the
-equations for accelerations are not usable near it: beside the constraints they change like one over the distance, so a stage of a step that
-is off by less than its tolerance finds forces of any size. Two things mend that. The right side is taken at the
-projection of a state (f(P(x)) is constant across the constraints, smooth along them), and one collocation step of high order leads from
-well before to well after, its stages apart from the pose (Gauss, 8 stages, order 16; Hairer and Wanner, Solving ODEs II, section IV.5):
-steps of order 5 would be too short there to keep rounding, which grows like one over the distance squared, below a tight tolerance.
+Where loop joints lose rank, two branches of motion cross. The branch with a continuous tangent is smooth, but the equations for accelerations
+are not usable near the pose: beside the constraints they vary like one over the distance, so a stage with an error below its tolerance can
+find forces of any size. Two measures help. The right-hand side is evaluated at the projection of a state (f(P(x)) is constant across the
+constraints, smooth along them), and one collocation step of high order leads from well before to well after, with its stages apart from the
+pose (Gauss, 8 stages, order 16; Hairer and Wanner, Solving ODEs II, section IV.5): steps of order 5 would be too short there to keep rounding,
+which grows like one over the distance squared, below a tight tolerance.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ import numpy as np
 from ..loops.loops import Eliminated, LoopSolver
 from .constraints import Constraints
 
-STAGES, FEWER = 8, 6  # of the step, and of the one that it is compared with
+STAGES, FEWER = 8, 6  # stages of the step, and of the step with which it is compared
 ITERATIONS = 60
-DIFFERENCE = 1e-6  # of the magnitudes, for slopes
-COMPARED = (0.05, 0.3, 0.5, 0.7, 0.95, 1.0)  # parts of a step
+DIFFERENCE = 1e-6  # relative to the magnitudes: step of difference quotients
+COMPARED = (0.05, 0.3, 0.5, 0.7, 0.95, 1.0)  # fractions of a step at which both are compared
 CLOSE = 1e-13  # change by the last iteration, in magnitudes
 
 
 @dataclass(frozen=True, slots=True)
 class Crossed:
-    """A step over a singular pose, in units of the magnitudes: states in between by `at`."""
+    """A step over a singular pose, in units of the magnitudes; `at` gives the states within it."""
 
     start: float
     size: float
@@ -37,21 +37,21 @@ class Crossed:
     error: float  # largest difference of two orders at some places
 
     def at(self, times: Any) -> Any:
-        """States (not projected) at instants; shape (times, n)."""
+        """Return states (not projected) at instants; shape (times, n)."""
         shares = (np.asarray(times) - self.start) / self.size
         integrals = _integrals(np.atleast_1d(shares), len(self.slopes))
         return self.before + self.size * integrals @ self.slopes
 
 
 class OnConstraints:
-    """The rates of the states at their projection; states and rates in units of the magnitudes."""
+    """Rates of the states at their projection; states and rates in units of the magnitudes."""
 
     def __init__(self, constraints: Constraints, loops: LoopSolver, mode: Any, unknowns: Any) -> None:
         self.constraints, self.loops, self.mode, self.unknowns = constraints, loops, mode, unknowns
         self.reach, self.rates = constraints.reach, Eliminated(constraints.program).rates
 
     def projected(self, time: float, scaled: Any) -> Any:
-        """The full state, unknowns included."""
+        """Return the full projected state, with the unknowns."""
         state = np.concatenate([scaled * self.reach, self.unknowns])
         return self.loops.solve(time, self.constraints.project(time, state, self.mode), self.mode)
 
@@ -59,7 +59,7 @@ class OnConstraints:
         return self.all(np.array([time]), scaled[None])[0]
 
     def all(self, times: Any, scaled: Any) -> Any:
-        """The rates at several instants; shape (times, n)."""
+        """Return the rates at several instants; shape (times, n)."""
         constraints = self.constraints
         if self.loops.affine and constraints.compiled is not None:
             rates, weak = constraints.compiled.rates(times, scaled, self.unknowns, self.mode)
@@ -79,7 +79,7 @@ class OnConstraints:
 
 
 def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Crossed | None:
-    """A step of a given size; None if its stages are not found. Raises nothing."""
+    """Return a step of a given size; None if its stages do not converge. Raises nothing."""
     state = np.concatenate([scaled * function.reach, function.unknowns])
     basis = function.constraints.tangents(time, state, function.mode)
     slopes = _slopes(function, time, scaled, basis)
@@ -97,7 +97,7 @@ def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Cro
 
 
 def _slopes(function: OnConstraints, time: float, scaled: Any, basis: Any) -> Any:
-    """The derivatives of the rates along directions, both in columns."""
+    """Return the derivatives of the rates along directions, both in columns."""
     steps = DIFFERENCE * basis.T
     rates = function.all(np.full(2 * len(steps), time), np.concatenate([scaled + steps, scaled - steps]))
     return ((rates[: len(steps)] - rates[len(steps) :]) / (2 * DIFFERENCE)).T
@@ -106,13 +106,13 @@ def _slopes(function: OnConstraints, time: float, scaled: Any, basis: Any) -> An
 def _collocation(
     function: OnConstraints, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any, guess: Any
 ) -> Any:
-    """The rates at the stages of a Gauss step, by the simplified Newton iteration.
+    """Return the rates at the stages of a Gauss step, by the simplified Newton iteration.
 
-    The Jacobian is `slopes @ basis.T`, so what is factorised has only as many columns as the motion has freedoms.
+    The Jacobian is `slopes @ basis.T`, so the factorised matrix has only as many columns per stage as the motion has degrees of freedom.
     """
     places, matrix = _method(stages)
     inner = np.linalg.inv(np.eye(stages * basis.shape[1]) - size * np.kron(matrix, basis.T @ slopes))
-    moved, last = guess, np.inf  # by how much the states at the stages differ from that at the start
+    moved, last = guess, np.inf  # difference between the states at the stages and at the start
     if moved is None:
         moved = size * places[:, None] * function(time, scaled)
     for _ in range(ITERATIONS):
@@ -132,16 +132,16 @@ def _collocation(
 
 @lru_cache(maxsize=4)
 def _method(stages: int) -> tuple[Any, Any]:
-    """Places and matrix of the Gauss method."""
+    """Return nodes and matrix of the Gauss method."""
     places = (np.polynomial.legendre.leggauss(stages)[0] + 1) / 2
     return places, _integrals(places, stages)
 
 
 def _integrals(shares: Any, stages: int) -> Any:
-    """The integrals from 0 to shares of the step of the polynomials that are 1 at one stage and 0 at the others; shape (shares, stages)."""
+    """Integrals from 0 to `shares` of the step of the Lagrange polynomials of the stages; shape (shares, stages)."""
     x = 2 * shares - 1
     values = np.polynomial.legendre.legvander(x, stages)
-    integrals = np.empty((len(x), stages))  # of the Legendre polynomials from -1 to x
+    integrals = np.empty((len(x), stages))  # integrals of the Legendre polynomials from -1 to x
     integrals[:, 0] = x + 1
     for n in range(1, stages):
         integrals[:, n] = (values[:, n + 1] - values[:, n - 1]) / (2 * n + 1)
@@ -150,6 +150,6 @@ def _integrals(shares: Any, stages: int) -> Any:
 
 @lru_cache(maxsize=4)
 def _to_stages(stages: int) -> Any:
-    """From values at the stages to coefficients of Legendre polynomials, transposed."""
+    """Return the transposed matrix that maps values at the stages to coefficients of Legendre polynomials."""
     nodes, _ = np.polynomial.legendre.leggauss(stages)
     return np.linalg.inv(np.polynomial.legendre.legvander(nodes, stages - 1)).T

@@ -1,8 +1,8 @@
-"""Singular poses: where closing joints lose rank on the way, and whether a branch goes on from there.
+"""Singular poses: detection of poses at which loop joints lose rank, and a test if the motion continues beyond them.
 
-At each accepted step the smallest singular value of the gaps' slopes says how far the nearest loss of rank is. A real one is told from a
-near miss (bars that are almost equal) by going there: at a singular point the slopes that vanish together belong to gaps that are
-closed, to round-off, whatever the tolerance of the run; at a near miss a gap stays open.
+At each accepted step the smallest singular value of the residuals' Jacobian shows how far the nearest loss of rank is. A real one is
+distinguished from a near miss (bars of almost equal length) by computing the singular point: there, the residuals whose derivatives vanish
+together are closed to round-off, whatever the tolerance of the run; at a near miss a residual stays open.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from ..loops.loops import LoopSolver
 from .constraints import NOISE, Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
 
-LOOK = 16.0  # steps ahead, within which a singular pose is crossed in one go
-NEAR = 0.3  # of the time to it: no usual step is longer
-MISSES = 0.5  # of it: what a parabola leaves where a straight line would end
-APART = 1e-8  # of its size: a gap of a redundant row
-OPEN = 1e-10  # of its size: a gap that cannot be closed where slopes vanish
-VANISHED = 1e-6  # of the largest: a singular value that is none
+LOOK = 16.0  # steps ahead within which a singular pose is crossed in one step
+NEAR = 0.3  # fraction of the time to it: longest ordinary step
+MISSES = 0.5  # fraction of the singular value: remainder of a parabola at the zero of the straight line
+APART = 1e-8  # relative size from which the residual of a redundant row counts as open
+OPEN = 1e-10  # relative size from which a residual counts as open where its derivatives vanish
+VANISHED = 1e-6  # relative to the largest: a smaller singular value counts as zero
 SEARCH = 12
 DIFFERENCE = 1e-6
-ORDER = 1 / 6  # of the size of a crossing with its error, from below
-BETTER = 2.0  # a singular value of other rows, with which these are worth a new start
-ASIDE = 0.1  # of the way of a crossing: how far beside it the singular point may lie
-LARGEST = 400  # positions up to which singular values are computed at each step
+ORDER = 1 / 6  # exponent of the step size as a function of its error, a lower bound
+BETTER = 2.0  # ratio of smallest singular values from which other active rows are worth a restart
+ASIDE = 0.1  # fraction of the way of a crossing: largest distance of the singular point from it
+LARGEST = 400  # most positions for which singular values are computed at each step
 SHOWN = 5  # names and times in a note
-PLACES, NARROWINGS = 33, 5  # of a crossing, at which it looks for the pose, ever finer
-WAYS = 4  # directions along which slopes must vanish
+PLACES, NARROWINGS = 33, 5  # sample places of a crossing, and refinements, of the search for the pose
+WAYS = 4  # number of directions along which derivatives must vanish
 
 
 @dataclass(frozen=True, slots=True)
 class SingularPose:
-    """A pose of loss of rank that was passed."""
+    """A singular pose that the run has passed."""
 
     time: float
-    lost: int  # constraints that say nothing there
+    lost: int  # number of constraints without effect there
     joints: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A singular point beside the motion."""
+    """A singular point near the motion."""
 
     state: Any
     lost: int
@@ -53,27 +53,27 @@ class Point:
 
 
 class Watcher:
-    """Looks at accepted steps. `constraints` in the magnitudes of the run."""
+    """Monitor of accepted steps for singular poses. `constraints`: in the magnitudes of the run."""
 
     def __init__(self, constraints: Constraints, loops: LoopSolver, passed: list[SingularPose]) -> None:
         self.constraints, self.loops, self.passed = constraints, loops, passed
         self.seen: list[
             tuple[float, float]
         ] = []  # instants of the last three steps, and smallest singular values there
-        self.ahead = np.inf  # time to where it vanishes, if it goes on
+        self.ahead = np.inf  # extrapolated time until the singular value vanishes
         self.behind = np.inf
-        self.comes = False  # whether it seems to vanish there, and not to turn before
-        self.point: Point | None = None  # that was found ahead
-        self.tried = np.inf  # time ahead at the last try to cross that failed
+        self.comes = False  # True if it seems to vanish there, without a minimum before
+        self.point: Point | None = None  # the singular point found ahead
+        self.tried = np.inf  # time ahead at the last failed try to cross
 
     def begin(self, time: float, state: Any, mode: Any) -> None:
-        """At the start of a stretch, or after a crossing."""
+        """Reset the monitor at the start of a segment, or after a crossing."""
         self.seen = [(time, self._least(time, state, mode))]
         self.ahead = self.behind = self.tried = np.inf
         self.comes = False
 
     def look(self, time: float, state: Any, mode: Any) -> None:
-        """After a step."""
+        """Update the monitor after an accepted step."""
         self.seen = [*self.seen[-2:], (time, self._least(time, state, mode))]
         times, values = zip(*self.seen, strict=True)
         least = values[-1]
@@ -97,7 +97,7 @@ class Watcher:
         return bool((np.abs(constraints.values(time, state, mode)[: constraints.gaps]) > NOISE * sizes).any())
 
     def check_redundant(self, time: float, state: Any, mode: Any) -> None:
-        """What followed from other constraints at the start must go on to do so. Raises `RunFailed`."""
+        """Raise `RunFailed` if a constraint that followed from the others at the start no longer does."""
         constraints = self.constraints
         if (
             not constraints.taking.all()
@@ -112,7 +112,7 @@ class Watcher:
             )
 
     def other_rows(self, time: float, state: Any, mode: Any, step: float) -> bool:
-        """Whether the rows that take part are about to hang together where others, which followed from them, do not."""
+        """Return True if the active rows are about to become dependent where other rows, so far redundant, do not."""
         constraints = self.constraints
         if constraints.taking.all() or not self.comes or not self.ahead < LOOK * step:
             return False
@@ -127,14 +127,14 @@ class Watcher:
 
     @property
     def longest(self) -> float:
-        """How long the next step may be."""
+        """Longest allowed next step."""
         return NEAR * min(self.ahead, self.behind)
 
     def _least(self, time: float, state: Any, mode: Any) -> float:
         return float(self._least_all(np.array([time]), state[None], mode)[0])
 
     def _least_all(self, times: Any, states: Any, mode: Any) -> Any:
-        """The smallest singular values at several instants, rows in units of their sizes; shape (times,)."""
+        """Return the smallest singular values at several instants, rows in units of their sizes; shape (times,)."""
         rows, columns = int(self.constraints.taking.sum()), len(self.constraints.positions)
         if not rows or rows > columns:
             return np.full(len(times), np.inf if not rows else 0.0)
@@ -155,7 +155,7 @@ class Watcher:
     def crossing(
         self, time: float, state: Any, mode: Any, step: float, stop: float, tolerance: float
     ) -> Crossed | None:
-        """A step over the pose ahead, if there is one within reach that can be crossed; None else."""
+        """Return a step over the singular pose ahead, if there is one within reach that can be crossed; None otherwise."""
         size = 2 * self.ahead
         if not self.comes or not self.ahead < LOOK * step or time + size > stop or self.ahead > 0.5 * self.tried:
             return None
@@ -179,7 +179,7 @@ class Watcher:
         return crossed
 
     def _point_ahead(self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any) -> Point | None:
-        """A singular point near where the motion would be by then: much cheaper than to go there."""
+        """Return a singular point near the extrapolated motion, which costs much less than integrating to it; None if there is none."""
         constraints, count = self.constraints, self.constraints.count
         rates = function(time, scaled)
         share = 1e-4 * self.ahead
@@ -192,12 +192,12 @@ class Watcher:
         return None if self.point is None or self._apart(self.point.state, there) > near else self.point
 
     def _apart(self, one: Any, other: Any) -> float:
-        """By how far two positions differ, in units of the magnitudes."""
+        """Return the distance of two positions, in units of the magnitudes."""
         positions = self.constraints.positions
         return float(np.linalg.norm((one - other)[positions] / self.constraints.reach[positions]))
 
     def _pose(self, crossed: Crossed, ahead: Point, state: Any, mode: Any) -> SingularPose | None:
-        """The singular pose on a crossing; None if there is none. `ahead`: the singular point that was expected."""
+        """Return the singular pose on a crossing; None if there is none. `ahead`: the singular point that was expected."""
         low, high = crossed.start, crossed.start + crossed.size
         for narrowing in range(NARROWINGS):
             times = np.linspace(low, high, PLACES)
@@ -219,16 +219,16 @@ class Watcher:
         return SingularPose(time, found.lost, found.joints)
 
     def _on(self, crossed: Crossed, times: Any, state: Any) -> Any:
-        """Full states on a crossing; shape (times, n)."""
+        """Return full states on a crossing; shape (times, n)."""
         count = self.constraints.count
         unknowns = np.broadcast_to(state[count:], (len(times), len(state) - count))
         return np.concatenate([crossed.at(times) * self.constraints.reach, unknowns], axis=1)
 
     def _point(self, time: float, state: Any, mode: Any) -> Point | None:
-        """The singular point nearest to a state, by Gauss and Newton: gaps closed, slopes of those that are lost gone.
+        """Return the singular point nearest to a state, by Gauss-Newton: residuals closed, derivatives of the lost constraints zero.
 
-        What slopes lose is looked at along a few of the directions that move nothing else: the derivative of slopes along a direction
-        is, as second derivatives are symmetric, that of the motion along it by all positions.
+        The derivatives are examined along a few of the directions that change only the lost residuals: the derivative of the Jacobian along a direction
+        is, as second derivatives are symmetric, that of the directional derivative by all positions.
         """
         from scipy.linalg import lstsq
 
@@ -253,7 +253,7 @@ class Watcher:
             step, *_ = lstsq(np.concatenate(matrix), -np.concatenate(rest), cond=1e-6, lapack_driver="gelsy")
             state[positions] += constraints.reach[positions] * step
             change, before = float(np.abs(step).max()), change
-            if change < 1e-13 or (count and change > 0.5 * before):  # it leads nowhere; what is reached is looked at
+            if change < 1e-13 or (count and change > 0.5 * before):  # no more progress; the point reached is checked
                 break
         slopes, size = self._scaled(time, state, mode)
         squares, basis = np.linalg.eigh(slopes @ slopes.T)
@@ -268,7 +268,7 @@ class Watcher:
 
     @staticmethod
     def _still(across: Any) -> Any:
-        """Unit directions (rows) that all but the lost gaps allow, a few of them mixed from all."""
+        """Return a few unit directions (rows) that all but the lost residuals allow, as mixtures of all such directions."""
         count, taken = across.shape
         many = min(count - taken, WAYS)
         ways = np.random.default_rng(1).normal(size=(many, count))
@@ -276,7 +276,7 @@ class Watcher:
         return ways / np.linalg.norm(ways, axis=1, keepdims=True)
 
     def _bent(self, time: float, state: Any, mode: Any, way: Any, size: Any) -> Any:
-        """The derivative of the slopes along a direction, central differences; rows in units of their sizes."""
+        """Return the derivative of the Jacobian along a direction, by central differences; rows in units of their sizes."""
         constraints = self.constraints
         shift = np.zeros(len(state))
         shift[constraints.positions] = DIFFERENCE * constraints.reach[constraints.positions] * way
@@ -285,7 +285,7 @@ class Watcher:
 
 
 def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str, ...]:
-    """What a run says of its constraints: the redundant ones, and the singular poses that it passed."""
+    """Return notes of a run on its constraints: the redundant ones, and the singular poses that it passed."""
     told = []
     if assembled is not None and assembled.redundant:
         names = ", ".join(f"`{n}`" for n in assembled.redundant[:SHOWN]) + (

@@ -1,1 +1,1 @@
-"""What happens at instants: conditions flip, events act, junctions go on and off; signals that are delayed."""
+"""Hybrid behaviour at instants: zero crossings of conditions, events, junctions that switch; and delayed signals."""

@@ -1,4 +1,4 @@
-"""The mode with which a run with events begins, or goes on in another program."""
+"""Initial mode of a run with events, and of a phase that goes on in another program."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from .impulse import Jump, after_impulse
 if TYPE_CHECKING:
     from ...prepared import Prepared
 
-MOST_MODES = 30  # that are tried for a start
+MOST_MODES = 30  # modes tried at a start
 
 
 @dataclass(frozen=True, slots=True)
 class UntilEvent:
-    """Looks for the first flip of a condition, and for what a choice of states looks for."""
+    """Monitor that stops at the first zero crossing of a condition, or at the first change of the state selection."""
 
     events: Events
     choice: Choice
 
     def look(self, time: float, state: Any, mode: Any) -> object | None:
-        """Something if a condition is not what the mode says."""
+        """Return an object that is not None if a condition differs from the mode, or if the state selection must change."""
         said = np.asarray(mode)[self.events.places] == 1.0
         if (self.events.truth(self.events.roots(time, state, mode)) != said).any():
             return time
@@ -41,7 +41,7 @@ class UntilEvent:
 
 
 def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> Segment:
-    """A stretch with what some modes start as."""
+    """Return a segment with initial values of some discrete variables."""
     assert program.hybrid is not None
     mode = np.array(first.mode, dtype=float)
     for place, name in enumerate(program.hybrid.modes.names):
@@ -50,7 +50,7 @@ def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> 
 
 
 def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segment, horizon: float) -> Segment:
-    """The first stretch with the mode that fits the consistent start. Raises `RunFailed` if there is none."""
+    """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
     events = Events(constraints, _size(state), horizon)
     mode = events.guess(Moment(first.start, state, first.mode))
     seen = set()
@@ -71,14 +71,14 @@ def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segm
 
 
 def off_in(constraints: Constraints, full: Any, first: Segment) -> tuple[str, ...]:
-    """The junctions that are off before anything acts."""
+    """Return the junctions that are off before any event acts."""
     return Events(constraints, _size(full), 1.0).actives(Moment(first.start, full, first.mode))
 
 
 def begun(
     constraints: Constraints, full: Any, first: Segment, horizon: float, companion: Companion | None
 ) -> tuple[Events, Moment]:
-    """The events of a run, and the moment after all that happens where it begins."""
+    """Return the events of a run, and the hybrid state after all events at its beginning."""
     events = Events(constraints, _size(full), horizon, companion=companion)
     moment = events.happen(Moment(first.start, full, first.mode), due=events.due(first.start))
     events.tell_valves(first.mode)
@@ -88,7 +88,7 @@ def begun(
 def continued(
     constraints: Constraints, state: Any, first: Segment, begin: Handover, horizon: float, companion: Companion | None
 ) -> tuple[Events, Moment, tuple[Jump, ...]]:
-    """The events of a run that goes on in this program, the moment at which it does, and what jumped there."""
+    """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there."""
     program = constraints.program
     names, hybrid = program.states.names, program.hybrid
     assert hybrid is not None
@@ -117,7 +117,7 @@ def continued(
 def _through_integrals(
     program: Program, full: Any, begin: Handover, companion: Companion
 ) -> tuple[Any, tuple[Jump, ...]]:
-    """The state with what an impulse adds to the integrals of the model, and their jumps."""
+    """Return the state with the contribution of an impulse to the integrals of the model, and their jumps."""
     names = [n for n in program.states.names if n in companion.integrals]
     if not names:
         return full, ()
@@ -133,7 +133,7 @@ def _through_integrals(
 
 
 def unknowns_in(program: Program, begin: Handover, state: Any) -> list[float]:
-    """The unknowns of loops as they were, where their names were known; which of several solutions they are is kept so."""
+    """Return the unknowns of loops as they were, where their names are known; this preserves the branch among several solutions."""
     return [
         begin.unknowns.get(n, float(x))
         for n, x in zip(program.unknowns.names, state[len(program.states.names) :], strict=True)

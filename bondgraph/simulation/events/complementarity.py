@@ -1,13 +1,12 @@
-"""Which ideal valves conduct just after an instant: one linear complementarity problem for all of them.
+"""Conduction state of ideal valves just after an instant: one linear complementarity problem for all of them.
 
 The companion network (`compiler/equations/companion.py`) is the model over one short step h of the implicit Euler method. Seen from its
-valves it is b = S a + c, with waves a = e - z f into it and b = e + z f out of it. Each valve asks for -e >= 0, z f >= 0 and one of them zero:
-(1 + S) z f = (1 - S)(-e) + c. A network that creates no energy makes this monotone, so that the set that conducts is found by block
-principal pivoting (Judice and Pires, Computers and Operations Research 21, 1994). Loops of valves that conduct, and parts that float between
-valves that block, leave combinations open: there the smallest waves are taken, as equal small resistances and leakages would.
-
-As h goes to zero this is the state just after the instant: impulses pass where the network ties storages, values decide where
-there are any, derivatives where values are zero.
+valves it is b = S a + c, with waves a = e - z f into it and b = e + z f out of it. Each valve requires -e >= 0, z f >= 0 and one of them zero:
+(1 + S) z f = (1 - S)(-e) + c. For a network that creates no energy this is monotone, so block principal pivoting finds the conducting set
+(Judice and Pires, Computers and Operations Research 21, 1994). Loops of conducting valves, and parts that float between blocking valves, leave
+combinations undetermined: there the smallest waves are taken, as equal small resistances and leakages would give.
+As h goes to zero this is the state just after the instant: impulses decide where the network ties storages, then values, then derivatives
+where the values are zero.
 """
 
 from __future__ import annotations
@@ -34,24 +33,24 @@ STEPS = (
     1e-7,
     1e-3,
     1e-9,
-)  # of the time between switching instants: the steps h that are tried, the first first
-RECENT = 8  # switching instants that tell how far apart they lie
-OPEN = 1e-13  # singular values below this share leave a combination open
-MET = 1e-9  # of the waves: how well a combination that is left open must fit
-FIRM = 1e-12  # of what gives an open combination that does not fit its sign
-ZERO = 1e-13  # of the largest wave: what counts as zero, where a valve stays as it is
+)  # fractions of the time between switching instants: the steps h in the order of their trial
+RECENT = 8  # number of last switching instants from which their distance is estimated
+OPEN = 1e-13  # relative singular value below which a combination is undetermined
+MET = 1e-9  # relative to the waves: largest misfit of an undetermined combination
+FIRM = 1e-12  # relative weight that gives an undetermined combination that does not fit its sign
+ZERO = 1e-13  # relative to the largest wave: smaller waves count as zero, and the valve keeps its state
 MOST_PIVOTS = 1000
 PATIENCE = 4  # block pivots without progress before one valve at a time changes
-SETTLED = 1e-6  # of the waves: where the iteration over laws that bend ends
-NEWTON = 30  # iterations for networks with laws that bend
+SETTLED = 1e-6  # relative to the waves: end of the iteration for nonlinear laws
+NEWTON = 30  # iterations for networks with nonlinear laws
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
-STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, beside waves
-IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the steps that tell an impulse
+STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
+IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """A time with all that is stored and all that only events change, by name; `off`: switched junctions that are no valves."""
+    """A time with all stored quantities and all discrete variables, by name; `off`: switched junctions that are no valves."""
 
     time: float
     stored: Mapping[str, float]
@@ -66,14 +65,16 @@ class Network:
 
     program: Program
     constraints: Constraints
-    places: Mapping[str, int]  # of its inputs
-    impedance: list[float]  # of the waves; chosen at the first use
-    linear: bool  # whether one row of differences tells all
+    places: Mapping[str, int]  # indices of its inputs
+    impedance: list[float]  # impedance of the waves; chosen at the first use
+    linear: bool  # True if one row of difference quotients is exact
 
 
 class Companion:
-    """The valves of a run, and its other two-terminal switches. `made`: the companion program with some junctions off. `values`: what is
-    set when the run begins."""
+    """Valves of a run, and its other two-terminal switches.
+
+    `made`: the companion program for given junctions off. `values`: parameters set when the run begins.
+    """
 
     def __init__(
         self,
@@ -85,13 +86,13 @@ class Companion:
         self.valves, self.gaps, self.integrals = facts.valves, facts.gaps, frozenset(facts.integrals)
         self.made, self.values, self.horizon = made, values, horizon
         self.networks: dict[tuple[str, ...], Network] = {}
-        self.instants: list[float] = []  # the start, and when valves switched
-        self.stored: dict[str, float] = {}  # by name: all that has been known of storages so far
-        self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets that did not hold at an instant
+        self.instants: list[float] = []  # the start, and the switching instants of valves
+        self.stored: dict[str, float] = {}  # by name: last known values of stored quantities
+        self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets refuted at an instant
 
     # ------------------------------------------------------------ valves
     def another(self, at: Instant, guess: Any) -> Any:
-        """A set that conducts by a longer or shorter step, where this one did not hold in its own program; None if all lead to sets that did not."""
+        """Return a conducting set for a longer or shorter step, where this set was refuted by its own program; None if all steps lead to refuted sets."""
         self.against = at.time, self._refused(at.time) | {guess.tobytes()}
         refused = self._refused(at.time)
         for step in self.steps(at.time):
@@ -101,7 +102,7 @@ class Companion:
         return None
 
     def conducting(self, at: Instant, guess: Any) -> Any:
-        """Which valves conduct just after an instant, as a mask. Raises `RunFailed`."""
+        """Return a mask of the valves that conduct just after an instant. Raises `RunFailed`."""
         refused = self._refused(at.time)
         for step in self.steps(at.time):
             found = self._solved(at, guess, step)
@@ -110,7 +111,7 @@ class Companion:
         raise self.without_a_set(at.time)
 
     def without_a_set(self, time: float) -> RunFailed:
-        """The error that no set of valves goes on."""
+        """Return the error that no conducting set is consistent."""
         names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
         return RunFailed(
             f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every "
@@ -119,41 +120,42 @@ class Companion:
         )
 
     def _refused(self, time: float) -> frozenset[bytes]:
-        """The sets that did not hold at an instant."""
+        """Return the sets that were refuted at an instant."""
         return self.against[1] if self.against[0] == time else frozenset()
 
     def begin(self, time: float, off: tuple[str, ...]) -> dict[str, float]:
-        """The modes of the valves where a run begins, as far as the starts that are written tell. `off`: other junctions that are off."""
+        """Return the modes of the valves at the beginning of a run, as far as the written start values decide them. `off`: other junctions that are off."""
         on = self.conducting(Instant(time, {}, {}, off), np.zeros(len(self.valves), dtype=bool))
         return {v.mode: v.conducting if c else 1.0 - v.conducting for v, c in zip(self.valves, on, strict=True)}
 
     def step(self, share: float, time: float) -> float:
-        """A step h: a share of the time between the last switching instants, which rounding of the time still resolves."""
+        """Return a step h: a fraction of the time between the last switching instants, long enough to be resolved in rounded time."""
         between = np.diff(np.array(self.instants[-RECENT:]))
         usual = float(between.max()) if len(between) and between.max() > 0 else self.horizon
         return max(share * min(usual, self.horizon), 1e3 * float(np.spacing(abs(time))))
 
     def steps(self, time: float) -> Iterator[float]:
-        """The steps h that are tried: shares of the time between the last instants, then of the run."""
+        """Yield the steps h to try: fractions of the time between the last switching instants, then of the run."""
         yield from (self.step(share, time) for share in STEPS)
         yield from (max(share * self.horizon, 1e3 * float(np.spacing(abs(time)))) for share in STEPS)
 
     def ahead(self) -> Companion:
-        """The same for a pilot run, which leaves nothing behind."""
+        """Return a copy for a pilot run, which leaves the original unchanged."""
         other = copy(self)
         other.stored = dict(self.stored)
         return other
 
     def switched(self, time: float) -> None:
-        """Remember an instant at which valves switched."""
+        """Store an instant at which valves switched."""
         if not self.instants or time > self.instants[-1]:
             self.instants = [*self.instants[-RECENT:], time]
 
     # ------------------------------------------------------------ impulses
     def impulses(self, at: Instant, names: Sequence[str]) -> dict[str, float]:
-        """By how much integrals jump where what is stored passes over at an instant. `at`: with what was stored before, and what is off after.
+        """Return the jumps of integrals caused by impulses between storages at an instant.
 
-        Raises `RunFailed` where an impulse has no integral (the square of a current).
+        `at`: with the stored quantities before, and the junctions off after. Raises `RunFailed` where an impulse has no integral (the square of a
+        current).
         """
         on = np.array([v.junction in at.off for v in self.valves], dtype=bool)
         chosen = [self._outputs_of(at.off).index(f"rate of {name}") for name in names]
@@ -182,13 +184,13 @@ class Companion:
         return self._network(off).program.outputs.names
 
     def _solved(self, at: Instant, guess: Any, step: float, valves: int | None = None) -> tuple[Any, Any] | None:
-        """Which valves conduct, and the outputs of the companion with them; None where no set was found. `valves`: how many may change."""
+        """Return the mask of conducting valves and the outputs of the companion; None if no set is found. `valves`: how many of them may change."""
         network, count = self._network(at.off), len(self.gaps)
         if not network.impedance:
             network.impedance.append(self._impedance(network, at))
         z = network.impedance[0]
         states, mode = _state(network.program, network.constraints, at, step)
-        others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a gap that is off is closed
+        others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others], dtype=bool)
         size = 1.0
         for _ in range(NEWTON):
@@ -208,7 +210,7 @@ class Companion:
         return on[: len(self.valves)], self._outputs(network, at, (states, mode), (step, z, waves[None]))[0]
 
     def _outputs(self, network: Network, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:
-        """The outputs of the companion for rows of waves, shape (rows, outputs)."""
+        """Return the outputs of the companion for rows of waves, shape (rows, outputs)."""
         program, constraints = network.program, network.constraints
         (state, mode), (step, z, rows) = where, values
         inputs = np.tile(constraints.inputs, (len(rows), 1))
@@ -226,7 +228,7 @@ class Companion:
         return np.asarray(program.output(times, states, inputs, constraints.constants, mode))
 
     def _network(self, off: tuple[str, ...]) -> Network:
-        """The companion with these junctions off that are no two-terminal switches, compiled at the first use."""
+        """Return the companion with these junctions off (no two-terminal switches), compiled at the first use."""
         off = tuple(name for name in off if name not in self.gaps)
         if off not in self.networks:
             made = self.made(off)
@@ -240,7 +242,7 @@ class Companion:
         return self.networks[off]
 
     def _impedance(self, network: Network, at: Instant) -> float:
-        """The impedance of the waves: the geometric mean of what the valves see of the network over a long step."""
+        """Return the impedance of the waves: geometric mean of the network's impedances at the valves over a long step."""
         z, count = 1.0, len(self.gaps)
         step = 1e-3 * self.horizon
         where = _state(network.program, network.constraints, at, step)
@@ -249,7 +251,7 @@ class Companion:
             change = np.diagonal(
                 (seen[1:, :count] - seen[0, :count]) + z * (seen[1:, count : 2 * count] - seen[0, count : 2 * count])
             )
-            own = change[np.abs(change) < 1 - 1e-6]  # no source and nothing that floats: these have no size
+            own = change[np.abs(change) < 1 - 1e-6]  # without sources and floating parts, which have no impedance
             factor = float(np.exp(np.mean(np.log((1 + own) / (1 - own))))) if len(own) else 1.0
             z = float(np.clip(z * factor, 1e-12, 1e12))
             if 0.1 < factor < 10:
@@ -258,7 +260,7 @@ class Companion:
 
 
 def _state(program: Program, constraints: Constraints, at: Instant, step: float) -> tuple[Any, Any]:
-    """The state and the mode of a companion program at an instant."""
+    """Return the state and the mode of a companion program at an instant."""
     state = np.array(program.start(constraints.constants), dtype=float)
     for place, name in enumerate(program.states.names):
         state[place] = at.stored.get(name, state[place])
@@ -274,9 +276,9 @@ def _state(program: Program, constraints: Constraints, at: Instant, step: float)
 
 
 def complementary(slopes: Any, offset: Any, guess: Any, valves: int) -> tuple[Any, Any, Any] | None:
-    """The ports that conduct, and the waves a into and b out of a network b = S a + c, shapes (n,); None if no set fits.
+    """Return the conducting ports, and the waves a into and b out of a network b = S a + c, shapes (n,); None if no set fits.
 
-    `guess`: what is tried first, and what stays where both sides are zero, and for all ports behind the first ones, the `valves`.
+    `guess`: the set tried first. It is kept where both sides are zero, and for all ports after the first `valves` ones.
     """
     count = len(offset)
     through, across = np.eye(count) + slopes, np.eye(count) - slopes
@@ -300,10 +302,10 @@ def complementary(slopes: Any, offset: Any, guess: Any, valves: int) -> tuple[An
 
 
 def _least(matrix: Any, right: Any, slopes: Any) -> tuple[Any, bool]:
-    """The least solution of a square system, and whether it fits: where a singular row does not, the ports are taken as a little lossy."""
+    """Return the minimum-norm solution of a square system, and True if it fits; ports of a singular row that does not fit get a small loss."""
     left, values, rows = np.linalg.svd(matrix)
     share, size = left.T @ right, np.abs(right).max()
-    values, size = values / 2, size / 2  # of a network that creates no energy none is above 2
+    values, size = values / 2, size / 2  # without energy creation no singular value exceeds 2
     small = values <= OPEN
     misfit = small & (np.abs(share) > MET * size)
     inverse = np.where(small, 0.0, 1 / np.where(small, 1.0, values))

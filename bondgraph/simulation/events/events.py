@@ -1,9 +1,9 @@
-"""What happens at an instant: conditions flip, events set what is stored, until nothing more changes.
+"""Event iteration at an instant: conditions change, events reset stored quantities, until nothing changes any more.
 
-The truth of a condition *just after* an instant is what counts: where its root is zero but for rounding, the flow that follows
-tells on which side it goes on. If under each truth the flow leads back to the other, no motion on either side goes on from there:
-the model slides along the condition, which is told, not integrated (a stick needs a law of its own; Filippov, Differential
-Equations with Discontinuous Righthand Sides, 1988, has what one could read into it). Events that pile up are told as well.
+The truth of a condition *just after* an instant counts: where its root is zero to rounding, the flow that follows decides the side. If under
+each truth value the flow leads back to the other, no motion on either side is possible: the model slides along the condition, which is
+reported, not integrated (sticking needs a law of its own; Filippov, Differential Equations with Discontinuous Righthand Sides, 1988, describes
+the possible interpretations). Events that accumulate are reported as well.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from ..loops.loops import LoopSolver
 from ..start.claims import fulfil
 from .complementarity import Companion, Instant
 
-NOISE = 1e-13  # of the magnitudes: what rounding leaves of a root that is zero
-REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the magnitudes: how far the flow is followed to see where a root goes
-SHORT = 1e-12  # of the time: instants that are closer than this
-MOST_AT_ONCE = 60  # events that are closer than that
-MOST_ROUNDS = 100  # of events that one another cause at one instant
-LEFT = 3  # times in a row that a condition fails right after its event: then it is expected to
-SHRUNK = 1e-2  # of the longest interval between its events: a shorter one tells that they pile up
-LATE = 32  # units in the last place of a time: what a root moves in it cannot be told from zero
-CLOSE = 1e-9  # of its size: how well what is set must hold
-UPHELD = 1e4  # of rounding: what a valve may miss its sign by
+NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
+REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign
+SHORT = 1e-12  # relative to the time: events closer than this count as simultaneous
+MOST_AT_ONCE = 60  # most simultaneous events
+MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
+LEFT = 3  # times in a row that an event makes its condition false before it is expected to
+SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
+LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
+CLOSE = 1e-9  # relative accuracy with which a reset value must hold
+UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
 
 
 @dataclass(slots=True)
 class Happening:
-    """An instant at which something happened: which conditions flipped and which events acted."""
+    """Record of an instant: the conditions that changed and the events that acted."""
 
     time: float
     conditions: tuple[int, ...]
@@ -45,7 +45,7 @@ class Happening:
 
 @dataclass(slots=True)
 class Moment:
-    """Where a run stands: time, state and mode."""
+    """Hybrid state of a run: time, state and mode."""
 
     time: float
     state: Any
@@ -54,14 +54,14 @@ class Moment:
 
 @dataclass(eq=False)
 class Events:
-    """The events of a program in a run. `magnitude`: of states and unknowns."""
+    """Events of a program in a run. `magnitude`: of states and unknowns."""
 
-    constraints: Constraints  # of the program, which they know
+    constraints: Constraints  # constraints of the program, with the program itself
     magnitude: Any
-    horizon: float  # how long the run is
-    on: dict[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
+    horizon: float  # length of the run, s
+    on: dict[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
     log: list[Happening] = field(default_factory=list)
-    companion: Companion | None = None  # of the ideal valves, if there are any
+    companion: Companion | None = None  # companion of the ideal valves, if there are any
 
     def __post_init__(self) -> None:
         self.program, self.inputs = self.constraints.program, self.constraints.inputs
@@ -75,8 +75,8 @@ class Events:
         self.strict = np.array([c.strict for c in hybrid.conditions], dtype=bool)
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
         self.keys = [(e.owner, e.span.start) for e in hybrid.events]
-        self.floor = np.zeros(len(self.places))  # of roots that were zero at the last instant: below it is rounding
-        self.left: dict[tuple[str, int], int] = {}  # how often in a row a condition failed right after its event
+        self.floor = np.zeros(len(self.places))  # rounding of roots that were zero at the last instant
+        self.left: dict[tuple[str, int], int] = {}  # times in a row that an event made its condition false
         self.owners = np.repeat(np.arange(len(hybrid.events)), [len(e.settings) for e in hybrid.events])
         self.sampled = np.array([i for i, e in enumerate(hybrid.events) if e.sampled], dtype=int)
         self.periods = np.asarray(hybrid.sampling(self.constants), dtype=float)
@@ -84,7 +84,7 @@ class Events:
         self._find_valves()
 
     def _find_valves(self) -> None:
-        """Where the valves are: their modes, events and conditions; rows are valves, columns conducting and blocking."""
+        """Store the indices of the valves' modes, events and conditions; rows are valves, columns conducting and blocking."""
         valves = () if self.companion is None else self.companion.valves
         names = self.hybrid.modes.names
         self.valve_modes = np.array([names.index(v.mode) for v in valves], dtype=int)
@@ -95,21 +95,21 @@ class Events:
         self.valve_conditions = np.array([k for k, key in enumerate(own) if key in chosen], dtype=int)
 
     def measure(self, magnitude: Any) -> None:
-        """Other magnitudes of states and unknowns."""
+        """Set the magnitudes of states and unknowns."""
         self.magnitude = magnitude
         self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
 
     # ------------------------------------------------------------ truth
     def roots(self, time: Any, state: Any, mode: Any) -> Any:
-        """Left less right side of each condition; leading axes as time and state have."""
+        """Return left minus right side of each condition; leading axes as of time and state."""
         return self.hybrid.roots(time, state, self.inputs, self.constants, mode)
 
     def truth(self, roots: Any) -> Any:
-        """The truth of the conditions with these roots."""
+        """Return the truth of the conditions with these roots."""
         return (roots < 0) | ((roots == 0) & ~self.strict)
 
     def guess(self, at: Moment) -> Any:
-        """A mode with the conditions as they look at a moment; a root that is zero but for rounding counts as zero."""
+        """Return a mode with the conditions as evaluated at a hybrid state; a root below rounding counts as zero."""
         mode = np.array(at.mode, dtype=float)
         for _ in range(len(self.places) + 1):
             roots = self.roots(at.time, at.state, mode)
@@ -118,27 +118,27 @@ class Events:
         return mode
 
     def triggers(self, at: Moment) -> Any:
-        """Which events' conditions hold."""
+        """Return a mask of the events whose conditions hold."""
         return self.hybrid.triggers(at.time, at.state, self.inputs, self.constants, at.mode) == 1.0
 
     def actives(self, at: Moment) -> tuple[str, ...]:
-        """The switched junctions that are off."""
+        """Return the switched junctions that are off."""
         active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode)
         return tuple(name for (name, _), on in zip(self.hybrid.junctions, active, strict=True) if on != 1.0)
 
     # ------------------------------------------------------------ an instant
     def due(self, time: float) -> list[int]:
-        """The sampled events that act at an instant."""
+        """Return the sampled events that act at an instant."""
         if not len(self.sampled):
             return []
         missed = np.abs(time - np.round(time / self.periods) * self.periods)
         return [int(i) for i in self.sampled[missed <= 16 * np.spacing(np.maximum(abs(time), self.periods))]]
 
     def happen(self, at: Moment, flipped: Any = None, due: Sequence[int] = ()) -> Moment:
-        """The moment after all that happens at an instant. `flipped`: the conditions that have been located there; `due`: the
-        events that are sampled there. What is true where a run begins becomes true there.
+        """Return the hybrid state after all events at an instant.
 
-        Raises `RunFailed` where it has no end.
+        `flipped`: the conditions whose zero crossings are located there; `due`: the events sampled there. A condition that is true where a run begins
+        becomes true there. Raises `RunFailed` if the events do not end.
         """
         mode = np.array(at.mode, dtype=float)
         changed = np.flatnonzero(flipped) if flipped is not None else np.array([], dtype=int)
@@ -167,7 +167,7 @@ class Events:
         return now
 
     def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
-        """The moment with all valves as they are just after, and the events of those that switch: then another program goes on."""
+        """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on."""
         companion = self.companion
         if companion is None or not len(self.valve_modes):
             return at, []
@@ -191,7 +191,7 @@ class Events:
         return Moment(at.time, at.state, mode), [int(self.valve_events[k, 0 if found[k] else 1]) for k in changed]
 
     def tell_valves(self, mode: Any) -> None:
-        """Add to the first instant the events of the valves that are other than they are written to start."""
+        """Add to the first record the events of the valves whose state differs from the written start."""
         if not len(self.valve_modes):
             return
         written = np.asarray(self.hybrid.start(self.constants))[self.valve_modes] == self.conducts
@@ -200,7 +200,7 @@ class Events:
         self.log[-1] = replace(self.log[-1], events=(*self.log[-1].events, *acted))
 
     def _instant(self, at: Moment) -> Instant:
-        """All that is stored, by name, and what only events change."""
+        """Return all stored quantities and discrete variables, by name."""
         assert self.companion is not None
         program = self.program
         fixed = (self.inputs, self.constants, at.mode)
@@ -214,12 +214,14 @@ class Events:
         return Instant(at.time, stored, dict(zip(self.hybrid.modes.names, map(float, at.mode), strict=False)), off)
 
     def _contradicted(self, at: Moment) -> bool:
-        """Whether a valve that conducts or blocks has the condition of its event, just after this moment."""
+        """Return True if the switching condition of a conducting or blocking valve holds just after this hybrid state."""
         return bool(self.triggers(at)[self.valve_events].any())
 
     def _upheld(self, at: Moment) -> bool:
-        """Whether no valve has a positive effort where it blocks, or a negative flow where it conducts, beyond rounding. What rounding
-        leaves of these does not count, and is not seen as a crossing."""
+        """Return True if no valve has a positive effort while it blocks, or a negative flow while it conducts, beyond rounding.
+
+        Violations below rounding are ignored, and not taken for a zero crossing later.
+        """
         places = self.valve_conditions
         roots = self.roots(at.time, at.state, at.mode)
         against = np.zeros(len(roots), dtype=bool)
@@ -232,7 +234,7 @@ class Events:
         return True
 
     def _check_left(self, time: float, acted: Sequence[int]) -> None:
-        """An event that so far undid its own condition and now does not: what it sets has become too small to be seen."""
+        """Raise `RunFailed` if an event no longer makes its own condition false: its reset has become too small to be resolved."""
         for i in acted:
             key = self.keys[i]
             if i in self.valve_events:
@@ -247,7 +249,7 @@ class Events:
                 self.left[key] = 0
 
     def rising(self, at: Moment) -> bool:
-        """Whether an event would act under this mode; which conditions hold is kept."""
+        """Return True if an event would act under this mode; otherwise store the truth of the conditions."""
         holds = self.triggers(at)
         if any(holds[i] and not self.on.get(key, False) for i, key in enumerate(self.keys)):
             return True
@@ -256,7 +258,7 @@ class Events:
 
     # ------------------------------------------------------------ just after
     def settled(self, at: Moment) -> Moment:
-        """The mode in which all conditions are as they will be just after, with the unknowns of loops that belong to it."""
+        """Return the mode in which all conditions are as just after, with the matching unknowns of loops."""
         seen: dict[bytes, int] = {}
         trail: list[Any] = []
         now = self._solved(at)
@@ -282,15 +284,17 @@ class Events:
             now = self._solved(Moment(at.time, now.state, mode))
 
     def _between(self, at: Moment, conditions: Any) -> Moment | None:
-        """The mode in which each of these conditions is as it is where its two sides are equal, if the motion stays there: a law
-        that goes through zero (a valve whose pressure has gone) ends there, one that jumps (dry friction) does not."""
+        """Return the mode in which each of these conditions is as where its two sides are equal, if the motion stays there.
+
+        A law that goes through zero (a valve without pressure) ends there; one that jumps (dry friction) does not.
+        """
         mode = at.mode.copy()
         mode[self.places[conditions]] = self.truth(np.zeros(len(self.places)))[conditions]
         rest = self._solved(Moment(at.time, at.state, mode))
         return rest if (self._just_after(rest) == (mode[self.places] == 1.0)).all() else None
 
     def _is_alike(self, at: Moment, modes: Sequence[Any]) -> bool:
-        """Whether the rates and unknowns are the same under all these modes, as those of a law that is continuous are at its condition."""
+        """Return True if the rates and unknowns are equal under all these modes, as for a law that is continuous at its condition."""
         flow = self._flow(at)
         if flow is None:
             return False
@@ -309,7 +313,7 @@ class Events:
         return Moment(at.time, self.loops.solve(at.time, held, at.mode), at.mode)
 
     def _just_after(self, at: Moment) -> Any:
-        """The truth of the conditions just after a moment; where rounding hides it, as the flow will have it."""
+        """Return the truth of the conditions just after a hybrid state; where rounding hides it, the flow decides."""
         if not len(self.places):
             return np.zeros(0, dtype=bool)
         roots = self.roots(at.time, at.state, at.mode)
@@ -319,7 +323,7 @@ class Events:
         self.floor = np.zeros(len(roots))
         if not doubtful.any():
             return truth
-        truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, all stays as it is
+        truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, the truth values stay
         moved = np.zeros(len(roots))
         flow = self._flow(at)
         for reach in REACHES:
@@ -332,13 +336,13 @@ class Events:
             if (moved[doubtful] != 0).all():
                 break
         truth[moved != 0] = moved[moved != 0] < 0
-        # What stands still at zero must not flip; what leaves zero must be seen when it is back, and be doubtful then.
+        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then.
         still = np.maximum(0.25 * noise, 2 * np.abs(roots))
         self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
         return truth
 
     def noise(self, at: Moment, roots: Any) -> Any:
-        """How far from zero rounding may leave each root: of the states, in units of their magnitudes, and of the instant, along the flow."""
+        """Return the rounding error of each root: from the states, in units of their magnitudes, and from the instant, along the flow."""
         share = 1e-7
         n = len(at.state)
         times = np.full(n + 1, at.time)
@@ -350,7 +354,7 @@ class Events:
         return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0) + self._late(at, roots)
 
     def _late(self, at: Moment, roots: Any) -> Any:
-        """By how much the flow moves each root while time is later by what an instant is located to; unknowns of loops stay."""
+        """Return the change of each root along the flow during the uncertainty of a located instant; unknowns of loops stay fixed."""
         flow = self._flow(at)
         if flow is None:
             return 0.0
@@ -363,7 +367,7 @@ class Events:
         return np.where(np.isfinite(moved), moved, 0.0)
 
     def _flow(self, at: Moment) -> tuple[Any, float] | None:
-        """The rates of the states, and how long the flow takes to move one by its magnitude, or the run."""
+        """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
         if not self.count:
             return None
         first = self.program.derivative(at.time, at.state, self.inputs, self.constants, at.mode)[: self.count]
@@ -371,7 +375,7 @@ class Events:
         return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(speed) else None
 
     def _ahead(self, at: Moment, reach: float, first: Any, whole: float) -> Moment | None:
-        """Where the flow is a little later, by Heun's method: as much later as moves no state by more than a share."""
+        """Return the hybrid state a little later, by Heun's method, such that no state moves by more than a fraction `reach`."""
         n, fixed = self.count, (self.inputs, self.constants, at.mode)
         span = reach * whole
         try:
@@ -385,7 +389,7 @@ class Events:
 
     # ------------------------------------------------------------ what events set
     def set(self, at: Moment, acting: Sequence[int]) -> Moment:
-        """The moment after these events have acted, each with what it reads from before. Raises `RunFailed`."""
+        """Return the hybrid state after these events have acted, each with the values before them. Raises `RunFailed`."""
         values = self.hybrid.values(at.time, at.state, self.inputs, self.constants, at.mode)
         chosen = [i for i, owner in enumerate(self.owners) if owner in acting]
         self._check(at.time, chosen, values)
@@ -402,7 +406,7 @@ class Events:
         return self._followed(now, computed, values, free) if computed else now
 
     def _followed(self, at: Moment, computed: Sequence[int], values: Any, free: Any) -> Moment:
-        """The states moved, by as little as it takes, so that what is computed from them has the values that events set."""
+        """Return the states after the least change that gives computed quantities the values that events set."""
         places = [self.settings[i].position for i in computed]
         wanted = values[computed]
 
@@ -423,7 +427,7 @@ class Events:
         return Moment(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
 
     def _check(self, time: float, chosen: Sequence[int], values: Any) -> None:
-        """What is set must be a number, and one thing is set once."""
+        """Raise `RunFailed` if a reset value is not finite, or if a quantity is reset twice."""
         owner: dict[tuple[str, int], int] = {}
         for i in chosen:
             setting = self.settings[i]
@@ -476,7 +480,7 @@ class Events:
 
 
 def _shrinks(intervals: Any) -> bool:
-    """Whether intervals between events get shorter from one to the next, and have become much shorter than they were."""
+    """Return True if intervals between events get shorter each time, and are much shorter than the longest one."""
     last = intervals[-LEFT:]
     return len(last) == LEFT and bool((np.diff(last) < 0).all()) and last[-1] < SHRUNK * intervals.max()
 

@@ -1,8 +1,8 @@
-"""Delayed signals: what they will be is kept, step by step, as polynomials, and read again when its time has come.
+"""Delayed signals: their values are stored step by step as polynomials, and read when the delay has passed.
 
-A program with delays is wrapped, so that whoever calls it sees its delayed inputs at the time of the call. No step is longer than
-the shortest delay (the method of steps: Bellen and Zennaro, Numerical Methods for Delay Differential Equations, 2003, section
-3.1). Where what is delayed jumps, so does the signal later: the run stops there, and on each side of the jump reads its own side.
+A program with delays is wrapped, so that its callers get the delayed inputs at the time of the call. No step is longer than the shortest delay
+(the method of steps: Bellen and Zennaro, Numerical Methods for Delay Differential Equations, 2003, section 3.1). Where a delayed quantity
+jumps, the signal jumps later: the run stops there, and reads on each side of the jump the value of that side.
 """
 
 from __future__ import annotations
@@ -17,44 +17,44 @@ import numpy as np
 from ...door import Program
 from ...ended import Past
 
-DEGREE = 5  # of the polynomials, as the solver's own between two steps
+DEGREE = 5  # degree of the polynomials, equal to that of the solver's dense output
 NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
 TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
 ROUNDING = 64  # units in the last place of a time
-JUMP = 1e-9  # of its size: what counts as a jump
-ROUNDS = 50  # of signals that depend on one another's past at the start
+JUMP = 1e-9  # relative change that counts as a jump
+ROUNDS = 50  # iterations at the start for signals that depend on each other's past
 
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
 def history_of(program: Program, parameters: Any, before: Past | None) -> History | None:
-    """The history of a program; None if it has no delays."""
+    """Return the history of a program; None if it has no delays."""
     if program.delays is None:
         return None
     return History(program, program.constants(parameters), before)
 
 
 class History:
-    """What the delayed signals of a program have been. `before`: what another program knew of them."""
+    """Past values of the delayed signals of a program. `before`: the history of another program of the run."""
 
     def __init__(self, program: Program, constants: Any, before: Past | None = None) -> None:
         assert program.delays is not None
         self.plain, self.constants, self.count = program, constants, program.delays.count
         self.names = program.inputs.names[len(program.inputs.names) - self.count :]
         self.lags = np.asarray(program.delays.lags(constants), dtype=float)
-        self.starts: list[float] = []  # of the steps that are known
+        self.starts: list[float] = []  # starts of the stored steps
         self.stops: list[float] = []
         self.pieces: list[Any] = []  # (degree + 1, signals)
-        self.first = np.zeros(self.count)  # what they were before the run
-        self.last = self.first  # what they will be, at the end of what is known
-        self.window = (-np.inf, np.inf)  # times are looked at from within
-        self.cuts: list[float] = []  # where a delayed signal jumps
+        self.first = np.zeros(self.count)  # values before the run
+        self.last = self.first  # values at the end of the stored steps
+        self.window = (-np.inf, np.inf)  # times are clipped to this interval
+        self.cuts: list[float] = []  # instants at which a delayed signal jumps
         if before is not None:
             self._take(before)
         self.program = self._wrapped(program)
 
     def _take(self, before: Past) -> None:
-        """What another program knew; what it did not know is as it was when that ended."""
+        """Take over the history of another program; a signal unknown there is 0 before that history ends."""
         known = [before.names.index(n) if n in before.names else -1 for n in self.names]
         self.starts, self.stops, self.cuts = list(before.starts), list(before.stops), list(before.cuts)
         self.first = np.array([before.first[k] if k >= 0 else 0.0 for k in known])
@@ -63,7 +63,7 @@ class History:
             self.pieces.append(np.stack([piece[:, k] if k >= 0 else 0 * piece[:, 0] for k in known], axis=1))
 
     def past(self, count: int | None = None) -> Past:
-        """What is known, of the first steps or of all, for another program or another run."""
+        """Return the stored history, of the first `count` steps or of all, for another program or another run."""
         count = len(self.starts) if count is None else count
         last = self.last if count == len(self.starts) else self.pieces[count - 1].sum(axis=0) if count else self.first
         starts, stops, pieces = self.starts[:count], self.stops[:count], self.pieces[:count]
@@ -71,7 +71,7 @@ class History:
 
     # ------------------------------------------------------------ reading
     def at(self, time: float) -> Any:
-        """The delayed signals at a time; shape (signals,)."""
+        """Return the delayed signals at a time; shape (signals,)."""
         low, high = self.window
         margin = ROUNDING * np.spacing(max(abs(time), 1e-300))
         seen = min(max(time, low + margin), high - margin) if high - low > 4 * margin else 0.5 * (low + high)
@@ -86,7 +86,7 @@ class History:
         return values
 
     def filled(self, time: Any, inputs: Any) -> Any:
-        """The inputs with the delayed signals as they are at a time, or at several."""
+        """Return the inputs with the delayed signals at one or several times filled in."""
         inputs = np.asarray(inputs, dtype=float)
         if np.ndim(time) == 0:
             if inputs.ndim > 1:
@@ -101,7 +101,7 @@ class History:
         return full
 
     def _wrapped(self, program: Program) -> Program:
-        """The program, with what is delayed filled in at each call."""
+        """Return the program with delayed signals filled in at each call."""
 
         def wrap(function: Callable[..., Any]) -> Callable[..., Any]:
             def called(time: Any, state: Any, inputs: Any, constants: Any, *mode: Any) -> Any:
@@ -128,16 +128,16 @@ class History:
 
     # ------------------------------------------------------------ writing
     def saved(self) -> tuple[Any, ...]:
-        """What is known, to go back to."""
+        """Return the stored history, for `restore`."""
         return list(self.starts), list(self.stops), list(self.pieces), list(self.cuts), self.last
 
     def restore(self, saved: tuple[Any, ...]) -> None:
-        """Forget what has been kept since."""
+        """Restore a stored history: remove everything that was added since `saved`."""
         self.starts, self.stops, self.pieces, self.cuts, self.last = saved
         self.window = (-np.inf, np.inf)
 
     def begin(self, time: float, state: Any, inputs: Any, mode: Any) -> None:
-        """Before the run all delayed signals were what they are at its start, whatever depends on them."""
+        """Set the delayed signals before the run to their values at its start, iterated if they depend on each other."""
         delays = self.program.delays
         assert delays is not None
         self.starts, self.stops, self.pieces, self.cuts = [], [], [], [time + lag for lag in self.lags]
@@ -149,7 +149,7 @@ class History:
         self.last = self.first
 
     def keep(self, start: float, stop: float, state_at: StateAt, inputs: Any, mode: Any) -> None:
-        """What they will be, from an accepted step."""
+        """Store the future values of the delayed signals, from an accepted step."""
         delays = self.program.delays
         assert delays is not None
         times: Any = start + (stop - start) * NODES
@@ -162,6 +162,6 @@ class History:
         self.pieces.append(TO_COEFFICIENTS @ values)
 
     def next_cut(self, start: float, stop: float) -> float:
-        """Where a run from `start` has to stop, at `stop` at the latest."""
+        """Return the next instant, at `stop` at the latest, at which a run from `start` must stop because a delayed signal jumps."""
         margin = ROUNDING * np.spacing(max(abs(start), abs(stop)))
         return min((c for c in self.cuts if start + margin < c < stop - margin), default=stop)

@@ -1,9 +1,9 @@
-"""What is stored when other junctions are on: kept, but where storages are now tied to each other, an impulse passes between them.
+"""Stored quantities when other junctions are on: preserved, except that an impulse passes between storages that are now tied to each other.
 
-An impulse does no work on any motion that the ties allow: for all of those, the sum of conjugate (flow of an inertia, effort of a
-capacitor) times jump of what is stored vanishes. So momentum and charge pass from one to the other and none is lost, unless
-a tie holds something still or shorts it: then what it stored is gone, into the world outside of the model. (Brogliato,
-Nonsmooth Mechanics, 2016, section 4.3; for circuits Opal and Vlach, IEEE Trans. CAS 37, 1990.)
+An impulse does no work on any motion that the ties allow: for all of those, the sum of conjugate (flow of an inertia, effort of a capacitor)
+times jump of the stored quantity vanishes. So momentum and charge pass from one to the other and none is lost, unless a tie blocks or shorts
+a storage: then its content goes to the world outside the model. (Brogliato, Nonsmooth Mechanics, 2016, section 4.3; for circuits Opal and
+Vlach, IEEE Trans. CAS 37, 1990.)
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ..loops.loops import LoopSolver
 from ..start.claims import slopes_of
 
 ITERATIONS = 30
-CLOSE = 1e-12  # of the magnitudes: where the iteration ends
-AFFINE = 1e-13  # of its values: how far from a straight line rounding takes an affine function
-SEEN = 1e-9  # of the magnitudes: what counts as a jump
+CLOSE = 1e-12  # relative to the magnitudes: end of the iteration
+AFFINE = 1e-13  # relative to the values: rounding error of an affine function
+SEEN = 1e-9  # relative to the magnitudes: least change that counts as a jump
 
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """What a storage held before and after an impulse."""
+    """Content of a storage before and after an impulse."""
 
     name: str
     unit: str
@@ -38,7 +38,7 @@ class Jump:
 def after_impulse(
     constraints: Constraints, time: float, full: Any, mode: Any, stored: Mapping[str, float], peaks: Mapping[str, float]
 ) -> tuple[Any, tuple[Jump, ...]]:  # fmt: skip
-    """The state that follows what was stored, unknowns included, and what jumped. Raises `RunFailed`."""
+    """Return the state after the impulse from the stored quantities before, with unknowns, and the jumps. Raises `RunFailed`."""
     program = constraints.program
     names = (*program.states.names, *program.dependents.names)
     units = (*program.states.units, *program.dependents.units)
@@ -49,7 +49,8 @@ def after_impulse(
     held = _Held(constraints, time, full, mode)
     x = full[:count]
     known = np.isfinite(old)
-    old = np.where(known, old, held.stored(x))  # what no program computed before begins as it follows
+    # quantities that no program computed before start at their computed values
+    old = np.where(known, old, held.stored(x))
     if (np.abs(held.stored(x) - old) <= SEEN * size).all():
         return held.full(x), ()
     x = _balanced(held, x, old, size, time)
@@ -60,7 +61,7 @@ def after_impulse(
 
 @dataclass(frozen=True, slots=True)
 class _Held:
-    """What storages hold, and their conjugates, as functions of the states."""
+    """Stored quantities and their conjugates, as functions of the states."""
 
     constraints: Constraints
     time: float
@@ -68,17 +69,17 @@ class _Held:
     mode: Any
 
     def full(self, x: Any) -> Any:
-        """The state with the unknowns of loops."""
+        """Return the state with the unknowns of loops."""
         held = self.constraints
         loops = LoopSolver(held.program, held.constants, held.inputs, np.ones(len(self.start)), held.parameters)
         return loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
 
     def stored(self, x: Any) -> Any:
-        """States, then what dependent storages hold."""
+        """Return the states, then the contents of dependent storages."""
         return np.concatenate([x, self._at(self.constraints.program.dependent, x)])
 
     def conjugates(self, x: Any) -> Any:
-        """Their efforts and flows."""
+        """Return the efforts and flows conjugate to the stored quantities."""
         hybrid = self.constraints.program.hybrid
         assert hybrid is not None
         return self._at(hybrid.conjugates, x)
@@ -88,7 +89,7 @@ class _Held:
 
 
 def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
-    """The states for which no impulse does work on a motion that the ties allow."""
+    """Return the states for which no impulse does work on a motion that the ties allow."""
     scale = size[: len(x)]
 
     def scaled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -107,7 +108,8 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
             break
         y = y + step
         size_of_step = float(np.abs(step).max())
-        if size_of_step <= CLOSE or (size_of_step <= SEEN and size_of_step > 0.1 * last):  # the slopes are no better
+        # limit of the difference quotients
+        if size_of_step <= CLOSE or (size_of_step <= SEEN and size_of_step > 0.1 * last):
             return y * scale
         last = size_of_step
     raise RunFailed(
@@ -117,7 +119,7 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
 
 
 def _slopes(function: Callable[[Any], Any], y: Any) -> Any:
-    """Central differences, shape (values, n): of an affine function over a long way, where rounding does not count."""
+    """Return central differences, shape (values, n); with a wide step for an affine function, so that rounding has no effect."""
     here, columns = function(y), []
     for way in np.eye(len(y)):
         ahead, behind = function(y + way), function(y - way)

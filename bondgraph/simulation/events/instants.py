@@ -1,4 +1,4 @@
-"""From event to event: a stepper that finds the events of its steps, lets them act and goes on; and a coarse run like that."""
+"""Event loop: an integrator that locates the events of its steps, lets them act and goes on; and a pilot run with events."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .events import Events, Moment
 from .history import History
 from .locate import Flip, RootsAt, StateAt, first_flip
 
-PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a coarse run
-CLOSE = 1e-8  # of the run: a condition that flips so soon after steps have collapsed is why they have
-MOST_EVENTS = 10_000_000  # of one run
-HARMLESS = 0.01  # of the tolerance: by how much laws may differ for a step that runs on from one to the other
+PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
+CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
+MOST_EVENTS = 10_000_000  # most events of one run
+HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws that one step may use both of
 
 
 class EventStepper(Stepper):
-    """Steps through stretches that events end."""
+    """Integrator over segments that events end."""
 
     events: Events
-    off: tuple[str, ...] = ()  # the junctions that are off here
-    switched = False  # whether others are now
+    off: tuple[str, ...] = ()  # junctions that are off in this program
+    switched = False  # True if others are off now
     most_events = MOST_EVENTS
 
     @classmethod
@@ -39,7 +39,7 @@ class EventStepper(Stepper):
         cls, events: Events, off: tuple[str, ...], fixed: tuple[Any, ...], state: Any, stretches: Sequence[Segment],
         choice: Choice | None, linear: bool, history: History | None, solver: str,
     ) -> Trajectory:  # fmt: skip
-        """As `integrate`, from event to event."""
+        """Integrate as `integrate`, from event to event."""
         stepper = cls(*fixed)
         stepper.events, stepper.off, stepper.choice, stepper.solver = events, off, choice, solver
         stepper.linear = linear and not stepper.constraints and history is None and not len(events.places)
@@ -54,7 +54,7 @@ class EventStepper(Stepper):
         return stepper.done(stepper.finish(stretches[-1], x), stepper.mode)
 
     def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
-        """One stretch, from event to event; returns the state at its end. `first`: its mode is that of the start."""
+        """Integrate one segment, from event to event; return the state at its end. `first`: its mode is that of the start."""
         events, result = self.events, self.result
         now = Moment(stretch.start, x, stretch.mode)
         if not first:
@@ -82,7 +82,7 @@ class EventStepper(Stepper):
             now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
 
     def finish(self, last: Segment, x: Any) -> Any:
-        """What happens at the very end: values hold from a jump on."""
+        """Return the state after the events at the very end of a run: values hold from a jump on."""
         events, stop = self.events, last.stop
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
         if (mode == self.mode).all() and not events.due(stop):
@@ -94,7 +94,7 @@ class EventStepper(Stepper):
 
     @property
     def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
-        """How many events there were, and which events' conditions hold."""
+        """Return the number of events so far, and the truth of the events' conditions."""
         return len(self.events.log), dict(self.events.on)
 
     def _happen(self, at: Moment, flipped: Any) -> Moment:
@@ -106,7 +106,7 @@ class EventStepper(Stepper):
         return now
 
     def _switched(self, now: Moment) -> bool:
-        """Whether other junctions are off than this program knows: another has to go on."""
+        """Return True if the junctions that are off differ from those of this program, so that another program must go on."""
         events, choice = self.events, self.choice
         if not events.hybrid.junctions or events.actives(now) == self.off:
             return False
@@ -118,7 +118,7 @@ class EventStepper(Stepper):
         return True
 
     def _carrying(self, handover: Handover) -> Handover:
-        """With what only events change, and what their conditions were."""
+        """Return the handover with the discrete variables, and the truth of the events' conditions."""
         events = self.events
         if handover.off is None:
             handover = replace(handover, off=self.off)
@@ -126,12 +126,12 @@ class EventStepper(Stepper):
         return replace(handover, modes=modes, on=dict(events.on))
 
     def grow(self, x: Any) -> None:
-        """Keep the largest magnitudes."""
+        """Update the largest magnitudes."""
         peak = self.result.peak
         self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
 
     def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
-        """Whether a condition flips so close that no step could tell: its side of a law ends there (`sqrt(x) if x > 0`)."""
+        """Return True if a condition crosses zero so soon that no step can resolve it: a law ends there (`sqrt(x) if x > 0`)."""
         events, said = self.events, np.asarray(stretch.mode)[self.events.places] == 1.0
         for time, state in told.ahead:
             if time - told.time > CLOSE * max(self.whole, abs(told.time)) or time >= stretch.stop:
@@ -145,24 +145,27 @@ class EventStepper(Stepper):
         return False
 
     def marked(self) -> Any:
-        """The piece that the run is in, how many there were, and which events' conditions hold."""
+        """Return the current segment, the number of segments, and the truth of the events' conditions."""
         return self.piece, len(self.result.pieces), dict(self.events.on)
 
     def go_back(self, mark: Any) -> None:
-        """As before what is marked."""
+        """Restore the data that `marked` returned."""
         self.piece, count, self.events.on = mark
         del self.result.pieces[count:]
         self.flip = None
 
     @property
     def floor(self) -> Any:
-        """How near to zero roots of conditions are rounding."""
+        """Rounding errors of the roots of conditions."""
         return self.events.floor
 
     def follow(
         self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
     ) -> Segment:
-        """Find the first event of a step, which ends it. Conditions that events alone ask for flip on the way, and so do those that change nothing yet."""
+        """Find the first event of a step, which ends it.
+
+        Conditions that only events read change on the way, and so do those that have no effect yet.
+        """
         events = self.events
         looked_for = len(self.program.unknowns.names) > 0 and not self.loops.affine
 
@@ -190,8 +193,11 @@ class EventStepper(Stepper):
         return stretch
 
     def _passes(self, flip: Flip, before: Any, after: Any, state_at: StateAt) -> bool:
-        """Whether the laws of both sides differ by much less than the tolerance up to the end of the step: then it need not end where they change. So runs a
-        law that is continuous through a state that rests at its condition, but for rounding. What flips back within this distance is not seen."""
+        """Return True if the laws of both sides agree, far below the tolerance, up to the end of the step: then it need not end where they change.
+
+        So a continuous law runs through a state that is at rest at its condition except for rounding. A condition that changes back within this distance
+        is not located.
+        """
         events, tolerances, count = self.events, self.tolerances, len(self.program.states.names)
         start, stop = self.followed
         times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))
@@ -210,21 +216,21 @@ class EventStepper(Stepper):
         return True
 
     def _contradicts(self, time: float, state: Any, mode: Any) -> bool:
-        """Whether another condition is not what a mode says, because it reads what those that flip decide: a damper that acts where its spring does."""
+        """Return True if another condition differs from the mode because it reads the result of a changed one: a damper that acts where its spring does."""
         events = self.events
         roots = events.roots(time, state, mode)
         wrong = np.isfinite(roots) & (events.truth(roots) != (mode[events.places] == 1.0))
         return bool((wrong & (np.abs(roots) > events.floor)).any())
 
     def _under(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
-        """A state with the unknowns that belong to it under a mode, if there are any; and the mode."""
+        """Return a state with the unknowns that belong to it under a mode, if there are any; and the mode."""
         try:
             return self.loops.solve(time, state, mode), mode
         except RunFailed:
             return np.full(len(state), np.nan), mode
 
     def _are_alike(self, time: float, size: float, both: Sequence[tuple[Any, Any]], allowed: Any) -> bool:
-        """Whether rates, over a time, and unknowns differ by no more than is allowed between two states and modes."""
+        """Return True if rates, over a time, and unknowns of two states and modes differ by no more than is allowed."""
         count = len(self.program.states.names)
         self.count({"derivative": len(both)})
         before, after = (self.program.derivative(time, x, self.inputs, self.constants, m)[:count] for x, m in both)
@@ -232,7 +238,7 @@ class EventStepper(Stepper):
         return bool((np.abs(moved) <= allowed).all()) and self._works_alike(time, *both)
 
     def _works_alike(self, time: float, before: tuple[Any, Any], after: tuple[Any, Any]) -> bool:
-        """Whether the powers at all ports, if they are wanted, are the same for two states and modes."""
+        """Return True if the powers at all ports, where they are needed, agree for two states and modes."""
         if self.powers is None:
             return True
         one, two = (self.powers(time, *x) for x in (before, after))
@@ -244,7 +250,7 @@ def pilot(
     program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], magnitude: Any, events: Events,
     off: tuple[str, ...], constraints: Constraints, history: History | None,
 ) -> Any:  # fmt: skip
-    """The largest magnitudes of states and unknowns in a coarse run through the events, as far as this program goes."""
+    """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes."""
     tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
     watch = Watch(program, constants, inputs, PILOT)
     stepper = EventStepper(
@@ -260,7 +266,7 @@ def pilot(
             if stepper.switched:
                 break
     except RunFailed:
-        pass  # the run itself will tell
+        pass  # the run itself will raise the error
     stepper.let_go()
     largest = stepper.result.peak
     return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)

@@ -1,4 +1,4 @@
-"""Indicators of conditions on a part of a step: the Chebyshev polynomials through their values, and what these show of their zeros.
+"""Indicators of conditions on a part of a step: Chebyshev interpolants, and information on their zeros.
 
 The places are Chebyshev points with both ends (Trefethen, Approximation Theory and Approximation Practice, 2013, chapter 2). A polynomial whose
 last coefficients are small beside all others has converged: an oscillation that is too fast for the places, or a kink, leaves them large.
@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-PLACES = 12  # of a part of a step, both ends among them
+PLACES = 12  # number of places of a part of a step, with both ends
 NODES = np.cos(np.pi * np.arange(PLACES - 1, -1, -1) / (PLACES - 1))
-SHARES = 0.5 + 0.5 * NODES  # of a part
-COEFFICIENTS = np.linalg.inv(chebvander(NODES, PLACES - 1))  # from values
-GRID = 48  # intervals of the finer places at which a polynomial is looked at
+SHARES = 0.5 + 0.5 * NODES  # the places as fractions of a part
+COEFFICIENTS = np.linalg.inv(chebvander(NODES, PLACES - 1))  # maps values to coefficients
+GRID = 48  # intervals of the finer grid on which a polynomial is evaluated
 FINER = 0.5 - 0.5 * np.cos(np.pi * np.arange(GRID + 1) / GRID)
 ON_GRID = chebvander(2 * FINER - 1, PLACES - 1)
-LAST = 3  # coefficients that tell the error
-CONVERGED = 1e-3  # of the variation: above it the polynomial says nothing between its places
-SURE = 4.0  # errors: a distance from zero that is larger is none by accident
-EXACT = 1e-9  # of the variation: an error that no smaller part makes much smaller
+LAST = 3  # number of last coefficients that estimate the error
+CONVERGED = 1e-3  # largest error, relative to the variation, of a polynomial that is valid between its places
+SURE = 4.0  # in units of the error: a larger distance from zero is certain
+EXACT = 1e-9  # relative to the variation: a smaller part does not reduce this error
 
 
 @dataclass(frozen=True, slots=True)
 class Interpolants:
-    """Polynomials of all indicators on a part of a step. Coefficients (PLACES, conditions), their error and the variation of each (conditions,)."""
+    """Polynomials of all indicators on a part of a step: coefficients (PLACES, conditions), error and variation of each (conditions,)."""
 
     values: Any
     coefficients: Any
@@ -36,18 +36,18 @@ class Interpolants:
 
     @classmethod
     def through(cls, values: Any) -> Interpolants:
-        """Those through the values at the places; shape (PLACES, conditions)."""
+        """Return the polynomials through the values at the places; shape (PLACES, conditions)."""
         coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
         size = np.abs(coefficients)
         return cls(values, coefficients, size[-LAST:].sum(axis=0), size[1:].sum(axis=0))
 
     @property
     def converged(self) -> Any:
-        """Which of them can be trusted between their places."""
+        """Mask of the polynomials that are accurate between their places."""
         return (self.error <= CONVERGED * self.variation) & np.isfinite(self.values).all(axis=0)
 
     def far(self, floor: Any) -> Any:
-        """Which of them have no zero: the mean is larger than all that is around it, or nothing is more than rounding, or nothing is known."""
+        """Return a mask of the indicators without a zero: the mean exceeds all variation, all values are below rounding, or no value is finite."""
         middle = np.abs(self.coefficients[0])
         around = np.where(self.converged, self.variation + SURE * self.error, 2 * self.variation)
         still = (np.abs(self.values) < floor).all(axis=0)
@@ -56,9 +56,9 @@ class Interpolants:
         )
 
     def dips(self, values: Any, first: bool) -> Any:
-        """Places of the grid near which a polynomial, of these values there, comes so near to zero that it may touch or cross it; shape as the values.
+        """Return a mask of the grid places near which a polynomial, with these values there, may touch or cross zero; shape as the values.
 
-        `first`: where the part begins a root may be zero, as after an event.
+        `first`: the part begins a step, where a root may be zero, as after an event.
         """
         distance = np.abs(values)
         here, beside = distance[1:-1], np.maximum(distance[:-2], distance[2:])

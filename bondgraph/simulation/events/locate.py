@@ -1,8 +1,8 @@
-"""Where a condition flips within a step: all zeros of the indicators along its dense output, then the first one narrowed down to rounding.
+"""Location of zero crossings within a step: all zeros of the indicators along the dense output, then the first one narrowed down to rounding.
 
-An indicator is followed by a polynomial on a part of the step, which is halved until the polynomial has converged, or is farther from zero than it
-can err. Zeros and least distances of the polynomial tell where the indicator itself is to be looked at; a least distance that its error could hide
-is looked at on smaller parts.
+An indicator is approximated by a polynomial on a part of the step. The part is halved until the polynomial has converged, or is farther from zero
+than its error. Zeros and minima of the polynomial show where the indicator itself is to be evaluated; a minimum that the error could hide is
+examined on smaller parts.
 """
 
 from __future__ import annotations
@@ -18,20 +18,18 @@ from .events import Events, Moment
 from .interpolants import EXACT, FINER, ON_GRID, SHARES, Interpolants
 from .zeros import narrowed
 
-WIDTH = 4  # units in the last place of a time: where narrowing ends
-LEAST = 1e-300  # distance from a flip that counts: no flip has a sign of its own
-SMALLEST = (
-    2.0**-26
-)  # of what is searched: the smallest part, on which a jump or a kink of an indicator lies at one of its places
-MOST_PARTS = 1 << 15  # of what is searched
+WIDTH = 4  # units in the last place of a time: end of the narrowing
+LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
+SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump or a kink lies at one of its places
+MOST_PARTS = 1 << 15  # most parts of the interval searched
 
-StateAt = Callable[[Any, bool], Any]  # instants (k,), whether loops are solved exactly -> states (k, n)
+StateAt = Callable[[Any, bool], Any]  # instants (k,), True to solve loops exactly -> states (k, n)
 RootsAt = Callable[[Any, Any], Any]  # instants (k,), a mode -> roots of the conditions (k, conditions)
 
 
 @dataclass(frozen=True, slots=True)
 class Flip:
-    """The first instant in a step after which conditions are no longer what the mode says; which ones (a mask)."""
+    """First zero crossing in a step: the instant after which conditions differ from the mode, and a mask of these conditions."""
 
     time: float
     state: Any
@@ -41,7 +39,7 @@ class Flip:
 def first_flip(
     events: Events, start: float, stop: float, mode: Any, state_at: StateAt, roots: Callable[[Any, bool], Any]
 ) -> Flip | None:
-    """The first flip in (start, stop], or None. What holds at the start itself is what the mode says, whatever rounding leaves.
+    """Return the first zero crossing in (start, stop], or None. At the start itself the mode holds, whatever rounding leaves.
 
     `roots`: of the conditions, as `state_at`; shape (k, conditions). Raises `RunFailed` where an indicator changes too often to be followed.
     """
@@ -50,7 +48,7 @@ def first_flip(
     said = np.asarray(mode)[events.places] == 1.0
     smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
     waiting, count = [(start, stop)], 0
-    rounding: Any = None  # of the indicators: what moves no more than that is not followed
+    rounding: Any = None  # rounding of the indicators: smaller changes are ignored
     while waiting:
         low, high = waiting.pop()
         times = low + (high - low) * SHARES
@@ -81,8 +79,10 @@ def first_flip(
 
 
 def _suspects(events: Events, seen: Interpolants, on_grid: Any, dips: Any, said: Any, part: tuple[float, float]) -> Any:
-    """Instants of a part at which conditions may have flipped, sorted: its places that say so, where polynomials change sign or are
-    farthest behind it, and where their distance from zero is least."""
+    """Return sorted instants of a part at which conditions may have changed.
+
+    These are places that show it, sign changes and extrema of the polynomials behind the crossing, and places with least distance from zero.
+    """
     low, high = part
     shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
     wrong = _wrong(events, on_grid, said) & seen.converged
@@ -97,7 +97,7 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Any, dips: Any, said:
 
 
 def _vertex(places: Any, values: Any) -> Any:
-    """Where a parabola through three places is extreme, or the middle one; shape (1,)."""
+    """Return the extremum of the parabola through three places, or the middle one; shape (1,)."""
     (a, b, c), (u, v, w) = places, values
     slope, other = (v - u) / (b - a), (w - v) / (c - b)
     bend = (other - slope) / (c - a)
@@ -108,10 +108,10 @@ def _vertex(places: Any, values: Any) -> Any:
 def _in_part(
     events: Events, part: tuple[float, float], times: Any, said: Any, roots: Callable[[Any, bool], Any]
 ) -> float | None:
-    """The first flip in a part of a step, in which conditions are suspected at these times."""
+    """Return the first zero crossing in a part of a step; `times`: the instants at which one is suspected."""
     if not len(times):
         return None
-    # Unknowns of loops have been taken from the dense output so far; here they are solved for.
+    # So far, unknowns of loops came from the dense output; here they are solved for.
     seen = roots(times, True)
     wrong = _wrong(events, seen, said)
     if not wrong.any():
@@ -127,12 +127,12 @@ def _in_part(
 def _narrowed(
     events: Events, low: float, high: float, there: Any, said: Any, roots: Callable[[Any, bool], Any]
 ) -> float:
-    """The first of the instants between two that rounding tells apart at which a condition has flipped; `there`: the roots at the second."""
+    """Return the first instant between two, to rounding, at which a condition has changed; `there`: the roots at the second."""
     scale = np.where((there != 0) & np.isfinite(there), np.abs(there), 1.0)
     flipping = _wrong(events, there, said)
 
     def beyond(time: float) -> float:
-        """How far a condition is behind its flip; negative before all flips."""
+        """Return the largest distance of a condition behind its zero crossing; negative before all crossings."""
         nonlocal flipping
         seen = roots(np.array([time]), True)[0]
         distance = np.where(events.truth(seen) != said, np.abs(seen), -np.abs(seen)) - events.floor
@@ -151,7 +151,7 @@ def _narrowed(
 
 
 def _wrong(events: Events, roots: Any, said: Any) -> Any:
-    """Which conditions are not what the mode says; shape as the roots."""
+    """Return a mask of the conditions that differ from the mode; shape as the roots."""
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
 
 

@@ -1,25 +1,25 @@
-"""Where a function of one number crosses zero between two places (Chandrupatla, Advances in Engineering Software 28, 1997)."""
+"""Zero of a function of one number between two places (Chandrupatla, Advances in Engineering Software 28, 1997)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-MOST = 200  # evaluations; bisection alone needs some hundred for any two doubles
+MOST = 200  # evaluations; bisection alone needs about a hundred for any two doubles
 
-Place = tuple[float, float]  # and the value there
+Place = tuple[float, float]  # a place and the value there
 
 
 def crossing(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
-    """A zero between two places at which the signs differ, to `tolerance`."""
+    """Return a zero between two places with different signs, to `tolerance`."""
     low, high = float(low), float(high)
     (a, at_a), (b, at_b) = narrowed(function, (low, function(low)), (high, function(high)), tolerance)
     return a if abs(at_a) < abs(at_b) else b
 
 
 def narrowed(function: Callable[[float], float], low: Place, high: Place, tolerance: float) -> tuple[Place, Place]:
-    """Two places at which the signs differ, closer than twice the tolerance; by inverse quadratic interpolation where it is safe, else halving.
+    """Return two places with different signs, closer than twice the tolerance; by inverse quadratic interpolation where it is safe, else bisection.
 
-    Fewer where the function is zero at one of them.
+    Both are the same place where the function is zero at one of them.
     """
     (b, fb), (a, fa) = low, high
     c, fc, share = a, fa, 0.5

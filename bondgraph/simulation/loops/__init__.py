@@ -1,1 +1,1 @@
-"""Algebraic loops by themselves: their solutions, and whether there are others."""
+"""Algebraic loops solved separately from the integration: their solutions, and a search for others."""

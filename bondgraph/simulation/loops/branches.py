@@ -1,7 +1,7 @@
-"""Whether the loops of a model have more than one solution at the start: then none of them is the author's.
+"""Search for several solutions of a model's loops at the start: then no solution is marked as the intended one.
 
-Newton's method from many guesses at once (`scatter.py`). What converges to another regular solution is another solution; that
-nothing does is no proof, but a curve has to be very narrow to hide from it.
+Newton's method from many guesses at once (`scatter.py`). Convergence to another regular solution proves another solution; its absence proves
+nothing, but a curve has to be very narrow to remain hidden.
 """
 
 from __future__ import annotations
@@ -14,17 +14,15 @@ import numpy as np
 from .loops import LoopSolver
 from .scatter import Loop, arrivals, guesses
 
-CLOSE = 1e-6  # relative distance within which two solutions are one
-FLOOR = (
-    1e-13  # of the magnitude: where a law is flat at a solution (a valve without flow), Newton's method comes no closer
-)
-LARGEST = 100  # unknowns; more are not searched
-BENT = 1e-3  # relative change of slope between two solutions that are not one
+CLOSE = 1e-6  # relative distance within which two solutions are equal
+FLOOR = 1e-13  # of the magnitude: limit of Newton's method where a law is flat at a solution (a valve without flow)
+LARGEST = 100  # most unknowns of a loop that is searched
+BENT = 1e-3  # relative change of the derivative between two different solutions
 BETWEEN = np.arange(1, 20) / 20
 
 
 def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> list[Any]:
-    """Solutions for the unknowns other than the one in `state`, each of shape (unknowns,): loop by loop, the smallest first."""
+    """Return solutions for the unknowns that differ from the one in `state`, each of shape (unknowns,): loop by loop, smallest first."""
     known = state[loops.count :]
     if not 0 < len(known) <= LARGEST:
         return []
@@ -32,7 +30,7 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
     for places in loops.separate():
         loop = Loop(loops, (time, state, mode), known, places)
         found = _collect(loop, [known[places]], guesses(known[places]))
-        if len(found) > 1:  # what lies between two solutions is often a third one that Newton's method shuns
+        if len(found) > 1:  # between two solutions often lies a third one that Newton's method avoids
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))
         ends = (loops.newton(*loop.at, loop.full(z)) for z in sorted(found[1:], key=lambda z: np.abs(z).max()))
@@ -43,7 +41,7 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
 
 
 def _in_mode(loops: LoopSolver, time: float, state: Any, mode: Any) -> bool:
-    """Whether the conditions on states are at a solution as the mode has them: else it solves other equations than the model's."""
+    """Return True if the conditions on states hold at a solution as in the mode; otherwise it solves equations of another mode."""
     hybrid = loops.program.hybrid
     if hybrid is None:
         return True
@@ -53,7 +51,7 @@ def _in_mode(loops: LoopSolver, time: float, state: Any, mode: Any) -> bool:
 
 
 def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
-    """The solutions that are found, and those to which guesses lead."""
+    """Return the known solutions, and those to which guesses lead."""
     found = list(found)
     for end in arrivals(loop, guesses):
         if not any(_same(loop, end, z) for z in found) and _regular(loop, end):
@@ -62,7 +60,7 @@ def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
 
 
 def _same(loop: Loop, a: Any, b: Any) -> bool:
-    """Whether two solutions are one but for rounding: between two regular ones the slope along their distance must change."""
+    """Return True if two solutions are equal to rounding: between two regular ones the derivative along their distance must change."""
     way = b - a
     near = np.maximum(CLOSE * np.maximum(np.abs(a), np.abs(b)).max(), FLOOR * loop.magnitude)
     if (np.abs(way) <= near).all():
@@ -74,7 +72,7 @@ def _same(loop: Loop, a: Any, b: Any) -> bool:
 
 
 def _regular(loop: Loop, z: Any) -> bool:
-    """Whether a solution stands alone: in a flat law a whole range would do, which is no second solution."""
+    """Return True if a solution is isolated: in a flat law a whole range would be a solution, which is no second one."""
     matrix = loop.matrix(z) * np.maximum(np.abs(z), 1e-300)
     scale = np.abs(matrix).max(axis=1)
     return bool((scale > 0).all()) and bool(np.linalg.cond(matrix / scale[:, None]) < 1e12)

@@ -1,8 +1,8 @@
 """Newton homotopy: from a guess to a solution along the curve F(z) = (1 - share) F(guess), from share 0 to 1.
 
-The curve is followed by its length (pseudo-arclength: Keller, in Applications of Bifurcation Theory, 1977; Allgower and Georg,
-Introduction to Numerical Continuation Methods, chapters 4 and 6), not by the share: a law that rises and falls turns it back, and
-the solution is behind the turn. Steps are measured in the sizes of the unknowns, the equations in the slopes at the guess.
+The curve is followed by its length (pseudo-arclength: Keller, in Applications of Bifurcation Theory, 1977; Allgower and Georg, Introduction to
+Numerical Continuation Methods, chapters 4 and 6), not by the share: a law that rises and falls turns it back, and the solution lies behind the
+turning point. Steps are measured in the sizes of the unknowns, the equations in the derivatives at the guess.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
-STEPS = 200  # each way
+STEPS = 200  # most steps in each direction
 CORRECTIONS = 6
-FIRST = 0.1  # length of the first step, in sizes of the unknowns and parts of the share
+FIRST = 0.1  # length of the first step, in sizes of the unknowns and units of the share
 SMALLEST = 1e-9
 CLOSE = 1e-6  # distance from the curve, in the same measure
 GROWTH = 2.0
-STRAIGHT = 0.7  # cosine between two tangents at least: at a sharper bend it may have jumped to another branch
+STRAIGHT = 0.7  # least cosine between two tangents: at a sharper bend it may have jumped to another branch
 
 Function = Callable[[Any], Any]
 
 
 def follow(residual: Function, matrix: Function, guess: Any, magnitude: Any) -> Any:
-    """A point near a solution, shape (n,), from which Newton's method arrives; None if the curve does not get there."""
+    """Return a point near a solution, shape (n,), from which Newton's method converges; None if the curve does not reach one."""
     rest = residual(guess)
     slopes = matrix(guess)
     if not (np.isfinite(rest).all() and np.isfinite(slopes).all()):
@@ -36,16 +36,17 @@ def follow(residual: Function, matrix: Function, guess: Any, magnitude: Any) -> 
     if way is None:
         return None
     onwards = _walk(curve, start, way)
-    return _walk(curve, start, -way) if onwards is None else onwards  # what rises at first may fall behind its crest
+    # a residual that rises at first may fall behind its maximum
+    return _walk(curve, start, -way) if onwards is None else onwards
 
 
 def _walk(curve: _Curve, point: Any, way: Any) -> Any:
-    """Along the curve from a point until the share is 1; None if it does not get there."""
+    """Follow the curve from a point until the share is 1; return None if it does not get there."""
     step = FIRST
     for _ in range(STEPS):
         if step < SMALLEST:
             return None
-        length = step * max(1.0, float(np.abs(point[:-1]).max(initial=0.0)))  # what is far is seen in larger steps
+        length = step * max(1.0, float(np.abs(point[:-1]).max(initial=0.0)))  # far away the steps are larger
         found = curve.corrected(point + length * way, way)
         onwards = None if found is None else curve.tangent(found, way)
         if onwards is None or not onwards @ way > STRAIGHT:
@@ -73,17 +74,17 @@ class _Curve:
         return (self.residual(self.unknowns(point)) - (1 - point[-1]) * self.rest) / self.rows
 
     def slopes(self, point: Any) -> Any:
-        """Shape (n, n + 1)."""
+        """Return the Jacobian of the curve's equations, shape (n, n + 1)."""
         inner = self.matrix(self.unknowns(point)) * self.magnitude
         return np.column_stack([inner, self.rest]) / self.rows[:, None]
 
     def tangent(self, point: Any, before: Any) -> Any:
-        """The unit vector along the curve that goes on as before; None where there is none."""
+        """Return the unit tangent of the curve in the direction of the one before; None if there is none."""
         slopes = self.slopes(point)
         return self._solved(slopes, before, np.append(np.zeros(len(slopes)), 1.0), True)
 
     def corrected(self, point: Any, way: Any) -> Any:
-        """The point of the curve beside one, across the way; None if Newton's method does not find it."""
+        """Return the point of the curve near a predicted one, perpendicular to the direction; None if Newton's method fails."""
         last = np.inf
         for _ in range(CORRECTIONS):
             value = self.distance(point)

@@ -1,7 +1,7 @@
-"""Algebraic loops by themselves: the unknowns for given states, by Newton's method to round-off; multipliers in one go.
+"""Algebraic loops solved separately: the unknowns for given states, by Newton's method to round-off; multipliers directly.
 
-Steps of the solver take the unknowns along; here they are found at a start, after a jump, and at reported instants. Where
-Newton's method fails from the last solution, `homotopy.py` leads the residual there to zero bit by bit.
+The steps of the integrator include the unknowns; here they are computed at a start, after a jump, and at reported instants. Where Newton's method
+fails from the last solution, `homotopy.py` reduces the residual gradually to zero.
 """
 
 from __future__ import annotations
@@ -16,19 +16,22 @@ from ...errors import RunFailed
 if TYPE_CHECKING:
     from .waves import OpenedLoops
 
-ITERATIONS = 2000  # an exponential law far from its solution takes one for each factor e
+ITERATIONS = 2000  # an exponential law far from its solution needs one for each factor e
 HALVINGS = 30
-STUCK = 12  # steps in a row that had to be shortened to less than SHORT: the residual has a valley there
+STUCK = 12  # successive steps shortened to less than SHORT: the residual has a local minimum there
 SHORT = 1e-3
-TOGETHER = 12  # iterations for many instants at once: what takes more goes by itself
-LARGEST = 100  # unknowns of a loop that is searched from many guesses
+TOGETHER = 12  # iterations for many instants at once: instants that need more are solved one by one
+LARGEST = 100  # most unknowns of a loop that is searched from many guesses
 NEAREST = 8
-ROUNDED = 1e-5  # of the terms of a residual that does not fall
-GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # of the magnitudes
+ROUNDED = 1e-5  # relative to its terms: a residual that does not fall counts as rounding below this
+GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # in units of the magnitudes
 
 
 class LoopSolver:
-    """Finds the unknowns of a program for given states. `magnitude`: of states and unknowns; `parameters`: without them loops are not opened."""
+    """Solver for the unknowns of a program for given states.
+
+    `magnitude`: of states and unknowns; `parameters`: needed to open loops (see `_opened`).
+    """
 
     def __init__(
         self, program: Program, constants: Any, inputs: Any, magnitude: Any, parameters: Any = None
@@ -46,7 +49,7 @@ class LoopSolver:
         self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
 
     def solve(self, time: float, state: Any, mode: Any) -> Any:
-        """The state with the unknowns that belong to it. Raises `RunFailed`."""
+        """Return the state with the unknowns that belong to it. Raises `RunFailed`."""
         if not len(self.magnitude):
             return state
         if self.affine:
@@ -54,7 +57,7 @@ class LoopSolver:
         last = state[self.count :]
         found = self.newton(time, state, mode, last)
         if found is None:
-            with np.errstate(all="ignore"):  # guesses may lie where a law has no value
+            with np.errstate(all="ignore"):  # a law may have no value at a guess
                 waves = self._opened(time, state, mode)
                 if waves is not None and waves.rise:
                     found = self._by_waves(waves, time, state, mode)
@@ -71,7 +74,7 @@ class LoopSolver:
         return np.concatenate([state[: self.count], found])
 
     def _opened(self, time: float, state: Any, mode: Any) -> OpenedLoops | None:
-        """The loops with both variables of each nonlinear law as unknowns; None where that is not to be had: in models with events."""
+        """Return the loops with both variables of each nonlinear law as unknowns; None if not available, as in models with events."""
         source = self.program.kept.get("opened")
         if source is None or self.parameters is None:
             return None
@@ -91,7 +94,7 @@ class LoopSolver:
         return OpenedLoops(program, laws, at, state[: self.count])
 
     def _by_waves(self, waves: OpenedLoops, time: float, state: Any, mode: Any) -> Any:
-        """The unknowns by an iteration in waves; None if it does not arrive."""
+        """Return the unknowns by an iteration in wave variables; None if it does not converge."""
         from .waves import solve_opened
 
         names = {name: i for i, name in enumerate(waves.program.unknowns.names)}
@@ -101,16 +104,17 @@ class LoopSolver:
         for end in solve_opened(waves, guess):
             found = self.newton(time, state, mode, end[places])
             if found is None and self.program.hybrid is not None:
-                return end[places]  # the laws as they are there: the mode says otherwise, and is what has to change
+                return end[places]  # solution of the laws as they are there: the mode differs, and has to change
             if found is not None:
                 return found
         return None
 
     def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
-        """All unknowns, loop after loop; None if one of them is not found."""
+        """Return all unknowns, solved loop after loop; None if one loop fails."""
         z = state[self.count :]
         for places in self.separate():
-            ways = (self.newton, self._homotopy, self._scattered, self._homotopies)  # the nearest first, then any
+            # first methods that find the nearest solution, then any
+            ways = (self.newton, self._homotopy, self._scattered, self._homotopies)
             found = next((y for way in ways if (y := way(time, state, mode, z, places)) is not None), None)
             if found is None:
                 return None
@@ -118,7 +122,7 @@ class LoopSolver:
         return z
 
     def _scattered(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
-        """The nearest of the solutions to which many guesses lead; None if none does."""
+        """Return the nearest of the solutions to which many guesses lead; None if there is none."""
         if len(places) > LARGEST:
             return None
         from .scatter import Loop, arrivals, far_guesses, guesses
@@ -130,19 +134,19 @@ class LoopSolver:
         return next((z for z in found if z is not None), None)
 
     def _homotopies(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
-        """From guesses of many decades: a law may have no value at others."""
+        """Return a solution by homotopy from guesses over many decades, since a law may have no value at others; None if all fail."""
         starts = (_put(last, places, share * self.magnitude[places]) for share in GUESSES)
         found = (self._homotopy(time, state, mode, start, places) for start in starts)
         return next((z for z in found if z is not None), None)
 
     def _multipliers(self, time: float, state: Any, mode: Any) -> Any:
-        """The multipliers of closing joints, which the program solves for itself."""
+        """Return the state with the multipliers of loop joints, which the program computes directly."""
         assert self.program.solved is not None
         found = np.asarray(self.program.solved(time, state, self.inputs, self.constants, mode))
         return np.concatenate([state[: self.count], found[len(state) :][self._order]])
 
     def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
-        """The same for several instants; shape (times, n)."""
+        """Return the states with their unknowns at several instants; shape (times, n)."""
         if not len(self.magnitude):
             return states
         if self.affine:
@@ -155,7 +159,7 @@ class LoopSolver:
         return found
 
     def _together(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
-        """The same by Newton's method for all instants at once, undamped, and at which of them it has come to its end; there as by `newton`."""
+        """Solve all instants at once by undamped Newton iterations; return the states and a mask of the instants that converged as in `newton`."""
         times, found = np.asarray(times, dtype=float), np.array(states, dtype=float)
         known, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
         before, fixed = np.full(len(times), np.inf), (self.inputs, self.constants, mode)
@@ -185,19 +189,19 @@ class LoopSolver:
         return found, known
 
     def _matrices(self, times: Any, states: Any, fixed: tuple[Any, ...]) -> Any:
-        """The derivatives of the residuals by the unknowns, in units of the magnitudes, at several instants."""
+        """Return the derivatives of the residuals by the unknowns, in units of the magnitudes, at several instants."""
         count = len(self.magnitude)
         result = np.zeros((len(times), count, count))
         result[(slice(None), *self._place)] = self.program.jacobian_entries(times, states, *fixed)[:, self._chosen]
         return result * self.magnitude
 
     def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
-        """What the unknowns should make vanish; unknowns may have a leading axis."""
+        """Return the residuals of the loop equations; `unknowns` may have a leading axis."""
         full = self._full(state, unknowns)
         return self.program.derivative(time, full, self.inputs, self.constants, mode)[..., self.count :]
 
     def matrix(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
-        """Its derivatives by the unknowns, the last axis; unknowns may have a leading axis."""
+        """Return the derivatives of the residuals by the unknowns (last axis); `unknowns` may have a leading axis."""
         full = self._full(state, unknowns)
         entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
         result = np.zeros((*unknowns.shape, unknowns.shape[-1]))
@@ -205,7 +209,7 @@ class LoopSolver:
         return result
 
     def separate(self) -> list[Any]:
-        """The unknowns of each loop by itself, those that depend on each other; a loop after those that it reads."""
+        """Return the unknowns of each separate loop (those that depend on each other); a loop comes after those that it reads."""
         from graphlib import TopologicalSorter
 
         from scipy.sparse import coo_array
@@ -223,7 +227,7 @@ class LoopSolver:
         return np.concatenate([known, unknowns], axis=-1)
 
     def newton(self, time: float, state: Any, mode: Any, guess: Any, places: Any = slice(None)) -> Any:
-        """Newton's method for some of the unknowns, damped by halving, until the correction is round-off; None if it fails."""
+        """Solve for some of the unknowns by Newton's method, damped by halving, until the correction is round-off; None if it fails."""
         z = np.array(guess, dtype=float)
         magnitude = self.magnitude[places]
         value = self.residual(time, state, mode, z)[places]
@@ -249,7 +253,7 @@ class LoopSolver:
                 if np.isfinite(found).all() and float(np.linalg.norm(found / scale)) <= (1 - 1e-4 * factor) * norm:
                     break
                 if size < 1e-9 and np.isfinite(found).all():
-                    break  # at round-off the residual falls no further
+                    break  # at round-off the residual does not fall any further
                 factor *= 0.5
             else:
                 return z if size < 1e-9 or self._is_rounding(value, matrix, z[places] / magnitude) else None
@@ -264,12 +268,14 @@ class LoopSolver:
 
     @staticmethod
     def _is_rounding(value: Any, matrix: Any, z: Any) -> bool:
-        """Whether residuals that no shortening of Newton's correction makes smaller are rounding: then they are small beside their terms. A law of an
-        argument near zero, exp(u) - 1, leaves more of that than a unit in the last place, and leakage alone may decide an unknown."""
+        """Return True if residuals that no shortened Newton step reduces are rounding: then they are small relative to their terms.
+
+        A law of an argument near zero, exp(u) - 1, leaves more rounding than a unit in the last place, and leakage alone may determine an unknown.
+        """
         return bool((np.abs(value) <= ROUNDED * (np.abs(matrix) @ np.abs(z))).all())
 
     def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
-        """From the guess, whose residual is led to zero; None if that fails."""
+        """Return a solution by Newton homotopy from the guess; None if that fails."""
         from .homotopy import follow
 
         near = follow(
@@ -288,10 +294,10 @@ def _put(z: Any, places: Any, values: Any) -> Any:
 
 
 class Eliminated:
-    """Rates and Jacobian as functions of states and other unknowns: multipliers in a state are not read.
+    """Rates and Jacobian as functions of states and other unknowns; multipliers in the state are ignored.
 
-    The rates are as `derivative`, with zeros in the rows of the multipliers; the Jacobian is that of the larger system, at the
-    multipliers that belong to the state.
+    The rates are those of `derivative`, with zeros in the rows of the multipliers; the Jacobian is that of the larger system, at the multipliers that
+    belong to the state.
     """
 
     def __init__(self, program: Program) -> None:
@@ -300,14 +306,14 @@ class Eliminated:
         self.places = np.array([len(program.states.names) + m for m in program.eliminated], dtype=int)
 
     def rates(self, *arguments: Any) -> Any:
-        """Time, state, inputs, constants, mode -> (…, n)."""
+        """Return the rates (…, n) for time, state, inputs, constants and mode."""
         solved = self.program.solved
         return (
             self.program.derivative(*arguments) if solved is None else np.asarray(solved(*arguments))[..., : self.size]
         )
 
     def entries(self, time: Any, state: Any, *fixed: Any) -> Any:
-        """The same -> the entries of the Jacobian."""
+        """Return the entries of the Jacobian for the same arguments."""
         solved = self.program.solved
         if solved is not None:
             state = np.array(state)

@@ -1,7 +1,7 @@
-"""Newton's method from many guesses at once: where a loop has its solutions, without an idea where to look.
+"""Multistart: Newton's method from many guesses at once, for loops whose solutions may lie anywhere.
 
-Guesses lie in steps over several decades around what is known and around one in SI units, for all unknowns of a loop together, for
-each alone, and for some mixtures that are the same in every run. Some hundred cost about 20 ms.
+Guesses lie in steps over several decades around the known values and around one in SI units, for all unknowns of a loop together, for each
+alone, and for some mixtures that are the same in every run. Some hundred guesses cost about 20 ms.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ if TYPE_CHECKING:
 
 ITERATIONS = 60
 HALVINGS = 8
-ENTRIES = 500_000  # of all matrices of one search
-AROUND = 10.0 ** (np.arange(-18, 19) / 6)  # of what is known
+ENTRIES = 500_000  # most entries of all matrices of one search
+AROUND = 10.0 ** (np.arange(-18, 19) / 6)  # factors on the known values
 UNITS = 10.0 ** np.arange(-6, 4)
 MIXTURES = 48
-FAR = 200  # guesses of many decades
+FAR = 200  # number of guesses over many decades
 
 At = tuple[float, Any, Any]  # time, state, mode
 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """One loop among others that keep their solution: `places` are its unknowns."""
+    """One loop, while the others keep their solution: `places` are the indices of its unknowns."""
 
     loops: LoopSolver
     at: At
-    known: Any  # of all loops
+    known: Any  # unknowns of all loops
     places: Any
 
     @property
@@ -39,7 +39,7 @@ class Loop:
         return self.loops.magnitude[self.places]
 
     def full(self, z: Any) -> Any:
-        """The unknowns of all loops."""
+        """Return the unknowns of all loops, with `z` for those of this one."""
         result = np.tile(self.known, (*z.shape[:-1], 1))
         result[..., self.places] = z
         return result
@@ -52,7 +52,7 @@ class Loop:
 
 
 def guesses(known: Any) -> Any:
-    """Shape (guesses, unknowns)."""
+    """Return guesses around known values; shape (guesses, unknowns)."""
     count = len(known)
     size = np.where(known != 0, np.abs(known), 1.0)
     signed = np.where(known != 0, known, 1.0)
@@ -71,14 +71,14 @@ def guesses(known: Any) -> Any:
 
 
 def far_guesses(count: int) -> Any:
-    """Mixtures of many decades, where the steepest law alone decides; shape (guesses, unknowns)."""
+    """Return mixtures over many decades, in which the steepest law dominates; shape (guesses, unknowns)."""
     random = np.random.default_rng(1)
     shape = (min(FAR, max(8, ENTRIES // count**2)), count)
     return random.choice((-1, 1), shape) * 10 ** random.uniform(-3, 6, shape)
 
 
 def arrivals(loop: Loop, guesses: Any) -> Any:
-    """Where Newton's method, damped by halving, arrives; those that get nowhere are left out."""
+    """Return the points to which Newton's method, damped by halving, converges; guesses that do not converge are dropped."""
     z, done = np.array(guesses, dtype=float), []
     value = loop.residual(z)
     for _ in range(ITERATIONS):
@@ -95,7 +95,7 @@ def arrivals(loop: Loop, guesses: Any) -> Any:
 
 
 def _steps(loop: Loop, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
-    """Newton's steps, with the scales of the rows, for the guesses that have one."""
+    """Return Newton's steps, with the scales of the rows, for the guesses that have one."""
     matrix = loop.matrix(z) * loop.magnitude
     scale = np.abs(matrix).max(axis=-1, initial=0.0)
     good = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1)
@@ -108,7 +108,7 @@ def _steps(loop: Loop, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def _damped(loop: Loop, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
-    """The guesses a step on; each step is halved until the residual falls, or its guess is given up."""
+    """Return the guesses after a step; each step is halved until the residual falls, otherwise its guess is dropped."""
     norm = np.linalg.norm(value / scale, axis=1)
     moved, found = np.full_like(z, np.nan), np.full_like(value, np.nan)
     open_ = np.arange(len(z))

@@ -1,10 +1,10 @@
-"""Newton's method in wave variables: the solution of loops of monotone laws from anywhere.
+"""Newton's method in wave variables: solution of loops of monotone laws from any guess.
 
 A loop is opened (`compiler/reduction/opened.py`): each nonlinear law v = g(a) has both its variables among the unknowns, and all else is linear.
-Where g rises, a and v are functions of the wave w = a + r v, and none of them is steeper than one (Minty, Monotone (nonlinear) operators in Hilbert space,
-Duke Math. J. 29, 1962; w is the incident wave of a port in Fettweis, Wave digital filters, Proc. IEEE 74, 1986). In w a diode has neither a part
-that overflows nor one that is flat, so that a damped iteration arrives from far away. Directions that nothing decides (a node between diodes that all
-block) are left as they are: the correction of least length is taken.
+Where g rises, a and v are functions of the wave w = a + r v, and neither is steeper than one (Minty, Monotone (nonlinear) operators in Hilbert
+space, Duke Math. J. 29, 1962; w is the incident wave of a port in Fettweis, Wave digital filters, Proc. IEEE 74, 1986). In w a diode has neither
+a part that overflows nor a flat one, so a damped iteration converges from far away. Undetermined directions (a node between diodes that all
+block) are left unchanged: the correction of least length is taken.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ ITERATIONS = 150
 HALVINGS = 30
 DESCENT = 1e-4  # share of the predicted decrease that a step has to bring
 CLOSE = 1e-12  # relative correction at which an iteration ends
-ARRIVED = 1e-6  # the same, of an end that is handed on although no step gets closer
-UNDECIDED = 1e-13  # of the largest singular value: directions below are left as they are
-BEGIN = 1e-6  # of all unknowns: laws may have no slope at zero
-PROBES = (1e-2, 1.0, 1e2, 1e4)  # arguments at which the sense of a law is asked
+ARRIVED = 1e-6  # the same, for an end that is accepted although no step gets closer
+UNDECIDED = 1e-13  # relative to the largest singular value: directions below are undetermined and left unchanged
+BEGIN = 1e-6  # first value of all unknowns: laws may have no derivative at zero
+PROBES = (1e-2, 1.0, 1e2, 1e4)  # arguments at which the sense of a law is determined
 SAMPLES = tuple(
     s * 10.0**e for e in np.arange(-6, 4.5, 0.5).tolist() for s in (-1.0, 1.0)
-)  # arguments at which slopes are asked
+)  # arguments at which derivatives are sampled
 DOUBLINGS, BISECTIONS = 120, 120
-MOST = 1e150  # of a residual in the search for an argument
+MOST = 1e150  # largest residual in the search for an argument
 
 Law = tuple[
     int, int, int, bool
-]  # row, argument and value as places among the unknowns; whether the argument is an effort
+]  # row, indices of argument and value among the unknowns; True if the argument is an effort
 At = tuple[float, Any, Any, Any]  # time, inputs, constants, mode
 
 
 class OpenedLoops:
-    """The loops of a program at one instant, opened. `states`: shape (n,)."""
+    """Opened loops of a program at one instant. `states`: shape (n,)."""
 
     def __init__(self, program: Program, laws: Sequence[Law], at: At, states: Any) -> None:
         self.program, self.at, self.states = program, at, states
@@ -55,13 +55,13 @@ class OpenedLoops:
         self._place = rows[self._chosen] - count, columns[self._chosen] - count
 
     def residual(self, z: Any) -> Any:
-        """All equations of the loops, shape (unknowns,)."""
+        """Return the residuals of all equations of the loops, shape (unknowns,)."""
         time, inputs, constants, mode = self.at
         state = np.concatenate([self.states, z])
         return self.program.derivative(time, state, inputs, constants, mode)[len(self.states) :]
 
     def matrix(self, z: Any) -> Any:
-        """Their derivatives by the unknowns, shape (unknowns, unknowns)."""
+        """Return the derivatives of the residuals by the unknowns, shape (unknowns, unknowns)."""
         time, inputs, constants, mode = self.at
         state = np.concatenate([self.states, z])
         result = np.zeros((self.size, self.size))
@@ -70,12 +70,12 @@ class OpenedLoops:
 
     @cached_property
     def factors(self) -> Any:
-        """The slope of each law's residual by its value, shape (laws,)."""
+        """Derivative of each law's residual by its value, shape (laws,)."""
         return self.matrix(np.full(self.size, BEGIN))[self.rows, self.values]
 
     @cached_property
     def rounds(self) -> list[Any]:
-        """The laws in groups, in each of which an argument occurs once: parallel elements have one voltage."""
+        """Groups of laws in which each argument occurs once: parallel elements share one voltage."""
         seen: dict[int, int] = {}
         number = np.array([seen.setdefault(a, -1) for a in self.arguments])
         for k, a in enumerate(self.arguments):
@@ -84,7 +84,7 @@ class OpenedLoops:
         return [np.flatnonzero(number == i) for i in range(number.max(initial=-1) + 1)]
 
     def law(self, arguments: Any) -> Any:
-        """The values v = g(a) of all laws, shape (laws,)."""
+        """Return the values v = g(a) of all laws, shape (laws,)."""
         result = np.empty(len(arguments))
         for group in self.rounds:
             z = np.zeros(self.size)
@@ -93,7 +93,7 @@ class OpenedLoops:
         return result
 
     def slopes(self, arguments: Any) -> Any:
-        """g'(a), shape (laws,)."""
+        """Return the derivatives g'(a), shape (laws,)."""
         result = np.empty(len(arguments))
         for group in self.rounds:
             z = np.zeros(self.size)
@@ -103,7 +103,7 @@ class OpenedLoops:
 
     @cached_property
     def senses(self) -> Any:
-        """1 for laws that rise, -1 for those that fall."""
+        """Sense of each law: 1 if it rises, -1 if it falls."""
         result = np.zeros(len(self.rows))
         for probe in PROBES:
             change = self.law(np.full(len(result), probe)) - self.law(np.full(len(result), -probe))
@@ -112,13 +112,13 @@ class OpenedLoops:
 
     @property
     def rise(self) -> bool:
-        """Whether all laws rise, or all that do not fall, at many arguments; no proof."""
+        """Return True if each law is monotone in its sense at many sampled arguments; no proof."""
         slopes = np.array([self.slopes(np.full(len(self.rows), a)) for a in SAMPLES]) * self.senses
         return bool(((slopes >= 0) | np.isnan(slopes)).all())
 
 
 def solve_opened(loops: OpenedLoops, guess: Any) -> Iterator[Any]:
-    """Unknowns at which the iteration ends close to a solution, from one reference resistance after the other.
+    """Yield unknowns at which the iteration ends close to a solution, for one reference resistance after the other.
 
     `guess`: shape (unknowns,).
     """
@@ -134,7 +134,7 @@ def solve_opened(loops: OpenedLoops, guess: Any) -> Iterator[Any]:
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """Where an iteration stands: waves, then unknowns of no law (y); what that makes of arguments and values; all unknowns and equations."""
+    """Iterate: waves, then unknowns of no law (y); the resulting arguments and values; all unknowns (z) and residuals of the equations (rest)."""
 
     y: Any
     arguments: Any
@@ -144,12 +144,12 @@ class _Point:
 
 
 class _Iteration:
-    """Damped Newton in waves, with one reference resistance for all laws."""
+    """Damped Newton iteration in wave variables, with one reference resistance for all laws."""
 
     def __init__(self, loops: OpenedLoops, resistance: float) -> None:
         self.loops, self.count = loops, len(loops.rows)
         self.per_value = loops.senses * np.where(loops.efforts, resistance, 1 / resistance)  # r
-        owner: dict[int, tuple[bool, int]] = {}  # unknown -> whether it is an argument, of which law
+        owner: dict[int, tuple[bool, int]] = {}  # unknown -> True if it is an argument, and index of the law
         self.copies: list[tuple[int, bool, int]] = []  # uses of an unknown by further laws
         for k, (argument, value) in enumerate(zip(loops.arguments, loops.values, strict=True)):
             for place, is_argument in ((int(argument), True), (int(value), False)):
@@ -164,7 +164,7 @@ class _Iteration:
         self.free = np.setdiff1d(np.arange(loops.size), list(owner))
 
     def run(self, guess: Any) -> tuple[float, Any]:
-        """The relative size of the last correction, and the unknowns."""
+        """Return the relative size of the last correction, and the unknowns."""
         loops = self.loops
         begin = np.where(np.isfinite(guess), guess, BEGIN)
         waves = begin[loops.arguments] + self.per_value * begin[loops.values]
@@ -195,7 +195,7 @@ class _Iteration:
         return _Point(y, arguments, values, z, np.concatenate([loops.residual(z)[loops.others], doubled]))
 
     def _step(self, point: _Point) -> tuple[Any, Any, float]:
-        """Newton's correction of least length, the sizes of the equations' rows, and how large the correction is beside what it corrects."""
+        """Return Newton's correction of least length, the sizes of the equations' rows, and the relative size of the correction."""
         slopes = self._slopes(point)
         size = np.abs(point.y)
         columns = np.maximum(size, 1e-6 * size.max(initial=0.0) + 1e-12)
@@ -211,7 +211,7 @@ class _Iteration:
         return step * columns, rows, float(np.abs(step).max(initial=0.0))
 
     def _slopes(self, point: _Point) -> Any:
-        """The derivatives of the equations by waves and free unknowns."""
+        """Return the derivatives of the equations by waves and free unknowns."""
         loops, count = self.loops, self.count
         slope = loops.slopes(point.arguments)
         known = np.isfinite(slope)
@@ -230,7 +230,7 @@ class _Iteration:
         return np.concatenate([whole @ inner, doubled])
 
     def _shortened(self, point: _Point, step: Any, rows: Any) -> _Point | None:
-        """The point a step on, halved until the equations are better fulfilled; None if they never are."""
+        """Return the point after a step, halved until the residuals decrease; None if they never do."""
         norm, factor = float(np.linalg.norm(point.rest / rows)), 1.0
         for _ in range(HALVINGS):
             found = self._at(point.y + factor * step, point.arguments)
@@ -241,7 +241,7 @@ class _Iteration:
 
 
 def _arguments(law: Callable[[Any], Any], waves: Any, per_value: Any, near: Any) -> Any:
-    """The arguments a with a + r g(a) = w, shape (laws,): bracketed from nearby, then narrowed, all laws at once."""
+    """Return the arguments a with a + r g(a) = w, shape (laws,): bracketed from nearby, then narrowed, all laws at once."""
 
     def beyond(a: Any) -> Any:
         value = a + per_value * law(a) - waves
@@ -266,8 +266,10 @@ def _arguments(law: Callable[[Any], Any], waves: Any, per_value: Any, near: Any)
 
 
 def _narrowed(beyond: Callable[[Any], Any], low: Any, high: Any, at_low: Any, at_high: Any) -> Any:
-    """The zeros of rising functions between places of either sign, by inverse quadratic interpolation where it serves, else by halves
-    (Chandrupatla, Advances in Engineering Software 28, 1997)."""
+    """Return the zeros of rising functions between places of different sign, by inverse quadratic interpolation where it helps, else bisection.
+
+    Method of Chandrupatla, Advances in Engineering Software 28, 1997.
+    """
     a, b, at_a, at_b = high, low, at_high, at_low
     c, at_c, share = a, at_a, np.full(len(low), 0.5)
     for _ in range(BISECTIONS):

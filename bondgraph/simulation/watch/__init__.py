@@ -1,1 +1,1 @@
-"""What looks at a run from beside: limits, numbers that are none, the energy, the choice of states."""
+"""Monitors of a run: limits, values that are not finite, the energy balance, the state selection."""

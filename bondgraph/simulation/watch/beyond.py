@@ -1,4 +1,4 @@
-"""States that have got very much farther than a look ahead saw: nothing else tells of a motion that loose tolerances have let loose."""
+"""Growth warning: states that have moved far beyond the range of the pilot run; no other check sees a motion made unstable by loose tolerances."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 if TYPE_CHECKING:
     from ..stretch.stepper import Solver, Stepper
 
-BEYOND = 1e4  # times what the look ahead saw
+BEYOND = 1e4  # factor on the largest value in the pilot run
 
 
 def notes_of_beyond(stepper: Stepper, solver: Solver) -> list[str]:
-    """A note on the state that is farthest beyond its magnitude where a stretch ends; none where that was given, or has been told."""
+    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note."""
     names, units = stepper.program.states.names, stepper.program.states.units
     tolerances = stepper.tolerances
     count = len(names)

@@ -1,10 +1,10 @@
-"""Which of two storages that depend on each other is the state, chosen anew where the first choice has become a bad one.
+"""State selection: exchange of two dependent storages as state, where the first choice has become ill-conditioned.
 
-A storage in derivative form is computed from the states: x_d = g(x). Where a modulated transformer makes the slope of g large, what is
-below the tolerance of the state is a large error of the dependent one; where the slope grows without bound the state forgets what the
-other still knows. So each accepted step looks at these slopes, in units of what both have been at most; beyond `WORST` the two change places: the
-model is compiled with the other stroke, which is as legal as the first, and the run goes on from the same values. (Dummy derivatives
-are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sci. Comput. 14, 1993, section 4.)
+A storage in derivative form is computed from the states: x_d = g(x). Where a modulated transformer makes the derivative of g large, an error
+below the tolerance of the state is a large error of the dependent one; where the derivative grows without bound, the state loses information
+that the other still has. So each accepted step examines these derivatives, in units of the largest values of both so far. Beyond `WORST` the two
+are exchanged: the model is compiled with the other stroke, which is as valid as the first, and the run goes on from the same values. (Dummy
+derivatives are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sci. Comput. 14, 1993, section 4.)
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from ...door import Program
 if TYPE_CHECKING:
     from ...ended import Past
 
-WORST = 1e3  # change of a dependent storage, as a share of its peak, for that of a state as a share of its own
+WORST = 1e3  # relative change of a dependent storage per relative change of a state, each relative to its peak
 
 
 @dataclass(frozen=True, slots=True)
 class Handover:
-    """Where a run stops so that another program can go on: the instant, all that is stored, and why.
+    """Phase transition: the instant, all stored quantities, and the reason, from which another program can go on.
 
-    Either two storages change places, or other junctions are off, or the run ended there and is to go on.
+    Either two storages are exchanged, or junctions switch, or the run ended there and is to be resumed.
     """
 
     time: float
     stored: Mapping[str, float]  # by name: states and dependent storages
-    peaks: Mapping[str, float]  # the largest that they have been
+    peaks: Mapping[str, float]  # their largest values so far
     dependent: str = ""  # the element that was in derivative form
     state: str = ""  # the element that was a state
     off: tuple[str, ...] | None = None  # the junctions that are off from now on; None: as before
-    modes: Mapping[str, float] = field(default_factory=dict)  # by name: what only events change
-    on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # which events' conditions hold
-    past: Past | None = None  # of delayed signals
-    magnitudes: Mapping[str, float] = field(default_factory=dict)  # of states and unknowns
-    unknowns: Mapping[str, float] = field(default_factory=dict)  # of loops
+    modes: Mapping[str, float] = field(default_factory=dict)  # by name: discrete variables that only events change
+    on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
+    past: Past | None = None  # history of delayed signals
+    magnitudes: Mapping[str, float] = field(default_factory=dict)  # magnitudes of states and unknowns
+    unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
 
 
 class Choice:
-    """Looks at accepted steps. `storages`: the elements that can change places; `before`: where the last leg stopped."""
+    """Monitor of the state selection. `storages`: the elements that can be exchanged; `before`: transition at the end of the phase before."""
 
     def __init__(
         self, program: Program, constants: Any, inputs: Any, storages: frozenset[str], before: Handover | None
@@ -59,15 +59,15 @@ class Choice:
             self.peak[:] = [before.peaks.get(n, 0.0) for n in self.names]
 
     def _element(self, state: int) -> str:
-        """The one that a state belongs to."""
+        """Return the element to which a state belongs."""
         return self.program.states.names[state].rpartition(".")[0]
 
     def __bool__(self) -> bool:
-        """Whether there is anything to look at."""
+        """Return True if there are storages that can be exchanged."""
         return len(self.rows) > 0
 
     def look(self, time: float, state: Any, mode: Any) -> Handover | None:
-        """Who should change places after a step that ended here."""
+        """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):
             return None
         count = len(self.program.states.names)
@@ -82,7 +82,7 @@ class Choice:
         return Handover(time, values, peaks, dependent, self._element(self.columns[worst]))
 
     def stored(self, time: float, state: Any, mode: Any) -> tuple[dict[str, float], dict[str, float]]:
-        """All that is stored, states and dependent storages, and the largest that they have been; by name."""
+        """Return all stored quantities (states and dependent storages) and their largest values so far; by name."""
         count = len(self.program.states.names)
         stored = np.concatenate([state[:count], self.program.dependent(time, state, *self.fixed, mode)])
         self.peak = np.maximum(self.peak, np.abs(stored))

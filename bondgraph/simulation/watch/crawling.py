@@ -1,7 +1,7 @@
-"""Which mode holds the steps of a run that takes very many: its frequency, and where its energy is.
+"""Step-size diagnosis: the mode that limits the steps of a very long run, with its frequency and the elements that hold its energy.
 
-A mode's share in a state is the product of its right and left eigenvectors there (Pérez-Arriaga, Verghese and Schweppe, IEEE Trans. PAS 101, 1982):
-a number without unit, which for a lossless model is the share of the mode's energy that the storage holds.
+The share of a mode in a state is the product of its right and left eigenvectors there (participation factor: Pérez-Arriaga, Verghese and
+Schweppe, IEEE Trans. PAS 101, 1982), a number without unit. For a lossless model it is the share of the mode's energy in the storage.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import numpy as np
 if TYPE_CHECKING:
     from ..stretch.stepper import Solver, Stepper
 
-LARGEST = 200  # states up to which modes are computed
-MANY = 20_000  # steps of a stretch, from which on a run says what holds them
-LEAST_TURNS = 0.003  # of the mode that holds the steps, in radians: what the tightest tolerance asks for
-MOST_TURNS = 30.0  # more than that, and the steps do not follow it
-NAMED = 3  # elements
-APART = 30.0  # of two modes: the slower one could be followed by much longer steps
-SHARE = 0.05  # of the largest
+LARGEST = 200  # most states for which modes are computed
+MANY = 20_000  # steps of a segment from which on a run reports their cause
+LEAST_TURNS = 0.003  # least phase of the limiting mode per step, in radians: that of the tightest tolerance
+MOST_TURNS = 30.0  # largest phase per step, in radians, of a mode that the steps follow
+NAMED = 3  # most elements named
+APART = 30.0  # ratio of two rates: the slower mode could be followed with much longer steps
+SHARE = 0.05  # least share of an element, relative to the largest
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """One mode of a model where a run stands: its rate in 1/s, and the elements with the largest shares in it."""
+    """One eigenmode of a model at the current state: its rate in 1/s, and the elements with the largest shares in it."""
 
     rate: complex
     elements: tuple[str, ...]
-    alone: bool  # whether no other mode is much slower
+    alone: bool  # True if no other mode is much slower
 
     def __str__(self) -> str:
         where = ", ".join(f"`{name}`" for name in self.elements)
@@ -40,8 +40,10 @@ class Mode:
 
 
 def limiting_mode(stepper: Stepper, time: float, x: Any, mode: Any, step: float, driven: Any = None) -> Mode | None:
-    """The mode that holds steps of this length; None if none is told from the others. `driven`: the error of the last step, in units
-    of its tolerance, which is largest where that mode moves."""
+    """Return the mode that limits steps of this length; None if no mode is distinct from the others.
+
+    `driven`: the error of the last step, in units of its tolerance, which is largest where that mode moves.
+    """
     program = stepper.program
     count = len(program.states.names)
     if program.unknowns.names or not 0 < count <= LARGEST:
@@ -67,7 +69,7 @@ def limiting_mode(stepper: Stepper, time: float, x: Any, mode: Any, step: float,
 
 
 def notes_of(stepper: Stepper, solver: Solver, steps: int, mode: Any) -> list[str]:
-    """What a run should tell that took so many steps over a stretch; nothing if they were few, or nothing slower goes on in the model."""
+    """Return a note on the mode that limits the steps of a segment; none if the steps were few, or if the model has no slower mode."""
     if steps < MANY:
         return []
     start, stop = solver.last_step
@@ -79,7 +81,7 @@ def notes_of(stepper: Stepper, solver: Solver, steps: int, mode: Any) -> list[st
 
 
 def elements_of(names: Sequence[str], shares: Any) -> tuple[str, ...]:
-    """The elements with the largest shares, largest first."""
+    """Return the elements with the largest shares, largest first."""
     by_element: dict[str, float] = {}
     for name, share in zip(names, shares, strict=True):
         element = name.removesuffix(".v").removesuffix(".omega").rpartition(".")[0] or name
@@ -89,7 +91,7 @@ def elements_of(names: Sequence[str], shares: Any) -> tuple[str, ...]:
 
 
 def advice(mode: Mode, explicit: bool) -> str:
-    """What can be done about a mode that holds the steps."""
+    """Return advice on a mode that limits the steps."""
     if explicit:
         return "it holds an explicit method by stability alone: name `radau`, or leave the solver to choose"
     if abs(mode.rate.imag) > abs(mode.rate.real):

@@ -1,7 +1,7 @@
-"""The energy balance of a run: what sources gave, what resistors took, what storages hold more than before.
+"""Energy balance of a run: energy from sources, losses in resistors, and the increase of stored energy.
 
-Work is integrated; what is stored is computed from the state alone (the storage's energy, or the integral of its law), so
-that the residual is an independent measure of the error of the run.
+Work is integrated; the stored energy is computed from the state alone (the storage's energy, or the integral of its law), so the residual is an
+independent measure of the error of the run.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 SOURCES, LOSSES, TRANSDUCERS = ("Se", "Sf"), ("R",), ("TF", "GY")
 LEFT_OUT = "left out"
-UNEXPLAINED = 1e4  # relative tolerances of all energy that went anywhere
+UNEXPLAINED = 1e4  # in units of rtol times the energy turnover: larger residuals are reported
 GIVEN = (
-    1e-6  # of the largest power of a resistor, and of the mean of all: what it may give and be none that creates energy
+    1e-6  # relative to the largest power of a resistor, and to the mean of all: delivered power below this is ignored
 )
 
 
@@ -29,11 +29,11 @@ def energy_balance(
     space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = (),
     left: Sequence[tuple[Any, Any]] = (),
 ) -> EnergyBalance:  # fmt: skip
-    """Balance from the integrated powers and the stored quantities before and after.
+    """Return the balance from the integrated powers and the stored quantities before and after.
 
-    `work` has one item per port; `before` and `after` the mechanisms' energies and then the stored quantities, as the
-    program's `powers` gives them; `arguments` the values of the storages' parameters. `jumps`: the same before and after
-    each event, which dissipates what is stored less after it; `left`: before and after something faster than the bandwidth was left out.
+    `work` has one item per port; `before` and `after` are the mechanisms' energies and then the stored quantities, as the program's `powers` gives
+    them; `arguments`: the values of the storages' parameters. `jumps`: the same before and after each event, which dissipates the decrease of stored
+    energy; `left`: the same before and after each removal of fast modes.
     """
     elements: list[ElementEnergy] = []
     by_element: dict[str, tuple[str, float]] = {}
@@ -63,7 +63,7 @@ def energy_balance(
             )
         )
         offset += count
-    for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is what they store
+    for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is their stored energy
         if kind in ("C", "I", "IC") and not any(s.element == name for s in space.storages):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
     if jumps:
@@ -77,14 +77,14 @@ def energy_balance(
         float(sum(getattr(e, f) for e in elements)) for f in ("stored", "supplied", "dissipated")
     )
     residual = supplied - dissipated - stored
-    if len(space.stored) == 1:  # of a mechanism's own bonds nothing is kept: it has what the others have not
+    if len(space.stored) == 1:  # the mechanism's own bonds are not recorded: it gets the rest of the balance
         others = sum(e.residual for e in elements)
         elements = [replace(e, residual=residual - others) if e.kind == "multibody" else e for e in elements]
     return EnergyBalance(tuple(elements), stored, supplied, dissipated, residual)
 
 
 def _jumped(space: StateSpace, jumps: Sequence[tuple[Any, Any]], arguments: dict[int, float]) -> dict[str, float]:
-    """What events did to each storage, whose bonds brought nothing of it."""
+    """Return the change of each storage's energy by events, which its bonds do not carry; by element."""
     found: dict[str, float] = {}
     for before, after in jumps:
         offset = len(space.ports) + len(space.stored)
@@ -97,7 +97,10 @@ def _jumped(space: StateSpace, jumps: Sequence[tuple[Any, Any]], arguments: dict
 
 
 def givers(space: StateSpace, instants: Any, powers: Any, turnover: float) -> list[str]:
-    """Resistors that give power at reported instants, as sentences. `powers`: shape (instants, ports …); `turnover`: J, all that went anywhere."""
+    """Return resistors that deliver power at reported instants, as sentences.
+
+    `powers`: shape (instants, ports …); `turnover`: total energy turnover in J.
+    """
     by_element: dict[str, Any] = {}
     for column, port in enumerate(space.ports):
         if port.kind in LOSSES:
@@ -116,7 +119,7 @@ def givers(space: StateSpace, instants: Any, powers: Any, turnover: float) -> li
 
 
 def unexplained(balance: EnergyBalance, turnover: float, rtol: float) -> list[str]:
-    """Elements whose bonds brought what they neither store nor lose, beyond what the run's tolerance leaves; as sentences."""
+    """Return elements whose work differs from their stored and dissipated energy by more than the tolerance explains; as sentences."""
     return [
         f"`{e.name}` {'loses' if e.residual > 0 else 'creates'} {abs(e.residual):.6g} J that its law does not explain: what its bonds brought is "
         "not what it stores more"
@@ -126,7 +129,7 @@ def unexplained(balance: EnergyBalance, turnover: float, rtol: float) -> list[st
 
 
 def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, float]) -> float:
-    """The change of all that is stored, in J."""
+    """Return the change of all stored energy, in J."""
     first = len(space.ports)
     offset = first + len(space.stored)
     total = float(np.sum(after[first:offset] - before[first:offset]))
@@ -140,7 +143,7 @@ def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, flo
 def impulse_loss(
     space: StateSpace, held: Mapping[str, Any], after: Any, arguments: dict[int, float]
 ) -> EnergyBalance | None:  # fmt: skip
-    """What impulses dissipate where other junctions go on or off. `held`: what each storage held before, by its name."""
+    """Return the energy dissipated by impulses where junctions switch; None if it is zero. `held`: content of each storage before, by its name."""
     offset = len(space.ports) + len(space.stored)
     lost = []
     for storage in space.storages:
@@ -157,7 +160,7 @@ def impulse_loss(
 
 
 def held_in(space: StateSpace, powers: Any) -> dict[str, Any]:
-    """What each storage holds, by its name, from the program's `powers`."""
+    """Return the content of each storage, by its name, from the program's `powers`."""
     held, offset = {}, len(space.ports) + len(space.stored)
     for storage in space.storages:
         held[storage.element] = powers[offset : offset + len(storage.stored)]
@@ -166,7 +169,7 @@ def held_in(space: StateSpace, powers: Any) -> dict[str, Any]:
 
 
 def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
-    """The balance of a run from those of its legs; None if there are none."""
+    """Return the balance of a run as the sum over its phases; None if there are none."""
     if len(balances) < 2:
         return balances[0] if balances else None
     sums: dict[tuple[str, str], Any] = {}
@@ -180,7 +183,7 @@ def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
 
 
 def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:
-    """The change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
+    """Return the change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
     from ...door import evaluate
 
     count = len(before)

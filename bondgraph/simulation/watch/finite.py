@@ -1,4 +1,4 @@
-"""A reported number that is none: which output it is, when, and which line of the text most likely made it so."""
+"""Reported values that are not finite: the output, the instant, and the line of the text that most likely caused it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...errors import RunFailed
 from .reason import Reason, reason
 
 NO_MODES: Mapping[str, float] = {}
-SHOWN = 4  # variables of a divisor
+SHOWN = 4  # most variables of a divisor in a message
 LOOK_FOR = (
     "look for a division by zero, a root or logarithm of a negative number, or a part of the model that nothing ties down "
     "(a circuit without earth)"
@@ -21,7 +21,7 @@ LOOK_FOR = (
 
 
 def check_finite(program: Program, space: StateSpace, instants: Any, values: Any, states: Any, parameters: Any) -> None:
-    """Raises `RunFailed` for the first instant at which an output is not finite; shape of `values`: (points, outputs)."""
+    """Raise `RunFailed` for the first instant at which an output is not finite; shape of `values`: (points, outputs)."""
     wrong = ~np.isfinite(values)
     if not wrong.any():
         return
@@ -35,7 +35,7 @@ def check_finite(program: Program, space: StateSpace, instants: Any, values: Any
 def cause_of(
     program: Program, space: StateSpace, time: float, state: Any, parameters: Any, modes: Mapping[str, float] = NO_MODES
 ) -> str:
-    """The line that most likely makes something no number, at a time and in a state; `modes`: what only events change."""
+    """Return the line that most likely causes a value that is not finite, at a time and state; `modes`: discrete variables that only events change."""
     known = _known(program, space, time, state, parameters, modes)
     return _trouble(space, known, dict(known)) or LOOK_FOR
 
@@ -43,14 +43,14 @@ def cause_of(
 def cause_ahead(
     program: Program, space: StateSpace, now: tuple[float, Any], ahead: tuple[float, Any], parameters: Any, modes: Mapping[str, float]
 ) -> str | None:  # fmt: skip
-    """What makes something no number between here and a little later, or passes zero where others are divided by it; None if nothing does."""
+    """Return the cause of a value that is not finite between here and a little later, or of a divisor that passes zero; None if there is none."""
     return _trouble(space, *(_known(program, space, *at, parameters, modes) for at in (now, ahead)))
 
 
 def _known(
     program: Program, space: StateSpace, time: float, state: Any, parameters: Any, modes: Mapping[str, float]
 ) -> dict[Any, float]:
-    """The values of what is not computed, by variable."""
+    """Return the values of the variables that are not computed, by variable."""
     given = dict(zip(program.parameters.names, parameters, strict=True))
     given |= dict(zip(program.inputs.names, program.input_defaults, strict=True)) | dict(modes)
     numbers = [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
@@ -64,7 +64,7 @@ def _known(
 
 
 def _trouble(space: StateSpace, now: dict[Any, float], ahead: dict[Any, float]) -> str | None:
-    """The first step that makes something that is not finite of what is, ahead; or divides by what passes zero on the way there."""
+    """Return the first computation that makes a finite value not finite ahead, or divides by a value that passes zero on the way."""
     for step in space.steps:
         if isinstance(step, Assignment):
             now[step.target], ahead[step.target] = _value(step.expression, now), _value(step.expression, ahead)
@@ -85,7 +85,7 @@ def _trouble(space: StateSpace, now: dict[Any, float], ahead: dict[Any, float]) 
 
 
 def _with(space: StateSpace, about: Expression | None, known: dict[Any, float]) -> str:
-    """The values of what an expression reads."""
+    """Return the values of the variables that an expression reads, as text."""
     read = [] if about is None else sorted({s.key for s in symbols(about)})
     said = ", ".join(f"`{space.variables[v].name}` = {known[v]:.6g}" for v in read[:SHOWN] if v in known)
     return f" with {said}" if said else ""
@@ -99,7 +99,7 @@ def _value(x: Expression, known: dict[Any, float]) -> float:
 
 
 def _matrix(loop: LinearLoop, known: dict[Any, float]) -> tuple[Any, Any]:
-    """The matrix and the right side of a linear loop."""
+    """Return the matrix and the right-hand side of a linear loop."""
 
     def number(entry: int | float) -> float:
         return entry if isinstance(entry, float) else known[entry]
@@ -108,7 +108,7 @@ def _matrix(loop: LinearLoop, known: dict[Any, float]) -> tuple[Any, Any]:
 
 
 def _solutions(loop: LinearLoop, now: dict[Any, float], ahead: dict[Any, float]) -> tuple[Any, Any] | None:
-    """The solution of a linear loop now and ahead; None if there is not one, or none on the way from one to the other."""
+    """Return the solution of a linear loop now and ahead; None if one does not exist, or ceases to exist in between."""
     (first, start), (last, end) = _matrix(loop, now), _matrix(loop, ahead)
     if not (np.isfinite(first).all() and np.isfinite(last).all()):
         return None

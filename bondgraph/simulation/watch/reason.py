@@ -1,4 +1,4 @@
-"""Why an expression has no value in a state, or has none just beyond it: the operation, and what it reads."""
+"""Cause of an expression without a value at a state, or just beyond it: the operation, and the values that it reads."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ from typing import Any
 
 from ...door import Apply, Expression, Number, Symbol, value_of
 
-SHARE = 1e-12  # of the larger of two values: what counts as a change of sign
+SHARE = 1e-12  # relative to the larger of two values: least size for a change of sign
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """What is wrong, as the end of a sentence, and the expression that it is wrong with."""
+    """Description of the error, as the end of a sentence, and the expression that causes it."""
 
     words: str
     about: Expression | None
 
 
 def reason(x: Expression, now: Mapping[Any, float], ahead: Mapping[Any, float]) -> Reason | None:
-    """The innermost operation of an expression that has no finite value ahead although what it is done with has one; or a divisor
-    that passes zero from now to ahead. Branches that are not taken do not count. None if there is nothing."""
+    """Return the innermost operation without a finite value ahead although its operands are finite, or a divisor that passes zero on the way.
+
+    Branches that are not taken are ignored. None if there is no such operation.
+    """
     return _Search(now, ahead).at(x)
 
 
@@ -32,7 +34,7 @@ class _Search:
         self.values: dict[Expression, tuple[float, float]] = {}
 
     def at(self, x: Expression) -> Reason | None:
-        """The first reason in an expression, and its values kept."""
+        """Return the first reason in an expression, and store its values."""
         if x in self.values:
             return None
         if isinstance(x, Number):
@@ -67,7 +69,7 @@ class _Search:
 
 
 def _wrong(x: Apply, pairs: list[tuple[float, float]], value: float) -> Reason | None:
-    """What is wrong with one operation whose operands are finite."""
+    """Return the error in one operation whose operands are finite; None if there is none."""
     if x.operator == "divide":
         before, after = pairs[1]
         small = SHARE * max(abs(before), abs(after))

@@ -1,4 +1,4 @@
-"""Why a run gets no further, in the author's names."""
+"""Step failure: the reason why a run gets no further, with the names of the model's text."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from ..steps.radau import Radau
     from ..stretch.stepper import Solver, Stepper
 
-MOST_STEPS = 1_000_000  # of one stretch; who needs more is being held up by something
-LOOSE = 1e-8  # a relative tolerance that may be tightened
+MOST_STEPS = 1_000_000  # most steps of one segment; a run that needs more is limited by an unusual cause
+LOOSE = 1e-8  # relative tolerance above which a tighter one is advised
 HUGE = 1e280  # near the largest number there is
-MOST_COMPILED = 30_000_000  # the same for steps in machine code: about as long
+MOST_COMPILED = 30_000_000  # the same for steps in machine code: about the same computing time
 
 
 def _names(program: Program) -> tuple[str, ...]:
     return (*program.states.names, *program.unknowns.names)
 
 
-# How far to look for what makes steps collapse: shares of what moves a state by its magnitude, and of the run.
+# Distances to look ahead for the cause of collapsed steps: fractions of the time that moves a state by its magnitude, and of the run.
 REACHES = (1e-15, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1e-1, 1.0)
 SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
 
@@ -35,7 +35,7 @@ SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
 def ahead(
     program: Program, tolerances: Tolerances, whole: float, time: float, state: Any, slope: Any
 ) -> tuple[tuple[float, Any], ...]:
-    """Where the slope leads from a state, ever further: what makes steps collapse lies there. `whole`: how long the run is."""
+    """Return points ever further along the rates from a state, where the cause of collapsed steps lies. `whole`: length of the run, s."""
     step = np.where(np.arange(len(state)) < len(program.states.names), slope, 0.0)
     speed = float((np.abs(step) / np.maximum(tolerances.magnitude, np.abs(state))).max(initial=0.0))
     reach = min(whole, 1 / speed if speed > 0 else np.inf)
@@ -53,7 +53,7 @@ def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any)
 
 
 def failure(stepper: Stepper, solver: Solver, what: str, mode: Any) -> RunFailed:
-    """Why a run ends where its solver stands; `what` failed last."""
+    """Return the error of a run that cannot go on from the solver's current state; `what`: the part that failed last."""
     program = stepper.program
     state = solver.state * stepper.tolerances.magnitude
     slope = np.zeros(len(state))

@@ -1,7 +1,7 @@
-"""Limits of a model in a run: ranges of tables, and what the model requires.
+"""Limits of a model in a run: ranges of tables, and requirements of the model.
 
-They are looked at where the run is accepted: at the stages and ends of the solver's steps and at every reported instant. Where
-one is found to be left, the instant is bisected on the solver's own dense output.
+They are checked where the run is accepted: at the stages and ends of the integrator's steps and at every reported instant. The first instant
+of a violation is found by bisection on the dense output.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
 class Watch:
-    """Looks after the limits of a program during a run."""
+    """Monitor of a program's limits during a run."""
 
     def __init__(self, program: Program, constants: Any, inputs: Any, rtol: float) -> None:
         self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
@@ -34,14 +34,13 @@ class Watch:
 
     @property
     def warnings(self) -> tuple[LimitLeft, ...]:
-        """What has been left, in the order of time."""
+        """Violated limits, in the order of time."""
         return tuple(sorted(self.left.values(), key=lambda item: item.time))
 
     def look(self, times: Any, mode: Any, state_at: StateAt, tables: bool = True) -> None:
-        """Look at rising instants of one smooth stretch; before the first of them all was well, or it is where a run begins. `tables`: whether at
-        their ranges too.
+        """Check rising instants of one smooth segment; the limits held before the first of them, or a run begins there.
 
-        Raises `RunFailed` for a table that is asked outside of its range.
+        `tables`: True to check the ranges of tables too. Raises `RunFailed` for a table that is read outside its range.
         """
         if not self.program.limits:
             return
@@ -58,19 +57,19 @@ class Watch:
             self._leave(limit, time, mode, state_at)
 
     def _holds(self, times: Any, states: Any, mode: Any) -> Any:
-        """The truth of all limits; shape (times, limits)."""
+        """Return the truth of all limits; shape (times, limits)."""
         truth = self.program.holds(times, states, *self.fixed, mode) == 1.0
         if not truth.all():
             values = self.program.limit_values(times, states, *self.fixed, mode)
             for number, note in enumerate(self.program.limits):
-                if note.kind == "table":  # as far beyond an end as the run's own tolerance is not beyond it
+                if note.kind == "table":  # a distance beyond an end within the run's own tolerance is accepted
                     x, low, high = values[:, self.places[number]].T
                     beyond = np.maximum(low - x, x - high)
                     truth[:, number] |= beyond <= self.rtol * (high - low)
         return truth
 
     def _bisected(self, number: int, good: float, bad: float, mode: Any, state_at: StateAt) -> float:
-        """The first instant at which a limit does not hold, between one where it holds and one where it does not."""
+        """Return the first instant at which a limit does not hold, between one where it holds and one where it does not."""
         for _ in range(BISECTIONS):
             middle = 0.5 * (good + bad)
             if not good < middle < bad:
