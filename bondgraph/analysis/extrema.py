@@ -137,9 +137,9 @@ def _refined(evaluate: Evaluate, frequencies: Any, brackets: list[tuple[int, int
 def _vertex(x: Any, q: Any) -> Any:
     """Of the parabolas through three points each."""
     left, right = x[1] - x[0], x[1] - x[2]
-    above = left**2 * (q[1] - q[2]) - right**2 * (q[1] - q[0])
-    below = left * (q[1] - q[2]) - right * (q[1] - q[0])
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # next to a response of zero
+        above = left**2 * (q[1] - q[2]) - right**2 * (q[1] - q[0])
+        below = left * (q[1] - q[2]) - right * (q[1] - q[0])
         found = x[1] - 0.5 * above / below
     return np.where(np.isfinite(found), found, x[1])
 

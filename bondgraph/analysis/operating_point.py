@@ -137,9 +137,9 @@ class OperatingPoint:
     @cached_property
     def outputs(self) -> Any:
         """Of `program.outputs`, in SI."""
-        return np.asarray(
-            self.program.output(self.time, self.state, self.inputs, self.constants, self.mode), dtype=float
-        )
+        with np.errstate(all="ignore"):  # an output may have no finite value at this point, and is shown so
+            found = self.program.output(self.time, self.state, self.inputs, self.constants, self.mode)
+        return np.asarray(found, dtype=float)
 
     def values_of(self, names: Sequence[str]) -> Any:
         """Of quantities by name, (len(names),); those that nothing reads have the value that the author gave them."""

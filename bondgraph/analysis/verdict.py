@@ -126,7 +126,8 @@ def bounded_eigenvalues(A: Any, sizes: Any = None, lossless: bool = False) -> Ei
 
     if not len(A):
         return Eigenvalues(np.zeros(0, dtype=complex), np.zeros(0), np.zeros(0, dtype=bool))
-    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    with np.errstate(invalid="ignore"):  # scipy makes integers of permutations that are not asked for
+        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     terms = np.abs(A) if sizes is None else sizes
     terms = terms * scale[None, :] / scale[:, None]
     values, left, right = eig(balanced, left=True, right=True)

@@ -116,8 +116,12 @@ class Compiled:
 
     @property
     def certificate(self) -> Certificate:
-        """What kind of equations the model has, whatever the outputs need; `print` it, or read its fields."""
-        return self.compilation(everything=True).certificate
+        """What kind of equations the model has, whatever the outputs need; `print` it, or read its fields.
+
+        Raises `CompilationFailed`, also where only the program of the equations cannot be made."""
+        compilation = self.compilation(everything=True)
+        compilation.look_at_laws()
+        return compilation.certificate
 
     @property
     def graph(self) -> networkx.MultiDiGraph:
