@@ -1,1 +1,1 @@
-"""Where a run begins: consistent starts, equilibria, closed loops put together; how large the states are going to be."""
+"""Initialization: consistent initial states, equilibria, assembly of closed loops, and magnitudes of the states."""

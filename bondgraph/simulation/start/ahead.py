@@ -1,4 +1,4 @@
-"""How much of the way a coarse run can be trusted: steps much longer than a swing lead it astray."""
+"""Pilot horizon: part of a coarse run whose magnitudes are reliable; steps much longer than a period make them wrong."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ if TYPE_CHECKING:
     from ...door import Program
     from .coarse import Look
 
-ASTRAY = 1e3  # times what the beginning says
-FAR = 2.0  # times as much as a steady growth would bring
-PARTS, SHORTER = 6, 0.1  # of the way, each so much of the next, that are looked at then
-SLIGHT = 1e-4  # of the largest of one unit: no sign of anything
-LARGEST = 200  # states up to which the way is looked at again
+ASTRAY = 1e3  # factor on the magnitudes of the beginning above which the run is suspect
+FAR = 2.0  # factor on steady growth up to which a part is accepted
+PARTS, SHORTER = 6, 0.1  # number of parts of the run examined then, and ratio of their lengths
+SLIGHT = 1e-4  # relative to the largest state of one unit: smaller magnitudes are ignored
+LARGEST = 200  # most states for which parts of the run are examined
 
 
 def trusted(
     look_along: Callable[[Sequence[Segment]], Look], program: Program, stretches: Sequence[Segment], driven: bool
 ) -> Look:
-    """A coarse run over the stretches, or over its beginning only. `driven`: something depends on time.
+    """Return a coarse run over the segments, or over their beginning only. `driven`: some input depends on time.
 
-    What nothing drives swings about as far as its forces bring it at first, or grows by and by: then its tolerances grow with it. Where states
-    get much farther, they must do so on a tenth, a hundredth … of the way as well, in proportion; the longest part of the way counts that
-    passes, or the shortest that does on its own tenth, with what the beginning tells.
+    A motion without drive swings about as far as its forces take it at first, or grows gradually; then its tolerances grow with it. Where states
+    get much farther, they must do so proportionally on a tenth, a hundredth … of the run as well. The longest part that passes this test counts, or
+    the shortest that passes it on its own tenth, together with the magnitudes of the beginning.
     """
     looks = [look_along(stretches)]
     found, first, beginning = looks[0].largest, stretches[0], looks[0].beginning
@@ -53,12 +53,12 @@ def trusted(
 
 
 def _follows_from(program: Program, found: Any, before: Any, times: float) -> bool:
-    """Whether magnitudes are not so many times beyond those of a part of the way."""
+    """Return True if magnitudes are at most `times` those of a part of the run."""
     most = times * np.maximum(before, SLIGHT * _most_alike(program, before))
     return bool((found <= np.where(most > 0, most, np.inf)).all())
 
 
 def _most_alike(program: Program, values: Any) -> Any:
-    """For every state and unknown the largest value of its unit."""
+    """Return for every state and unknown the largest value of its unit."""
     units = np.array([*program.states.units, *program.unknowns.units])
     return np.array([values[units == unit].max() for unit in units])

@@ -1,9 +1,9 @@
-"""Mechanisms with closing joints at the start: their rates, and which of their constraints are independent.
+"""Mechanisms with loop joints at the start: their rates, and the independent ones among their constraints.
 
-The pose is there already (`poses.py`), and rates never move it: those of which nothing was said follow, as little as it takes, and
-where that is not enough (digits that were rounded) those of which something was said give way by what rounding allows. Then the
-rank is looked at: rows that hang on others at this pose and at poses beside it are redundant and take no part in the run; rows that
-do so only here make the start a singular pose, from which nothing says how the mechanism goes on.
+The pose is known already (`poses.py`), and rates never change it. Rates without a given start value follow, by the least change; where that is
+not enough (rounded digits), the given ones change within rounding. Then the rank is examined: rows that depend on others at this pose and
+at neighbouring poses are redundant and inactive in the run; rows that do so only here make the start a singular pose, from which the further
+motion is undetermined.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from ...errors import RunFailed
 from ..closed.constraints import Assembled, Constraints
 
 ITERATIONS = 50
-RANK = 1e-7  # of the largest singular value, where slopes are differences
-FULL = 1e-9  # the same, where they are exact
+RANK = 1e-7  # relative to the largest singular value, for derivatives by differences
+FULL = 1e-9  # the same, for exact derivatives
 DIFFERENCE = 1e-6
-CLOSE = 1e-6  # relative: by how much a start that was given may be off
+CLOSE = 1e-6  # relative change that a given start value may undergo
 TRIES = 4
-QUIET = 1e-6  # 1/s: slower starts, written from a rest that was computed, are compared with this in place of themselves
-BESIDE = 1e-2  # radians or shares of the size: where the rank is looked at again
-Missed = Callable[[Any], Any]  # states (…, n) -> by how much the author's claims are missed
+QUIET = 1e-6  # 1/s: rates below it, written from a computed equilibrium, are compared with this instead of themselves
+BESIDE = 1e-2  # radians or fractions of the size: distance of the poses at which the rank is examined again
+Missed = Callable[[Any], Any]  # states (…, n) -> residuals of the initial equations
 
 
 def rates_closed(
     constraints: Constraints, claims: Missed, at: tuple[float, Any], state: Any, masks: tuple[Any, Any], claimed: tuple[str, ...]
 ) -> Any:  # fmt: skip
-    """The states with rates, and all else that is no pose, at which nothing opens and the claims hold; shape (n,).
+    """Return the states, shape (n,), with rates (and other states that are no pose) that keep the loops closed and satisfy the initial equations.
 
-    `at`: time and mode; `masks`: the states that are movable, and the poses; `claimed`: what claims are of. Only what is movable moves, beside
-    rounding of the others' starts; a pose never does. Raises `RunFailed`.
+    `at`: time and mode; `masks`: the movable states, and the poses; `claimed`: names in the initial equations. Only movable states change, apart from
+    rounding of the others' start values; a pose never does. Raises `RunFailed`.
     """
     movable, poses = masks
     size = sizes(constraints, at[0], state, at[1])
@@ -61,7 +61,7 @@ def rates_closed(
 
 
 def _opening(constraints: Constraints, at: tuple[float, Any], state: Any, size: Any) -> str | None:
-    """The joint that opens with the rates of a state, if one does; `size`: of the states."""
+    """Return the joint that opens with the rates of a state, or None; `size`: of the states."""
     rates = constraints.values(at[0], state, at[1])[constraints.gaps :]
     _, slopes = constraints.slopes(at[0], state, at[1])
     speeds = constraints.speeds
@@ -74,12 +74,12 @@ def _opening(constraints: Constraints, at: tuple[float, Any], state: Any, size: 
 
 
 def _fastest(constraints: Constraints, state: Any, size: Any) -> float:
-    """The largest rate on which those of gaps depend, in units of the mechanism; not less than what rounding leaves of a rest."""
+    """Return the largest rate that enters the residuals' rates, in units of the mechanism, at least the rounding of an equilibrium."""
     return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=QUIET))
 
 
 def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
-    """What a change of each state is measured by: a length by that of the mechanism, an angle by a radian."""
+    """Return the unit of change of each state: the length of the mechanism for a length, a radian for an angle."""
     units = constraints.program.states.units
     slopes, _ = constraints.slopes(time, state, mode)
     turns = np.array([units[p] == "1" for p in constraints.positions], dtype=bool)
@@ -89,14 +89,14 @@ def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
 
 
 def _slopes(missed: Missed, state: Any, places: Any, size: Any) -> tuple[Any, Any]:
-    """The places' size of a change, and central differences by these; shape (rows, places)."""
+    """Return the unit of change at the places, and central differences by these; shape (rows, places)."""
     shifts = np.zeros((len(places), len(state)))
     shifts[np.arange(len(places)), places] = DIFFERENCE * size[places]
     return size[places], ((missed(state + shifts) - missed(state - shifts)) / (2 * DIFFERENCE)).T
 
 
 def _search(missed: Missed, state: Any, places: Any, size: Any) -> Any:
-    """Gauss and Newton, damped where a step brings nothing nearer (Levenberg and Marquardt)."""
+    """Solve by Gauss-Newton, damped where a step brings no progress (Levenberg-Marquardt)."""
     state, value, damping = np.array(state), missed(state), 0.0
     for _ in range(ITERATIONS if len(places) else 0):
         reach, slopes = _slopes(missed, state, places, size)
@@ -132,7 +132,7 @@ def _step(slopes: Any, miss: Any, damping: float) -> Any:
 
 # ---------------------------------------------------------------- rank
 def choose_rows(constraints: Constraints, time: float, state: Any, mode: Any) -> Assembled:
-    """Find the independent constraints and let only these take part. Raises `RunFailed` in a singular pose."""
+    """Find the independent constraints and activate only these. Raises `RunFailed` in a singular pose."""
     positions = len(constraints.positions)
     here, _, rank = _rank(constraints, time, state, mode)
     bound = np.array(constraints.program.parts) >= 0
@@ -163,7 +163,7 @@ def _told(names: tuple[str, ...]) -> str:
 
 
 def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple[Any, Any, int]:
-    """Scaled slopes, the rows in the order in which they bring something new, and the rank."""
+    """Return the scaled Jacobian, the rows in the order of a pivoted factorisation, and the rank."""
     from scipy.linalg import qr
 
     slopes, _ = constraints.slopes(time, state, mode)
@@ -174,9 +174,9 @@ def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple
 
 
 def _moved_aside(constraints: Constraints, time: float, state: Any, mode: Any, slopes: Any) -> Any:
-    """A pose beside this one, along a motion that its constraints allow; None if they allow none after all.
+    """Return a neighbouring pose along a motion that the constraints allow; None if they allow none.
 
-    First it is held by constraints that are independent here, as what follows from others hinders beside the pose; then by all.
+    First it is projected on the constraints that are independent here, because redundant ones hinder beside the pose; then on all.
     """
     from scipy.linalg import qr
 
@@ -198,7 +198,7 @@ def _moved_aside(constraints: Constraints, time: float, state: Any, mode: Any, s
 
 
 def _lost(constraints: Constraints, slopes: Any) -> tuple[str, ...]:
-    """The joints whose rows hang together."""
+    """Return the joints whose rows are dependent."""
     left, values, _ = np.linalg.svd(slopes)
     rank = int((values > FULL * values[0]).sum())
     share = np.abs(left[:, rank:]).max(axis=1)

@@ -1,4 +1,4 @@
-"""Upper bounds of how large states may get, from the rates at a start alone: for those of which a pilot run has said nothing."""
+"""Upper bounds of the states from the rates at the start alone, for states on which a pilot run gives no information."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ import numpy as np
 from ...door import Program
 from ..segments import Segment
 
-PLACES = 9  # of a stretch at which the rates are looked at
+PLACES = 9  # places of a segment at which the rates are evaluated
 MOST_STRETCHES = 64
 
 
 def chargeable(
     program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], known: Any
 ) -> Any:
-    """Magnitudes of all states and unknowns, shape (n,), positive: what the largest rates over the whole run would bring together, then what others
-    bring, link by link of the Jacobian. `known`: those that are known, 0 elsewhere. What nothing moves and nothing couples gets the largest of all."""
+    """Return positive magnitudes of all states and unknowns, shape (n,).
+
+    First the change at the largest rates over the whole run, then the effect of other states, link by link of the Jacobian. `known`: the known
+    magnitudes, 0 elsewhere. A state that nothing moves and nothing couples gets the largest of all.
+    """
     whole = stretches[-1].stop - stretches[0].start
     result = np.array(known, dtype=float)
     differential = np.arange(len(result)) < len(program.states.names)

@@ -1,7 +1,7 @@
-"""How the states of which nothing was said move so that the author's claims hold: as little as it takes.
+"""Initial equations: least change of the states without start value that satisfies them.
 
-Gauss-Newton with the pseudo-inverse; where its step does not bring the claims nearer (a mechanism that is stretched out, a law that bends), it is
-damped (Levenberg and Marquardt) until one does, so that angles do not run off by turns.
+Gauss-Newton with the pseudo-inverse; where its step brings no progress (a mechanism that is stretched out, a nonlinear law), it is damped
+(Levenberg-Marquardt) until it does, so that angles do not drift by whole turns.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 
 ITERATIONS = 100
-PRECISION = 1e-13  # of a step, relative to the states
-NOISE = 1e-9  # what central differences leave of a slope that is zero, relative to the claim
+PRECISION = 1e-13  # size of the last step, relative to the states
+NOISE = 1e-9  # error of central differences where a derivative is zero, relative to the equation's value
 STRONGEST = 1e8  # damping beyond which nothing moves any more
-Missed = Callable[[Any], Any]  # states -> by how much each claim is missed
+Missed = Callable[[Any], Any]  # states -> residuals of the initial equations
 
 
 def fulfil(missed: Missed, x: Any, movable: Any) -> Any:
-    """The states, shape (n,), with those that are movable (a mask) where the claims hold, or come nearest."""
+    """Return the states, shape (n,), with the movable ones (a mask) changed so that the initial equations hold, or nearly hold."""
     x, value, damping = np.array(x), missed(x), 0.0
     for _ in range(ITERATIONS):
         slopes = _noiseless(slopes_of(missed, x, movable), x[movable], value)
         bound = np.abs(slopes).max(axis=1, initial=0.0)
-        told = bound > 0  # the claims that depend on what may move
+        told = bound > 0  # the equations that depend on movable states
         if not told.any():
             return x
         scaled, miss = slopes[told] / bound[told, None], value[told] / bound[told]
@@ -43,7 +43,7 @@ def fulfil(missed: Missed, x: Any, movable: Any) -> Any:
 
 
 def slopes_of(function: Missed, x: Any, movable: Any) -> Any:
-    """Central differences; used at the start only, where an iteration over them goes to round-off."""
+    """Return central differences; used at the start only, where an iteration over them converges to round-off."""
     columns = []
     for i in np.flatnonzero(movable):
         step = 1e-6 * max(abs(x[i]), 1e-3)
@@ -54,13 +54,13 @@ def slopes_of(function: Missed, x: Any, movable: Any) -> Any:
 
 
 def _noiseless(slopes: Any, x: Any, value: Any) -> Any:
-    """Slopes that rounding makes are none: else a claim would seem to move with what it does not depend on."""
+    """Return derivatives with those below rounding set to zero: otherwise an equation would seem to depend on unrelated states."""
     reach = np.abs(slopes) * np.maximum(np.abs(x), 1e-3)
     return np.where(reach > NOISE * np.abs(value)[:, None], slopes, 0.0)
 
 
 def _step(slopes: Any, miss: Any, damping: float) -> Any:
-    """The shortest step that makes up for what is missed, or a shorter one if damped."""
+    """Return the minimum-norm step that cancels the residual, or a shorter one if damped."""
     if damping:
         count = slopes.shape[1]
         slopes = np.vstack([slopes, np.sqrt(damping) * np.eye(count)])

@@ -1,4 +1,4 @@
-"""The coarse run of implicit Euler over the whole time, in some 60 steps; L-stable, so what is fast only follows."""
+"""Pilot run for magnitudes: implicit Euler over the whole time in about 60 steps; L-stable, so fast modes only follow."""
 
 from __future__ import annotations
 
@@ -20,34 +20,35 @@ from .motion import LARGEST, FreeMotion, along, free_motion
 if TYPE_CHECKING:
     from ..steps.compiled.coarse_run import CompiledCoarse, CompiledEuler
 
-STEPS = 60  # of the coarse run
-MOST_STEPS = 600  # where its Newton iteration asks for shorter ones
-COARSE = 1000  # times as much of a signal as a step of the run may overlook, a coarse one may
-EXPLODED = 1e3  # times as large within the second half of the way
-GROWN, SAME = 1.5, 1.2  # times as large within a step, and what counts as no larger
-CAREFUL = 300  # of these: up to then a step must not overshoot what grows
-AGAIN = 1.25  # times as far as when it was noted last how large all was
-NOTES = 128  # so often that it is from the shortest step on
-STIFFER = 1e4  # times as fast as at the start: there a free linear motion does not lead
-SMALLEST_STEP = 1e-12  # of the whole run: where it gives up
+STEPS = 60  # steps of the pilot run
+MOST_STEPS = 600  # most steps, where its Newton iteration needs shorter ones
+COARSE = 1000  # factor on the part of a signal that a step of the run may overlook
+EXPLODED = 1e3  # growth factor in the second half of the run that counts as explosion
+GROWN, SAME = 1.5, 1.2  # growth factor in a step, and the one that counts as no growth
+CAREFUL = 300  # number of steps up to which a step must not overshoot growing states
+AGAIN = 1.25  # ratio of the times at which magnitudes are recorded
+NOTES = 128  # most records; enough from the shortest step on
+STIFFER = 1e4  # ratio of rates to those at the start beyond which the free linear motion is not valid
+SMALLEST_STEP = 1e-12  # fraction of the whole run: with shorter steps the pilot run ends
 NEWTON_ITERATIONS = 8
-CLOSE = 1e-2  # change of a state by its last iteration, in parts of the state
-ROUNDING = 1e-10  # of the terms in a rate: what is left where they cancel
-SMALLEST_ANGLE = 1e-12  # rad, and rad/s: below lies what symmetry leaves, which is rounding
-PEERS = 1e-6  # of the largest state of one unit: where only states below that still change, rounding may be all that changes them
-SLIGHT = 1e-4  # of the same: what grows below that is far from being a magnitude
-SMALLEST_RATIO = 1e-30  # of two scales in one step: a front that has not arrived would else be divided by nothing
+CLOSE = 1e-2  # relative change of a state in its last iteration
+ROUNDING = 1e-10  # relative to the terms in a rate: remainder where they cancel
+SMALLEST_ANGLE = 1e-12  # rad, and rad/s: smaller values that symmetry leaves are rounding
+# Relative to the largest state of one unit: if only smaller states still change, the change may be rounding.
+PEERS = 1e-6
+SLIGHT = 1e-4  # relative to the same: growth of smaller states does not matter for the magnitudes
+SMALLEST_RATIO = 1e-30  # least ratio of two scales in one step: a front that has not arrived would be divided by zero
 
 
 class Looks(Protocol):
-    """Looks at states on the way; where it sees something, what follows says nothing any more."""
+    """Monitor of states on the way; once it reports, later states are not valid any more."""
 
     def look(self, time: float, state: Any, mode: Any) -> object | None: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A coarse run: the largest magnitudes on the way, those that the beginning tells, shape (n,), and where it gave up."""
+    """Result of a pilot run: the largest magnitudes, those from the motion at the beginning, shape (n,), and the time at which it gave up."""
 
     largest: Any
     beginning: Any
@@ -55,8 +56,10 @@ class Look:
 
 
 def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
-    """What an angle of a mechanism or its rate is rounding below, for all states and unknowns; 0 for others: what has the unit 1 elsewhere, as all in
-    bare numbers, may be as small as it likes."""
+    """Return the rounding level of angles of mechanisms and of their rates, for all states and unknowns; 0 for others.
+
+    Other states with unit 1, as all in a model of bare numbers, may be as small as they like.
+    """
     kept, key = program.kept, ("angles", tuple(mechanisms))
     if key not in kept:
         units = (*program.states.units, *program.unknowns.units)
@@ -69,7 +72,7 @@ def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
 
 
 def unit_numbers(program: Program) -> Any:
-    """The number of the unit of each state and unknown, in the order in which units turn up; shape (n,)."""
+    """Return the index of the unit of each state and unknown, in the order of first use; shape (n,)."""
     kept = program.kept
     if "units" not in kept:
         units = (*program.states.units, *program.unknowns.units)
@@ -79,7 +82,7 @@ def unit_numbers(program: Program) -> Any:
 
 
 def largest_of_unit(kinds: Any, values: Any) -> Any:
-    """For every state and unknown the largest value of its unit; shape (n,)."""
+    """Return for every state and unknown the largest value of its unit; shape (n,)."""
     most = np.zeros(int(kinds.max(initial=-1)) + 1)
     np.maximum.at(most, kinds, values)
     return most[kinds]
@@ -87,18 +90,18 @@ def largest_of_unit(kinds: Any, values: Any) -> Any:
 
 @dataclass(slots=True)
 class Pace:
-    """Where a coarse run is on a stretch, and how it goes on."""
+    """Step schedule of a pilot run on a segment: current time and step sizes."""
 
     time: float
-    size: float  # of the next step
-    taken: int  # steps that were tried, on all stretches
+    size: float  # size of the next step
+    taken: int  # steps tried, on all segments
     usual: float
     smallest: float
     stop: float
 
 
 class CoarseRun:
-    """Implicit Euler in some 60 steps; where Newton's method does not find a step, it is halved."""
+    """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
     def __init__(
         self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None,
@@ -107,13 +110,13 @@ class CoarseRun:
         self.constraints = constraints
         self.program, self.constants, self.inputs = program, constants, inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
-        self.stopped: float | None = None  # where it gave up
-        self.beginning = self.largest  # with what the motion would reach that the forces at the start tell
+        self.stopped: float | None = None  # time at which it gave up
+        self.beginning = self.largest  # magnitudes with the reach of the motion by the forces at the start
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program, mechanisms)
         self.kinds = unit_numbers(program)
-        self.found = self.state  # by the last step, before it is projected
-        self.noted = 0  # how often it was noted how far it was, and the magnitudes until then
+        self.found = self.state  # result of the last step, before projection
+        self.noted = 0  # number of records of time and magnitudes
         self.far, self.until = np.zeros(NOTES), np.zeros((NOTES, len(state)))
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
@@ -122,12 +125,12 @@ class CoarseRun:
 
     @cached_property
     def shifted(self) -> Shifted:
-        """The linear systems of steps that are not made in machine code."""
+        """Linear systems of steps that are not made in machine code."""
         kind = sparse if is_large(len(self.state), len(self.rows)) else once
         return kind(self.rows, self.columns, self.differential)
 
     def _compiled(self) -> CompiledEuler | None:
-        """The steps in machine code, if the program is that."""
+        """Steps in machine code, if the program is native; else None."""
         if self.program.native is None:
             return None
         from ..steps.compiled.coarse_run import CompiledEuler
@@ -138,7 +141,7 @@ class CoarseRun:
         )
 
     def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
-        """The largest magnitudes on the way, as far as it gets."""
+        """Return the largest magnitudes on the way, as far as the pilot run gets."""
         first = stretches[0]
         reach = self._reach(first)
         whole, taken = stretches[-1].stop - first.start, 0
@@ -151,7 +154,7 @@ class CoarseRun:
             while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
                 pace.size *= 0.25
             while pace.time < stretch.stop and pace.taken < MOST_STEPS:
-                if loop is not None:  # all but the last step of a stretch, and one that is not found
+                if loop is not None:  # all but the last step of a segment, and a failed one
                     loop.go(self, pace, first.start, stretch.mode)
                 if not self._further(pace, follows, stretch.mode):
                     if pace.size < pace.smallest:
@@ -168,10 +171,10 @@ class CoarseRun:
         return self.largest
 
     def _reach(self, first: Segment) -> Callable[[Any], Any] | None:
-        """What a free motion from a state reaches, if that can be told; the forces at the start tell the beginning."""
+        """Return a function for the reach of a free motion from a state, or None if unknown; set the beginning from the forces at the start."""
         fixed, count = (self.inputs, self.constants, first.mode), int(self.differential.sum())
         if self.differential.all():
-            if len(self.state) > LARGEST:  # a matrix of many is not even formed
+            if len(self.state) > LARGEST:  # a large matrix is not even formed
                 return None
             jacobian, basis = self.program.jacobian(first.start, self.state, *fixed), None
         elif self.constraints is not None and len(self.eliminated.places) == len(self.state) - count:
@@ -193,14 +196,14 @@ class CoarseRun:
         return found
 
     def _stiffens(self, first: Segment, reach: FreeMotion) -> bool:
-        """Whether all moves so much faster where a free linear motion would lead that it never gets there, as a reaction whose product decays by its square."""
+        """Return True if the rates grow so much along a free linear motion that it never gets there: a reaction whose product decays by its square."""
         far = reach(self.state)
         there = np.array([self.state + far, self.state - far])
         found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
         return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
 
     def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
-        """The loop over steps in machine code, where they are projected on nothing."""
+        """Return the loop over steps in machine code, if the steps need no projection; else None."""
         if self.compiled is None or self.constraints or not self.differential.all():
             return None
         from ..steps.compiled.coarse_run import CompiledCoarse
@@ -209,9 +212,9 @@ class CoarseRun:
         return CompiledCoarse(self.compiled, reach)
 
     def _further(self, pace: Pace, follows: Callable[[float, float], bool], mode: Any) -> bool:
-        """One step, if it is found; else the next one will be shorter."""
+        """Make one step and return True; if it fails, shorten the next one."""
         pace.taken += 1
-        if pace.taken == CAREFUL:  # something grows all the time, as the foot of a pulse does: on at the usual pace
+        if pace.taken == CAREFUL:  # a state grows all the time, as at the foot of a pulse: go on with usual steps
             pace.size = pace.usual
         if pace.time + 1.001 * pace.size >= pace.stop:
             pace.size = pace.stop - pace.time
@@ -229,28 +232,31 @@ class CoarseRun:
         return True
 
     def _note(self, far: float) -> None:
-        """How large all was until here."""
+        """Record the magnitudes up to the time `far`."""
         if self.noted < NOTES and (not self.noted or far >= AGAIN * self.far[self.noted - 1]):
             self.far[self.noted], self.until[self.noted] = far, self.largest
             self.noted += 1
 
     def _given_up(self, start: float, time: float) -> Any:
-        """The magnitudes where this ends before the run does. What has grown without bound on the second half of the way counts as it was
-        before: tolerances of what a state becomes when it explodes would be none for all that the run reports until then."""
+        """Return the magnitudes where the pilot run ends before the run does.
+
+        A state that has grown without bound in the second half counts with its earlier magnitude: the tolerance of an exploding state would be useless
+        for everything that the run reports before.
+        """
         self.stopped = time
         half = int((self.far[: self.noted] <= 0.5 * (time - start)).sum())
         before = self.until[half - 1] if half else self.largest
         return np.where((before > 0) & (self.largest > EXPLODED * before), before, self.largest)
 
     def _follows(self, stretch: Segment, stretches: int, whole: float) -> Callable[[float, float], bool]:
-        """Whether a step sees what time alone moves; asked where a stretch begins and ends, which may be the crest of a pulse."""
+        """Return the test that a step resolves the signals of time, also at the ends of a segment, which may be the crest of a pulse."""
         if not 1 < stretches <= STEPS:
             return always
         known = signals_on(self.program, self.inputs, self.constants, stretch, whole)
         return follower(self.program, self.inputs, self.constants, stretch, known, COARSE)
 
     def _on_constraints(self, first: Segment, basis: Any) -> Any:
-        """The Jacobian of the motions that closing joints leave, with their multipliers eliminated; None where those are not determined."""
+        """Return the Jacobian of the motions that loop joints allow, with multipliers eliminated; None if the multipliers are not determined."""
         count, size = len(basis), len(self.state)
         whole = np.zeros((size, size))
         whole[self.rows, self.columns] = self.eliminated.entries(
@@ -263,11 +269,11 @@ class CoarseRun:
         return basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
 
     def _sure_step(self, time: float, size: float, mode: Any, careful: bool) -> Any:
-        """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+        """Return the state after a step; where a state grows fast, two half steps must agree, because implicit Euler overshoots growth."""
         found = self._step(self.state, time + size, size, mode)
         if found is None or not careful:
             return found
-        # What stays within what was there before does no harm.
+        # A state that stays within its earlier magnitude needs no check.
         beyond = np.maximum(GROWN * np.abs(self.state), SAME * self.largest)
         peers = SLIGHT * self._peers(np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0))
         grows = self.differential & (np.abs(found) > np.maximum(beyond, peers)) & (self.state != 0)
@@ -278,7 +284,7 @@ class CoarseRun:
         return None if end is None or (np.abs(found) > SAME * np.abs(end))[grows].all() else found
 
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
-        """The state at the end of a step; None if it is not found."""
+        """Return the state at the end of a step; None if Newton's method fails."""
         program, fixed = self.program, (self.inputs, self.constants, mode)
         x = begin
         if len(program.unknowns.names):
@@ -320,8 +326,10 @@ class CoarseRun:
         return x if slight <= CLOSE else None
 
     def _guess(self, time: float, begin: Any, mode: Any) -> Any:
-        """The state where a step begins, with the unknowns of loops that belong to it where the step ends, if they are next to those known: the step
-        itself solves for them, and a search from afar would cost more than all of the run."""
+        """Return the state at the start of a step, with the unknowns of loops for the end of the step if they are near the known ones.
+
+        The step solves for them anyway, and a search from far away would cost more than the whole pilot run.
+        """
         magnitude = np.where(self.largest > 0, self.largest, 1.0)
         loops = LoopSolver(self.program, self.constants, self.inputs, magnitude)
         if loops.affine:
@@ -330,17 +338,17 @@ class CoarseRun:
         return begin if found is None else np.concatenate([begin[: loops.count], found])
 
     def _peers(self, sizes: Any) -> Any:
-        """The largest of one unit, for every state."""
+        """Return for every state the largest value of its unit."""
         return largest_of_unit(self.kinds, sizes)
 
     def _own_share(self, x: Any, change: Any, gain: Any) -> float:
         return self._share(x, change, gain)[0]
 
     def _share(self, x: Any, change: Any, gain: Any) -> tuple[float, float]:
-        """The largest change of a state in parts of the state, and the same in parts of at least a small share of its unit's largest; what rounding
-        leaves of larger ones counts for nothing.
+        """Return the largest relative change of a state, and the same with states at least a small fraction of their unit's largest.
 
-        Scales of the linear algebra do not serve here: they follow the slopes, which vanish where the iteration ends.
+        Rounding of larger states does not count. Scales of the linear algebra are not suitable here: they follow the derivatives, which vanish where the
+        iteration ends.
         """
         moving = np.zeros(len(x))
         np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
@@ -352,9 +360,9 @@ class CoarseRun:
         return own, among
 
     def _scale(self, moved: Any, gain: Any) -> Any:
-        """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link.
+        """Return positive magnitudes for a step: a state that has not moved yet gets the value to which the others bring it, link by link.
 
-        A number of its own, however small, would be large in some units and overflow in others.
+        A fixed number, however small, would be large in some units and overflow in others.
         """
         scale = np.array(moved)
         for _ in range(len(scale)):

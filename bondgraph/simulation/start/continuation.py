@@ -1,8 +1,8 @@
-"""Solutions of rows(z) = path(s), followed from s = 0 to s = 1 without a change of branch.
+"""Continuation: solutions of rows(z) = path(s), followed from s = 0 to s = 1 without a change of branch.
 
 Predictor along the tangent, corrector by Newton's method with the shortest step (E. L. Allgower, K. Georg, Introduction to Numerical Continuation
-Methods, 2003, chapters 2 and 8). A step is halved until the corrector moves little beside the predictor, the tangent turns little, and the
-determinant of the slopes, bordered by the free directions, keeps its sign and most of its size. Two branches that come near each other or cross
+Methods, 2003, chapters 2 and 8). A step is halved until the corrector is small relative to the predictor, the tangent turns little, and the
+determinant of the derivatives, bordered by the free directions, keeps its sign and most of its size. Two branches that come near each other or cross
 differ in that sign, so a step from one to the other is never taken; a fold or a crossing is approached and ends the path.
 """
 
@@ -16,22 +16,22 @@ import numpy as np
 
 LONGEST = 0.1  # step, in units of the variables
 FIRST = 1e-3
-BEND = 0.1  # corrector's move over predictor's
-TURN = 0.3  # change of the tangent over the tangent
-SHRINK = 0.5  # of the smallest singular value in a step
+BEND = 0.1  # largest ratio of corrector to predictor
+TURN = 0.3  # largest relative change of the tangent
+SHRINK = 0.5  # least ratio of the smallest singular values over a step
 NEWTON, HALVING = 8, 60  # iterations; at a fold each halves the distance
-CONVERGED = 1e-11  # of a corrector's move
-STALLED = 1e-12  # share of the path
+CONVERGED = 1e-11  # size of the last corrector step
+STALLED = 1e-12  # least step, as a fraction of the path
 STEPS = 100_000
-RANK = 1e-7  # of the largest singular value: slopes are differences
-SINGULAR = 1e-6  # of the smallest singular value at the start of the path
-FOLD = 30.0  # growth of the tangent
-LAST = 1e-7  # share of the path: a fold at its very end is reached
-AT_FOLD = 1e-7  # last move of the corrector there
+RANK = 1e-7  # relative to the largest singular value, for derivatives by differences
+SINGULAR = 1e-6  # relative to the smallest singular value at the start of the path
+FOLD = 30.0  # growth of the tangent that shows a fold
+LAST = 1e-7  # fraction of the path: a fold this near to the end counts as reached
+AT_FOLD = 1e-7  # size of the last corrector step there
 
 
 class Rows(Protocol):
-    """Equations of a pose: values, shape (m,), and slopes, shape (m, n), at z, shape (n,)."""
+    """Equations of a pose: values, shape (m,), and derivatives, shape (m, n), at z, shape (n,)."""
 
     def values(self, z: Any) -> Any: ...
 
@@ -40,7 +40,7 @@ class Rows(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Values of all rows at a share of the path, and their derivatives by it."""
+    """Values of all rows at a share of the path, and their derivatives by the share."""
 
     at: Callable[[float], Any]
     slope: Callable[[float], Any]
@@ -48,7 +48,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """The end of a path: z, the share of it that was reached, and, short of 1, whether the path turns back there (else branches meet)."""
+    """End of a path: z, the share reached, and, below 1, True in `fold` if the path turns back there (otherwise branches meet)."""
 
     z: Any
     share: float
@@ -56,13 +56,13 @@ class Followed:
 
     @property
     def arrived(self) -> bool:
-        """Whether the whole path was followed."""
+        """True if the whole path was followed."""
         return self.share == 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Slopes at a point of the path, the independent rows among them, the free directions, and the tangent."""
+    """Derivatives at a point of the path, the independent rows among them, the free directions, and the tangent."""
 
     slopes: Any
     rows: Any
@@ -70,19 +70,19 @@ class Frame:
     tangent: Any
 
     def bordered(self, slopes: Any) -> tuple[float, float]:
-        """Sign of the determinant and smallest singular value of slopes, bordered by the free directions of this point."""
+        """Return the sign of the determinant and the smallest singular value of derivatives bordered by the free directions of this point."""
         matrix = np.concatenate([slopes[self.rows], self.free])
         values = np.linalg.svd(matrix, compute_uv=False)
         return float(np.linalg.slogdet(matrix)[0]), float(values.min(initial=np.inf))
 
 
 def straight(begin: Any, end: Any) -> Path:
-    """The path on which all rows change in proportion."""
+    """Return the path on which all rows change proportionally."""
     return Path(lambda s: begin + s * (end - begin), lambda _: end - begin)
 
 
 def follow(rows: Rows, z: Any, path: Path) -> Followed:
-    """The solution at s = 1 that continues z, which solves the rows at s = 0; or where the path ends before."""
+    """Return the solution at s = 1 that continues z, which solves the rows at s = 0; or the point at which the path ends before."""
     share, size = 0.0, FIRST
     z = polished(rows, z, path.at(0.0))
     here = _frame(rows, z, path.slope(0.0))
@@ -113,7 +113,7 @@ def follow(rows: Rows, z: Any, path: Path) -> Followed:
 
 
 def newton(rows: Rows, z: Any, wanted: Any, most: int = NEWTON, close: float = CONVERGED) -> tuple[Any, list[float]]:
-    """The solution of rows(z) = wanted that shortest steps lead to, and the sizes of these; the last is above `close` if there is none."""
+    """Return the solution of rows(z) = wanted by minimum-norm steps, and the sizes of these; the last one exceeds `close` if it fails."""
     moves: list[float] = []
     for _ in range(most):
         step = shortest(rows.slopes(z), wanted - rows.values(z))
@@ -127,18 +127,18 @@ def newton(rows: Rows, z: Any, wanted: Any, most: int = NEWTON, close: float = C
 
 
 def polished(rows: Rows, z: Any, wanted: Any) -> Any:
-    """The solution to rounding, from one that is close."""
+    """Return the solution to rounding, from a close one."""
     return newton(rows, z, wanted, close=0.0)[0]
 
 
 def shortest(slopes: Any, miss: Any) -> Any:
-    """The shortest step that makes up for what is missed."""
+    """Return the minimum-norm step that cancels a residual."""
     step, *_ = np.linalg.lstsq(slopes, miss, rcond=RANK)
     return step
 
 
 def _step(rows: Rows, z: Any, path: Path, share: float, size: float, here: Frame) -> tuple[Any, Frame, float] | None:
-    """The next point of the path, what holds there, and how much it bends; None if the step is too long."""
+    """Return the next point of the path, its frame, and the measure of its bend; None if the step is too long."""
     ahead = 1.0 if share + size >= 1.0 else share + size
     predicted = z + size * here.tangent
     moved = float(np.abs(size * here.tangent).max(initial=0.0))
@@ -157,14 +157,14 @@ def _step(rows: Rows, z: Any, path: Path, share: float, size: float, here: Frame
 
 
 def _frame(rows: Rows, z: Any, pull: Any, before: Frame | None = None) -> Frame:
-    """What holds at a point of the path; `pull`: the derivatives of the rows along the path."""
+    """Return the frame at a point of the path; `pull`: the derivatives of the rows along the path."""
     slopes = rows.slopes(z)
     independent, free = split(slopes, 0 if before is None else len(before.rows))
     return Frame(slopes, independent, free, shortest(slopes, pull))
 
 
 def split(slopes: Any, least: int = 0, small: float = RANK) -> tuple[Any, Any]:
-    """Independent rows among slopes, shape (m, n), no fewer than `least`, and orthonormal directions (rows) that all of these map to nothing."""
+    """Return the independent rows of a Jacobian, shape (m, n), at least `least` of them, and an orthonormal basis (rows) of its null space."""
     from scipy.linalg import qr
 
     if not len(slopes):

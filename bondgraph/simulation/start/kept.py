@@ -1,4 +1,4 @@
-"""Factors of an earlier step of the coarse run, as long as they serve: those of a large model cost more than all else in a step."""
+"""Factorization reuse in the pilot run: factors of an earlier step, as long as they converge; those of a large model dominate the cost of a step."""
 
 from __future__ import annotations
 
@@ -13,41 +13,38 @@ if TYPE_CHECKING:
     from ...door import Program
     from ..steps.radau import Factorised
 
-KEPT_ITERATIONS = 8  # with factors of an earlier step
-FAR = 2.1  # times as long or short may that step have been: the half steps that look whether a whole one overshoots are among them
-SHRINKS = 0.4  # by how much one change is smaller than the one before, if these factors serve
+KEPT_ITERATIONS = 8  # iterations with factors of an earlier step
+FAR = 2.1  # largest ratio of step sizes; it includes the half steps that check a whole one for overshoot
+SHRINKS = 0.4  # largest ratio of successive changes with which these factors are used
 
-Share = Callable[
-    [Any, Any, Any], float
-]  # of a state that changes, how large the change is, with what it gains from others
+Share = Callable[[Any, Any, Any], float]  # size of a change of a state, with the gain from other states
 
 
 def keeps_factors(program: Program) -> bool:
-    """Whether the coarse run of a program keeps factors: one with many states and nothing else."""
+    """Return True if the pilot run of a program reuses factors: one with many states and no loop unknowns."""
     return not program.unknowns.names and is_large(len(program.states.names), len(program.pattern[0]))
 
 
 class KeptFactors:
-    """The last factors, the scale that their matrix has, and the step for which they stand."""
+    """Last factors, the scale of their matrix, and the step size that they belong to."""
 
     def __init__(self) -> None:
-        self.size = 0.0  # none
-        self.count = 0  # how often there were new ones
+        self.size = 0.0  # no factors yet
+        self.count = 0  # number of factorizations
         self.factors: Factorised | None = None
         self.scale: Any = None
         self.gain: Any = None
 
     def keep(self, size: float, factors: Factorised, scale: Any, entries: Any) -> None:
-        """These are the last ones; `entries` are those of the Jacobian."""
+        """Store factors as the last ones; `entries`: those of the Jacobian."""
         self.size, self.factors, self.scale, self.gain = size, factors, scale, np.abs(entries)
         self.count += 1
 
     def step(self, begin: Any, size: float, rates: Callable[[Any], Any], share: Share, close: float) -> Any:
-        """The state at the end of a step, if these factors still bring it fast to where it should be; else None. One change alone,
-        however small, does not tell that.
+        """Return the state at the end of a step, if these factors converge fast; else None. A single change, however small, does not show that.
 
-        Factors of a step g times as long bring what does not move by itself g times as far, what is fast as far as it should be:
-        between the two each change is taken 2/(1 + g) times (as with BDF, Petzold 1983), so that both are missed by the same share.
+        With factors of a step g times as long, slow components move g times too far and stiff ones as far as they should: each change is multiplied by
+        2/(1 + g) (as with BDF, Petzold 1983), so that both are missed by the same fraction.
         """
         if self.factors is None or not size <= FAR * self.size <= FAR * FAR * size:
             return None

@@ -1,4 +1,4 @@
-"""How far a free linear motion from a state goes."""
+"""Free response: reach of a free linear motion from a state."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-LARGEST = 200  # states up to which the modes are computed
-WELL_TOLD = 1e6  # condition of their shapes up to which they are told apart
+LARGEST = 200  # most states for which the modes are computed
+WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the modes are separable
 
 
 def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
-    """A matrix balanced, and the powers of two that do it; by machine code or by its source."""
+    """Return a matrix balanced, and the powers of two used; by machine code or by its source."""
     from ..steps.compiled.balancing import balance
 
     count = len(matrix)
@@ -31,19 +31,19 @@ def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, slots=True)
 class FreeMotion:
-    """The modes of a linear motion: each state reaches at most the sum of their amplitudes. Arrays (n, n), (n, n), (n,)."""
+    """Modes of a linear motion: each state reaches at most the sum of their amplitudes. Arrays (n, n), (n, n), (n,)."""
 
     amplitudes: Any
     inverse: Any
     scale: Any
-    fastest: float  # of its rates, 1/s
+    fastest: float  # largest of its rates, 1/s
     matrix: Any  # in units of the scale
 
     def __call__(self, x: Any) -> Any:
         return self.amplitudes @ np.abs(self.inverse @ (x / self.scale)) * self.scale
 
     def rest(self, rates: Any) -> Any | None:
-        """How far away, by the Jacobian, lies what has no rates; None where nothing holds it."""
+        """Return the displacement to the point of zero rates according to the Jacobian; None where there is no restoring force."""
         try:
             away = -np.linalg.solve(self.matrix, rates / self.scale) * self.scale
         except np.linalg.LinAlgError:
@@ -51,16 +51,16 @@ class FreeMotion:
         return away if np.isfinite(away).all() else None
 
     def is_slower_than(self, rate: float, jacobians: Any) -> bool:
-        """Whether all modes of other Jacobians, shape (…, n, n), are; those with numbers that are not finite count for nothing."""
+        """Return True if all modes of other Jacobians, shape (…, n, n), are slower; Jacobians that are not finite are ignored."""
         finite = jacobians[np.isfinite(jacobians).all(axis=(-2, -1))]
         sums = np.abs(finite * self.scale / self.scale[:, None]).sum(axis=-1)
-        if sums.max(initial=0.0) <= rate:  # a bound
+        if sums.max(initial=0.0) <= rate:  # an upper bound
             return True
         return bool(np.abs(np.linalg.eigvals(finite)).max(initial=0.0) <= rate)
 
 
 def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], Any]:
-    """The same for all of a state whose motions lie along the columns of a basis."""
+    """Return the reach for the whole state, whose motions lie along the columns of a basis."""
     if basis is None:
         return reach
     count = len(basis)
@@ -68,9 +68,9 @@ def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], An
 
 
 def free_motion(jacobian: Any, compiled: bool) -> FreeMotion | None:
-    """The free linear motion of a state; None where its modes are too many, or too close to each other to tell their amplitudes apart.
+    """Return the free linear motion of a state; None if its modes are too many, or too close to each other to separate their amplitudes.
 
-    `compiled`: whether there is machine code for it.
+    `compiled`: there is machine code for it.
     """
     if not 0 < len(jacobian) <= LARGEST or not np.isfinite(jacobian).all():
         return None

@@ -1,9 +1,9 @@
-"""How large each state is going to be, so that an absolute tolerance means the same for nanometres and megapascals.
+"""Magnitude of each state in a run, so that an absolute tolerance means the same for nanometres and megapascals.
 
-What the author says counts; else the start and a coarse run of implicit Euler over the whole time (L-stable, so what is
-fast only follows) tell the magnitude, with what a free motion from there would reach: the speed of something that is pushed
-slowly is measured by the speed at which it would swing back. States of one unit support each other a little: a coordinate that
-happens to stay at zero must not be held to round-off.
+Values of the author have priority. Otherwise the start and a pilot run of implicit Euler over the whole time (L-stable, so fast modes only
+follow) give the magnitude, together with the reach of a free motion from there: the speed of a part that is pushed slowly is measured by
+the speed at which it would swing back. States of one unit raise each other a little: a coordinate that happens to stay at zero must not be
+integrated to round-off.
 """
 
 from __future__ import annotations
@@ -22,16 +22,19 @@ from .ahead import trusted
 from .chargeable import chargeable
 from .coarse import SMALLEST_ANGLE, CoarseRun, Look, Looks, smallest_angles
 
-ROUNDED = 1e-3  # of the smallest angle: what a projection on closing joints leaves
-CAUTIOUS = 1e-6  # of what sources could charge in a run: the measure of a state of which nothing is known
-SHARE = 1e-2  # of the largest state of the same unit in the same mechanism, at least
-SLIGHT = 1e-4  # of the largest state of the same unit anywhere: a junction's charge beside that of a buffer's capacitor
+ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
+CAUTIOUS = 1e-6  # fraction of the charge that sources could bring in a run: magnitude of an unknown state
+SHARE = 1e-2  # least magnitude relative to the largest state of the same unit in the same mechanism
+SLIGHT = 1e-4  # the same relative to the whole model: charge of a junction beside that of a buffer capacitor
 
 
 @dataclass(frozen=True, slots=True)
 class Magnitudes:
-    """`values`, shape (n,), in SI; the time at which the coarse run gave up, if it did; the states that it then knew nothing
-    of, which are measured by a small share of what could charge them."""
+    """Magnitudes of a run.
+
+    `values`, shape (n,), in SI; `stopped`: the time at which the pilot run gave up, if it did; `unknown`: the states without information then,
+    whose magnitude is a small fraction of the charge that sources could bring.
+    """
 
     values: Any
     stopped: float | None
@@ -39,7 +42,7 @@ class Magnitudes:
 
     @property
     def doubts(self) -> tuple[ToleranceDoubt, ...]:
-        """The warning that a user should read, or none."""
+        """Warning for the user, or none."""
         if self.stopped is None or not self.unknown:
             return ()
         names = ", ".join(f"`{n}`" for n in self.unknown[:6]) + ("…" if len(self.unknown) > 6 else "")
@@ -55,8 +58,10 @@ def nominal_magnitudes(
     program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
     choice: Looks | None = None, constraints: Constraints | None = None, largest: Any = 0.0,
 ) -> Magnitudes:  # fmt: skip
-    """A positive magnitude for every state and unknown. `mechanisms`: their names; `choice` says where these states will be
-    no longer the right ones; `largest` is what is known of them from elsewhere."""
+    """Return a positive magnitude for every state and unknown.
+
+    `mechanisms`: their names; `choice`: monitor of the state selection; `largest`: magnitudes known from elsewhere.
+    """
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.maximum(np.abs(state), largest)
     stopped = None
@@ -86,7 +91,7 @@ def nominal_magnitudes(
 
 
 def _alike(program: Program, mechanisms: tuple[str, ...]) -> list[tuple[Any, int]]:
-    """The number of the group that each state and unknown belongs to, and how many groups there are: those of one mechanism and unit, those of one unit."""
+    """Return the group index of each state and unknown and the number of groups, twice: by mechanism and unit, and by unit."""
     key = "alike", mechanisms
     if key not in program.kept:
         units = (*program.states.units, *program.unknowns.units)
@@ -97,7 +102,7 @@ def _alike(program: Program, mechanisms: tuple[str, ...]) -> list[tuple[Any, int
 
 
 def _numbered(groups: Sequence[object]) -> tuple[Any, int]:
-    """The number of each group, in the order in which they turn up, and how many there are."""
+    """Return the index of each group, in the order of first use, and the number of groups."""
     numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
     return np.array([numbers[group] for group in groups], dtype=int), len(numbers)
 
@@ -105,7 +110,7 @@ def _numbered(groups: Sequence[object]) -> tuple[Any, int]:
 def _smallest(
     program: Program, mechanisms: Sequence[str], constraints: Constraints | None, state: Any, first: Segment
 ) -> Any:
-    """Below lies what symmetry leaves of an angle, or of a length of a mechanism with closed loops: rounding."""
+    """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
     result = smallest_angles(program, mechanisms)
     if constraints:
         units = np.array([*program.states.units, *program.unknowns.units])
@@ -119,9 +124,9 @@ def _smallest(
 def least_tolerances(
     program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Any, first: Segment
 ) -> Any:
-    """What no absolute tolerance can be less than, as closing joints hold positions and speeds up to rounding; 0 for other states.
+    """Return lower bounds of absolute tolerances, because projection on loop joints is accurate to rounding only; 0 for other states.
 
-    What such joints lock altogether stays where it is up to that, however small a share of its magnitude a tolerance may be.
+    Coordinates that such joints lock altogether stay constant to that accuracy, whatever fraction of their magnitude a tolerance is.
     """
     result, places = np.zeros(len(state)), np.concatenate([constraints.positions, constraints.speeds])
     result[places] = ROUNDED * _smallest(program, mechanisms, constraints, state, first)[places]

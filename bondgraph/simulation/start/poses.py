@@ -1,8 +1,9 @@
-"""The pose in which mechanisms start: from the drawing along the coordinates that starts give, on the drawing's branch.
+"""Pose in which mechanisms start: from the drawing along the given coordinates, on the branch of the drawing.
 
-All of these coordinates change in proportion from their drawn to their given values; the others follow, by as little as it takes, and gaps of closing
-joints stay closed (`continuation.py`). So an elbow or a rocker is on the side on which it was drawn, and a coordinate winds as often as the path winds it.
-Coordinates that follow from others are compared at the end. A start that the path does not reach is an error with the nearest value that it does.
+All given coordinates change proportionally from their drawn to their given values; the others follow by the least change, and the residuals of
+loop joints stay zero (`continuation.py`). So an elbow or a rocker is on the side on which it was drawn, and a coordinate winds as often as the path
+winds it. Coordinates that follow from others are compared at the end. A start that the path does not reach is an error that names the nearest
+reachable value.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ if TYPE_CHECKING:
     from ...door import StateSpace
 
 DIFFERENCE = 1e-6
-INDEPENDENT = 1e-6  # of a unit slope: part that no earlier start has
-CLOSE = 1e-6  # of the size of a coordinate that follows from others: starts are numbers of some digits
-CLOSED = 1e-9  # of the size of a gap
-STAYS = 1e-14  # of a coordinate that starts where it is drawn
-ASIDE, FAR, BESIDE = 1e-3, 10.0, 8  # from a singular drawing, in units of the variables; most of this; directions
+INDEPENDENT = 1e-6  # least part of a unit derivative that is independent of earlier start values
+CLOSE = 1e-6  # relative error of a dependent coordinate: start values have few digits
+CLOSED = 1e-9  # relative size of a residual that counts as closed
+STAYS = 1e-14  # relative change of a coordinate that starts as drawn
+ASIDE, FAR, BESIDE = 1e-3, 10.0, 8  # distance from a singular drawing, in units of the variables; largest; directions
 APART = 1e-6  # difference of two poses
 CHOICES = 6  # of the coordinates to follow
 
@@ -36,7 +37,7 @@ Claims = Callable[[Any], Any]  # states (…, n) -> the rows of `Program.claims`
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """A coordinate with a start: the name and place in the text, its unit, the state or the claim that it is."""
+    """A coordinate with a start value: name and place in the text, unit, and index of its state or initial equation."""
 
     name: str
     line: int
@@ -44,41 +45,41 @@ class Given:
     state: int = -1  # among the coordinates
     claim: int = -1
     value: float = 0.0
-    read: int = -1  # the row of all claims that has the value of what is claimed
+    read: int = -1  # the row of all claims that has the coordinate's value
 
 
 @dataclass(frozen=True, slots=True)
 class PoseProblem:
-    """Gaps and given coordinates as functions of all coordinates of mechanisms; `begin`: the states with the drawn coordinates."""
+    """Residuals and given coordinates as functions of all coordinates of mechanisms; `begin`: the states with the drawn coordinates."""
 
     constraints: Constraints
     claims: Claims
     time: float
     mode: Any
     begin: Any  # shape (n,)
-    places: Any  # of the coordinates among the states
-    size: Any  # unit of each coordinate
-    length: float  # of the mechanism, m
+    places: Any  # indices of the coordinates among the states
+    size: Any  # unit of change of each coordinate
+    length: float  # length of the mechanism, m
     given: tuple[Given, ...]
 
     def state(self, z: Any) -> Any:
-        """All states, with coordinates z."""
+        """Return all states, with coordinates z."""
         state = np.array(self.begin, dtype=float)
         state[self.places] = z * self.size
         return state
 
     @property
     def drawn(self) -> Any:
-        """The coordinates in the drawing."""
+        """Coordinates in the drawing."""
         return self.begin[self.places] / self.size
 
     @property
     def gaps(self) -> int:
-        """Their number; these rows come first."""
+        """Number of residuals; their rows come first."""
         return self.constraints.gaps
 
     def values(self, z: Any) -> Any:
-        """Gaps, then given coordinates less their starts, in units of the mechanism."""
+        """Return residuals, then given coordinates minus their start values, in units of the mechanism."""
         state = self.state(z)
         found = [self.constraints.values(self.time, state, self.mode)[: self.gaps] / self._gap_units()]
         claims = self.claims(state) if any(g.claim >= 0 for g in self.given) else ()
@@ -89,7 +90,7 @@ class PoseProblem:
         return np.concatenate(found)
 
     def slopes(self, z: Any) -> Any:
-        """Their slopes; those of claims are central differences."""
+        """Return their derivatives; those of initial equations are central differences."""
         state, count, constraints = self.state(z), len(self.places), self.constraints
         result = np.zeros((self.gaps + len(self.given), count))
         if self.gaps:
@@ -115,12 +116,15 @@ class PoseProblem:
         return np.array([self.length if g.unit == "m" else 1.0 for g in self.given])
 
     def missed(self, z: Any) -> float:
-        """The largest gap."""
+        """Return the largest residual."""
         return float(np.abs(self.values(z)[: self.gaps]).max(initial=0.0))
 
 
 def posed(problem: PoseProblem) -> tuple[Any, str | None]:
-    """The states in the pose that the starts ask for, shape (n,), and a note if the drawing leaves open which of two it is. Raises `RunFailed`."""
+    """Return the states in the pose of the start values, shape (n,), and a note if the drawing leaves open which of two poses it is.
+
+    Raises `RunFailed`.
+    """
     alone = replace(problem, given=())
     z = problem.drawn
     if problem.missed(z) > CLOSED:
@@ -138,7 +142,7 @@ def posed(problem: PoseProblem) -> tuple[Any, str | None]:
 
 
 def _along(problem: PoseProblem, z: Any) -> tuple[Any, str | None]:
-    """The pose at the end of the path along given coordinates."""
+    """Return the pose at the end of the path along given coordinates."""
     if np.abs(problem.values(z)).max(initial=0.0) <= STAYS:
         return z, None
     beside = _beside(problem, z)
@@ -153,7 +157,10 @@ def _along(problem: PoseProblem, z: Any) -> tuple[Any, str | None]:
 
 
 def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple[Any, str | None]:
-    """The pose from a drawing in which coordinates have fewer slopes than beside it: where all ways from there end in one pose, or for open chains."""
+    """Return the pose from a drawing whose coordinates have fewer independent derivatives than neighbouring poses.
+
+    It exists where all paths from there end in one pose, and for open chains.
+    """
     several = f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, a singular pose"
     advice = "draw the mechanism a little beside it, on the side that is meant"
     gaps = slice(0, problem.gaps)
@@ -172,7 +179,7 @@ def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple
 
 
 def _followed(problem: PoseProblem, chosen: Sequence[int], z: Any, tried: list[str]) -> Any:
-    """The pose with all starts, followed along some; None, with the reason, if it is not reached."""
+    """Return the pose with all start values, followed along some of them; None if it is not reached, with the reason added to `tried`."""
     along = replace(problem, given=tuple(problem.given[i] for i in chosen))
     path = _path(along, z)
     end = follow(along, z, path)
@@ -189,12 +196,12 @@ def _followed(problem: PoseProblem, chosen: Sequence[int], z: Any, tried: list[s
 
 
 def _said(problem: PoseProblem, row: int) -> float:
-    """The size of a start, in units of the mechanism."""
+    """Return the size of a start value, in units of the mechanism."""
     return abs(problem.given[row].value) / float(problem.units()[row])
 
 
 def _path(problem: PoseProblem, z: Any) -> Path:
-    """All given coordinates in proportion from where they are to their starts; an attitude turns about one axis."""
+    """Return the path of all given coordinates, proportional from their values to their start values; an attitude turns about one axis."""
     begin = problem.values(z)
     begin[: problem.gaps] = 0.0
     turns = _attitudes(problem)
@@ -217,7 +224,7 @@ def _path(problem: PoseProblem, z: Any) -> Path:
 
 
 def _attitudes(problem: PoseProblem) -> list[list[int]]:
-    """The given rows of each attitude, w x y z."""
+    """Return the given rows of each attitude, w x y z."""
     groups: dict[str, list[int]] = {}
     for row, item in enumerate(problem.given):
         head, dot, letter = item.name.rpartition(".attitude.")
@@ -227,7 +234,7 @@ def _attitudes(problem: PoseProblem) -> list[list[int]]:
 
 
 def _turned(begin: Any, end: Any, share: float) -> Any:
-    """The unit quaternion at a share of the turn from one to another."""
+    """Return the unit quaternion at a share of the rotation from one to another."""
     angle = math.acos(min(1.0, max(-1.0, float(begin @ end))))
     if math.sin(angle) < CLOSE:
         return begin + share * (end - begin)
@@ -236,7 +243,7 @@ def _turned(begin: Any, end: Any, share: float) -> Any:
 
 # ---------------------------------------------------------------- which coordinates lead
 def _choices(problem: PoseProblem, z: Any) -> list[tuple[int, ...]]:
-    """Given coordinates that are independent at a pose, in the order of the text, and, where some are not, with each of these first."""
+    """Return sets of given coordinates that are independent at a pose, in the order of the text; dependent ones each come first in a further set."""
     slopes = problem.slopes(z)
     free = split(slopes[: problem.gaps])[1].T
     count = len(problem.given)
@@ -263,7 +270,7 @@ def _choices(problem: PoseProblem, z: Any) -> list[tuple[int, ...]]:
 
 
 def _beside(problem: PoseProblem, z: Any) -> list[Any]:
-    """Poses around a drawing in which gaps and given coordinates have fewer independent slopes than there; none if they have as many."""
+    """Return neighbouring poses of a drawing with more independent derivatives of residuals and given coordinates; an empty list if there are none."""
     alone = replace(problem, given=())
     slopes = problem.slopes(z)
     rank = _rank(slopes)
@@ -301,21 +308,21 @@ def _names(given: Sequence[Given]) -> str:
 
 
 def _shown(item: Given, value: float) -> str:
-    """A value with its unit: angles in degrees too."""
+    """Return a value with its unit as text: angles in degrees too."""
     if item.unit == "m":
         return f"{value:.9g} m"
     return f"{value:.9g} rad ({math.degrees(value):.6g} deg)" if item.unit == "1" else f"{value:.9g}{behind(item.unit)}"
 
 
 def _here(problem: PoseProblem, z: Any) -> list[float]:
-    """The values of the given coordinates."""
+    """Return the values of the given coordinates."""
     state = problem.state(z)
     claims = problem.claims(state)
     return [float(claims[g.read] if g.claim >= 0 else state[problem.places[g.state]]) for g in problem.given]
 
 
 def _short(problem: PoseProblem, end: Followed) -> str:
-    """The words for a path that ends before its starts."""
+    """Return the message for a path that ends before its start values."""
     given, here = problem.given, _here(problem, end.z)
     reached = ", ".join(f"`{g.name}` = {_shown(g, v)}" for g, v in list(zip(given, here, strict=True))[:4])
     why = (
@@ -332,7 +339,7 @@ def _short(problem: PoseProblem, end: Followed) -> str:
 
 
 def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Any) -> str:
-    """The words for starts that contradict each other."""
+    """Return the message for start values that contradict each other."""
     items, here = [problem.given[i] for i in off], _here(problem, z)
     there = ", ".join(f"`{problem.given[i].name}` = {_shown(problem.given[i], here[i])}" for i in off[:4])
     joint = _opened(problem, off, z)
@@ -348,7 +355,7 @@ def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: An
 
 
 def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
-    """The joint that opens most where coordinates of the tree are put where they start; None if all are other coordinates."""
+    """Return the joint that opens most where coordinates of the tree take their start values; None if all are other coordinates."""
     places = [problem.given[i].state for i in off if problem.given[i].claim < 0]
     if not places or not problem.gaps:
         return None
@@ -361,7 +368,7 @@ def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
 
 
 def _open(problem: PoseProblem, z: Any) -> str:
-    """The words for joints that do not close."""
+    """Return the message for joints that do not close."""
     constraints = problem.constraints
     gaps = problem.values(z)[: problem.gaps]
     worst = int(np.argmax(np.abs(gaps)))
@@ -375,7 +382,10 @@ def _open(problem: PoseProblem, z: Any) -> str:
 def pose_problem(
     space: StateSpace, constraints: Constraints, claims: Claims, at: tuple[float, Any], state: Any
 ) -> PoseProblem | None:
-    """The coordinates of all mechanisms and their starts; `at`: time and mode, `state`: as the starts of the text say. None if nothing has to be found."""
+    """Return the coordinates of all mechanisms and their start values; None if nothing has to be solved.
+
+    `at`: time and mode; `state`: with the start values of the text.
+    """
     count, claimed = constraints.count, len(space.claims)
     drawn = np.array([s.drawn is not None for s in space.states], dtype=bool)
     drawn[constraints.positions] = True
@@ -407,7 +417,10 @@ def pose_problem(
 def _sizes(
     constraints: Constraints, at: tuple[float, Any, Any], places: Any, given: Sequence[Given], claims: Claims
 ) -> tuple[Any, float]:
-    """What a change of each coordinate is measured by: an angle by a radian, a length by that of the mechanism, its longest arm."""
+    """Return the unit of change of each coordinate (a radian for an angle, the mechanism's length for a length), and that length in m.
+
+    The length of the mechanism is its longest lever arm.
+    """
     time, mode, state = at
     turns = [p for p in places if constraints.program.states.units[p] == "1"]
     lengths = [g for g in given if g.unit == "m"]

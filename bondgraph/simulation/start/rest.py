@@ -1,11 +1,10 @@
-"""Where a model is at rest: the states at which all rates vanish, for the inputs and the time of the start.
+"""Equilibrium of a model: the states at which all rates vanish, for the inputs and the time of the start.
 
-Pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998): implicit Euler steps that grow as the rates
-fall, so that first the way of the motion is followed and then Newton's method takes over. What nothing brings back (the position
-of a free body) stays where it is: the last steps are of least length.
-
-A state that no rate, condition or loop reads is no part of the balance: it stays where it is. If its own rate does not vanish and it is an
-angle, the model turns steadily (a motor that runs). All else that does not come to rest is refused by name.
+Pseudo-transient continuation (Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998): implicit Euler steps that grow as the rates fall, so that the
+search first follows the motion and then becomes Newton's method. A coordinate without restoring force (the position of a free body) stays
+unchanged: the last steps are of least length.
+A state that no rate, condition or loop reads is no part of the balance: it stays unchanged. If its own rate does not vanish and it is an angle,
+the model rotates steadily (a running motor). Any other state that does not come to rest is an error with its name.
 """
 
 from __future__ import annotations
@@ -25,25 +24,23 @@ from .steady import CANCELLED, drivers, given_terms, unread_states
 
 STEPS = 400
 GROWTH = 2.0
-LARGEST = 1e100  # what has gone so far has no rest
-SINGULAR = 1e-12  # of the largest singular value
-CLOSE = 1e-9  # of the magnitude of a state: the last correction
-ROUNDING = 1e-12  # of the terms in a rate: less of it is what rounding leaves where they cancel
-RESTING = 1e-8  # of the terms in a rate: more of it than that is a motion
-FIRST = (
-    0.1  # of the time in which the first rates make a magnitude: where nothing brings back, eigenvalues tell no time
-)
+LARGEST = 1e100  # states beyond it have no equilibrium
+SINGULAR = 1e-12  # relative to the largest singular value
+CLOSE = 1e-9  # size of the last correction, relative to the magnitude of a state
+ROUNDING = 1e-12  # relative to the terms in a rate: a smaller rate is rounding where they cancel
+RESTING = 1e-8  # relative to the terms in a rate: a larger rate is a motion
+FIRST = 0.1  # of the time in which the first rates reach a magnitude: without restoring forces eigenvalues give no time
 
 
 def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
-    """The state at rest that is reached from a state, unknowns of loops included. Raises `RunFailed` if there is none."""
+    """Return the equilibrium that is reached from a state, with the unknowns of loops. Raises `RunFailed` if there is none."""
     if not len(program.states.names):
         return state
     return found_by(_search(program, constraints, inputs, first), np.array(state))
 
 
 def found_by(search: Search, state: Any) -> Any:
-    """The same by a search that is given. Raises `RunFailed`."""
+    """Return the equilibrium that a given search reaches from a state. Raises `RunFailed`."""
     count = search.count
     x, slope, jacobian = search.at(np.array(state))
     if not np.isfinite(slope).all():
@@ -78,7 +75,7 @@ def found_by(search: Search, state: Any) -> Any:
 
 
 def _search(program: Program, constraints: Constraints, inputs: Any, first: Segment) -> Search:
-    """Dense, or sparse where a model is large. Closing joints leave directions that are dense as they are."""
+    """Return a dense search, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
     rows, _ = program.pattern
     if not constraints and is_large(len(program.states.names), len(rows)):
         from .rest_sparse import SparseSearch
@@ -99,14 +96,14 @@ class Search:
         self.largest = np.zeros(self.count)
         self.names, units = program.states.names, program.states.units
         kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
-        self.kind = np.array([kinds[unit] for unit in units], dtype=int)  # states of one unit have one number
-        self.basis: Any = None  # of the directions that closing joints leave, where the search is
+        self.kind = np.array([kinds[unit] for unit in units], dtype=int)  # one index per unit
+        self.basis: Any = None  # basis of the directions that loop joints allow at the current state
         self.farthest = LARGEST
-        self.loop_terms: Any = 0.0  # of the unknowns of loops in each rate, where the search is
-        self.unread: Any = None  # states that nothing reads (n,), known with the first state
+        self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
+        self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
-        """State, rates, and their derivatives by the states alone."""
+        """Return state, rates, and their derivatives by the states alone."""
         full = self.constraints.project(self.time, full, self.mode)
         full = self.loops.solve(self.time, full, self.mode)
         if self.constraints:
@@ -125,31 +122,31 @@ class Search:
         return full, slope, jacobian
 
     def rates(self, full: Any) -> Any:
-        """Rates of the states (n,), zero for those that nothing reads."""
+        """Return the rates of the states (n,), zero for those that nothing reads."""
         slope = np.array(self.program.derivative(self.time, full, *self.fixed))[: self.count]
         slope[self.unread] = 0.0
         return slope
 
     def first(self, slope: Any, jacobian: Any) -> float:
-        """The length of the first step: that of the fastest mode, or of what the rates do to the states."""
+        """Return the length of the first step: that of the fastest mode, or of the relative rates of the states."""
         moving = slope != 0
         reach = float((self.scale(np.zeros(self.count))[moving] / np.abs(slope[moving])).min())
         fastest = self.fastest(jacobian)
         return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
 
     def fastest(self, jacobian: Any) -> float:
-        """The largest eigenvalue, in 1/s."""
+        """Return the largest eigenvalue, in 1/s."""
         return float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
 
     def scale(self, change: Any) -> Any:
-        """Magnitudes of the states, as far as they are known: those of one unit share the largest."""
+        """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
         seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
         largest = np.zeros(self.kind.max(initial=0) + 1)
         np.maximum.at(largest, self.kind, seen)
         return np.where(largest > 0, largest, 1.0)[self.kind]
 
     def step(self, full: Any, slope: Any, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
-        """One implicit Euler step; None if it leads to no numbers."""
+        """Make one implicit Euler step; None if its result is not finite."""
         try:
             change = self.euler(slope, jacobian, size)
             trial = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
@@ -158,22 +155,22 @@ class Search:
         return trial if np.isfinite(trial[1]).all() and np.isfinite(trial[2].sum()) else None
 
     def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
-        """The change of the states in one implicit step. Raises LinAlgError."""
+        """Return the change of the states in one implicit step. Raises LinAlgError."""
         if self.basis is None:
             return np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
         inner = self.basis.T @ jacobian @ self.basis
         return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
 
     def correction(self, slope: Any, jacobian: Any) -> Any:
-        """Newton's step of least length; where nothing brings back, it does not move. Infinite if nothing balances the rates."""
-        if self.basis is not None:  # what closing joints leave
+        """Return Newton's minimum-norm step, which is zero along directions without restoring force. Infinite if nothing balances the rates."""
+        if self.basis is not None:  # only along the directions that loop joints allow
             inner = np.abs(self.basis).T @ self._noise(jacobian)
             change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis, inner)
             return self.basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
         return self._least(slope, jacobian, self._noise(jacobian))
 
     def _noise(self, jacobian: Any) -> Any:
-        """What rounding may leave of each rate."""
+        """Return the rounding error of each rate."""
         return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.loop_terms)
 
     def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
@@ -187,16 +184,17 @@ class Search:
         left, sizes, right = np.linalg.svd(matrix / columns)
         rank = int((sizes > SINGULAR * sizes[0]).sum())
         needed = -slope / rows
-        if rank < len(slope):  # what no change of the states can cancel
+        if rank < len(slope):  # part of the rates that no change of the states can cancel
             lost = left[:, rank:].T
             allowed = CLOSE * (np.abs(lost) @ np.abs(needed)) + np.abs(lost) @ (noise / rows)
             if (np.abs(lost @ needed) > allowed).any():
                 return np.full(len(slope), np.inf)
-            kept = lost / rows / columns  # what every motion keeps (w with w J = 0) stays as it is
+            kept = lost / rows / columns  # conserved quantities (w with w J = 0) stay unchanged
             kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
             whole, wanted = np.concatenate([matrix / columns, kept]), np.concatenate([needed, np.zeros(len(kept))])
             change = np.linalg.lstsq(whole, wanted, rcond=SINGULAR)[0]
-            beside = np.abs(whole @ change - wanted)  # what is kept may be what drives: then nothing comes to rest
+            # a conserved quantity may drive the rates: then there is no equilibrium
+            beside = np.abs(whole @ change - wanted)
             allowed = CLOSE * max(np.abs(needed).max(), np.abs(change).max()) + np.concatenate(
                 [noise / rows, np.zeros(len(kept))]
             )
@@ -205,56 +203,59 @@ class Search:
         return change / columns
 
     def distance(self, slope: Any, jacobian: Any) -> float:
-        """How far the equilibrium is, in units of the magnitudes."""
+        """Return the distance of the equilibrium, in units of the magnitudes."""
         if (np.abs(slope) <= ROUNDING * (np.abs(jacobian) @ self.largest + self.loop_terms)).all():
-            return 0.0  # no magnitude of a change is known where only rounding moves
+            return 0.0  # the magnitude of a change is unknown where only rounding moves
         change = self.correction(slope, jacobian)
         seen = self.moved(self.scale(change), jacobian)
         return float((np.abs(change) / seen).max(initial=0.0))
 
     def moved(self, seen: Any, jacobian: Any) -> Any:
-        """Magnitudes (n,) with what others move within the time of the fastest mode: a speed that only rounding ever moved has one nevertheless."""
+        """Return magnitudes (n,) raised by the effect of other states within the time of the fastest mode.
+
+        So a speed that only rounding ever moves has a magnitude nevertheless.
+        """
         fastest = self.fastest(jacobian)
         return np.maximum(seen, np.abs(jacobian) @ seen / fastest) if fastest > 0 else seen
 
     def polished(self, full: Any, slope: Any, jacobian: Any) -> Any:
-        """The last corrections, to round-off."""
+        """Apply the last corrections, to round-off."""
         for _ in range(3):
             change = self.correction(slope, jacobian)
             if not np.isfinite(change).all():
-                break  # what is left is rounding
+                break  # the remainder is rounding
             full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
         return full
 
     # ------------------------------------------------------------ what is told
     def rested(self, full: Any) -> Any:
-        """The state, of which all rates vanish at its scales. Raises `RunFailed` for one that does not rest."""
+        """Return the state, if all its rates vanish at its scales. Raises `RunFailed` otherwise."""
         full, slope, jacobian = self.at(full)
         terms = np.abs(jacobian) @ self.moved(self.scale(np.zeros(self.count)), jacobian) + self.loop_terms
         shared = np.zeros(self.kind.max(initial=0) + 1)
-        np.maximum.at(shared, self.kind, terms)  # accelerations are solved for together: rounding of one is in all
+        np.maximum.at(shared, self.kind, terms)  # accelerations are solved for together: rounding of one affects all
         resting = np.abs(slope) <= np.maximum(RESTING * terms, CANCELLED * shared[self.kind])
         if not resting.all() and not self.cancels(full, np.where(resting, 0.0, slope)):
             raise self.no_rest(slope)
         return full
 
     def cancels(self, full: Any, slope: Any) -> bool:
-        """Whether all rates are what rounding leaves of terms that parameters and inputs make and that cancel each other."""
+        """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""
         inputs, _, mode = self.fixed
         terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
         terms[self.unread] = np.inf
         return bool((np.abs(slope) <= CANCELLED * terms).all())
 
     def not_finite(self, slope: Any, full: Any) -> RunFailed:
-        """Rates that are no numbers, where the search begins."""
+        """Return the error for rates that are not finite where the search begins."""
         return not_finite(self.program, self.time, slope, full, self.mode)
 
     def drivers(self, place: int) -> str:
-        """What a rate reads, for messages."""
+        """Return the states that a rate reads, for messages."""
         return drivers(self.program, place)
 
     def no_rest(self, slope: Any) -> RunFailed:
-        """Which states keep moving, and what drives them."""
+        """Return the error that names the state that keeps moving, and its drivers."""
         sizes = np.abs(slope) / self.scale(np.zeros(self.count))
         worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         return RunFailed(

@@ -1,9 +1,9 @@
-"""The search for rest in a large model: the same steps as in `rest.py`, by sparse factors.
+"""Equilibrium search for a large model: the same steps as in `rest.py`, with sparse factors.
 
-Where rates hang together (what every motion keeps) and where nothing brings back (directions in which no rate changes) are the two null
-spaces of the Jacobian. They are found by inverse iteration with a matrix that is moved off its singularity at random, a few columns at
-once, border the Jacobian, which is regular then (Govaerts, Numerical Methods for Bifurcations, 2000, chapter 3), and are made exact by
-it. Where there are more than a few, all goes the dense way.
+Conserved quantities (dependent rates) and directions without restoring force (in which no rate changes) are the two null spaces of the
+Jacobian. They are found by inverse iteration with a matrix perturbed at random, a few columns at once; they border the Jacobian, which is then
+regular (Govaerts, Numerical Methods for Bifurcations, 2000, chapter 3), and are refined with it. If there are more than a few, the dense
+search is used.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from ...errors import RunFailed
 from .rest import CLOSE, SINGULAR, Search
 from .steady import unread_states
 
-OFF = 1e-10  # of the largest entries: how far the matrix is moved off its singularity
-COLUMNS = (4, 16, 64)  # that are looked at, more where all of the first are null
-ROUNDS = 2  # of inverse iteration
-FOUND = 10 * OFF  # what the moved matrix leaves of a null vector
-NOTHING = 1e-12  # of a vector of length 1: what rounding puts where nothing is
-POWERS = 32  # of the matrix, for its largest eigenvalue
+OFF = 1e-10  # relative to the largest entries: size of the perturbation
+COLUMNS = (4, 16, 64)  # numbers of columns; more are used where all of the first are null vectors
+ROUNDS = 2  # inverse iterations
+FOUND = 10 * OFF  # largest product of the perturbed matrix with a null vector
+NOTHING = 1e-12  # entry of a unit vector that counts as rounding of zero
+POWERS = 32  # power iterations for the largest eigenvalue
 
 
 class SparseSearch(Search):
-    """Jacobians are sparse here, by columns."""
+    """Search with sparse Jacobians, stored by columns."""
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
-        """As `Search.at`."""
+        """Return the same as `Search.at`."""
         from scipy.sparse import csc_array
 
         full = self.loops.solve(self.time, full, self.mode)
@@ -43,7 +43,7 @@ class SparseSearch(Search):
         return full, slope, _scaled(jacobian, np.where(self.unread, 0.0, 1.0), 1) if self.unread.any() else jacobian
 
     def _reduced(self, whole: Any) -> Any:
-        """By the states alone: unknowns of loops follow them. Raises `RunFailed`."""
+        """Return the derivatives by the states alone, with the unknowns of loops eliminated. Raises `RunFailed`."""
         from scipy.sparse import csc_array
 
         n = self.count
@@ -54,7 +54,7 @@ class SparseSearch(Search):
 
     @staticmethod
     def _factors(matrix: Any) -> Any:
-        """LU of a sparse matrix. Raises `RunFailed` if it is singular, or no matrix of numbers."""
+        """Return the LU factors of a sparse matrix. Raises `RunFailed` if it is singular or not finite."""
         from scipy.sparse.linalg import splu
 
         if not np.isfinite(matrix.data).all():
@@ -65,7 +65,7 @@ class SparseSearch(Search):
             raise RunFailed(f"the Jacobian is singular there ({singular})") from singular
 
     def fastest(self, jacobian: Any) -> float:
-        """At least the largest eigenvalue: that of the magnitudes, by powers, which no choice of units changes."""
+        """Return at least the largest eigenvalue: that of the matrix of absolute values, by power iteration, which is independent of units."""
         size, power, grown = np.abs(jacobian), self.scale(np.zeros(self.count)), 0.0
         for _ in range(POWERS):
             power = size @ power
@@ -76,13 +76,13 @@ class SparseSearch(Search):
         return float(np.exp(grown / POWERS))
 
     def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
-        """As `Search.euler`."""
+        """Return the same as `Search.euler`."""
         from scipy.sparse import eye_array
 
         return self._factors((eye_array(self.count) / size - jacobian).tocsc()).solve(slope)
 
     def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
-        """As `Search._least`; what no change of the states can cancel, and what stays as it is, by the two null spaces."""
+        """Return the same as `Search._least`; rates that no change can cancel, and conserved quantities, come from the two null spaces."""
         rows = _largest(jacobian, 1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
@@ -106,14 +106,16 @@ class SparseSearch(Search):
             return np.full(len(slope), np.inf)
         if not left.shape[1]:
             return change / columns
-        kept = left.T / rows / columns  # what every motion keeps (w with w J = 0) stays as it is
+        kept = left.T / rows / columns  # conserved quantities (w with w J = 0) stay unchanged
         kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
         back, *_ = np.linalg.lstsq(kept @ right, kept @ change, rcond=CLOSE)
         return (change - right @ back) / columns
 
     def _null_spaces(self, matrix: Any) -> tuple[Any, Any] | None:
-        """Orthonormal columns that the matrix, whose largest entries are 1, takes to nothing, from the left and from the right; None
-        if there are more than a few, or not as many on both sides. Raises `RunFailed`."""
+        """Return orthonormal bases (columns) of the left and right null spaces of a matrix whose largest entries are 1.
+
+        None if there are more than a few vectors, or not equally many on both sides. Raises `RunFailed`.
+        """
         from scipy.sparse import dia_array
 
         n = self.count
@@ -133,7 +135,7 @@ class SparseSearch(Search):
         return (left, right) if left.shape[1] == right.shape[1] else None
 
     def _bordered(self, matrix: Any, left: Any, right: Any) -> Any:
-        """Factors of the matrix with its null spaces beside and below it: what they solve moves along none of them. Raises `RunFailed`."""
+        """Return factors of the matrix bordered by its null spaces: its solutions have no component along them. Raises `RunFailed`."""
         from scipy.sparse import block_array, csc_array
 
         if not left.shape[1]:
@@ -142,7 +144,7 @@ class SparseSearch(Search):
 
 
 def _near(factors: Any, matrix: Any, way: str, norm: float, random: Any) -> Any:
-    """The null space of one side, as near as the matrix moved off it tells; None if it is too large."""
+    """Return the null space of one side, as accurate as the perturbed matrix gives it; None if it is too large."""
     n = matrix.shape[0]
     for count in COLUMNS:
         trial = random.normal(size=(n, min(count, n)))
@@ -156,19 +158,19 @@ def _near(factors: Any, matrix: Any, way: str, norm: float, random: Any) -> Any:
 
 
 def _exact(matrix: Any, vectors: Any, norm: float) -> Any:
-    """Of the span of some vectors what the matrix takes to nothing, up to rounding; orthonormal."""
+    """Return an orthonormal basis of the part of the span of some vectors that the matrix maps to zero, up to rounding."""
     vectors, _ = np.linalg.qr(vectors)
     _, sizes, turned = np.linalg.svd(matrix @ vectors, full_matrices=False)
     return vectors @ turned[sizes <= SINGULAR * norm].T
 
 
 def _padded(right: Any, count: int) -> Any:
-    """A right side with zeros for the border."""
+    """Return a right-hand side with zeros for the border."""
     return np.concatenate([right, np.zeros((count, *right.shape[1:]))])
 
 
 def _largest(matrix: Any, axis: int) -> Any:
-    """The largest magnitude of each row (axis 1) or column (0)."""
+    """Return the largest absolute value of each row (axis 1) or column (0)."""
     return np.asarray(np.abs(matrix).max(axis=axis).toarray()).ravel()
 
 
@@ -177,7 +179,7 @@ def _largest_sum(matrix: Any, axis: int) -> float:
 
 
 def _scaled(matrix: Any, by: Any, axis: int) -> Any:
-    """With its rows (axis 1) or columns (0) multiplied."""
+    """Return the matrix with its rows (axis 1) or columns (0) multiplied."""
     from scipy.sparse import dia_array
 
     diagonal = dia_array((by[None], [0]), shape=(len(by), len(by)))

@@ -1,8 +1,8 @@
-"""Rest of a model with events: the mode is one that holds at the rest, and what samples set is what they would set again.
+"""Equilibrium of a model with events: the mode holds at the equilibrium, and samples would set the same values again.
 
-A law that is sampled (`every`) rests where x' = f(x, m) vanishes and the held values m are their own successors, m = g(x, m), whatever its period:
-m' = (g(x, m) - m)/T has the same rest, and is what the search follows. Conditions and `when`s are looked at where the search ends; if they
-hold otherwise there, it goes on in the mode that they make.
+A law that is sampled (`every`) is at rest where x' = f(x, m) vanishes and the held values m are their own successors, m = g(x, m), whatever its
+period: m' = (g(x, m) - m)/T has the same equilibrium, and is used in the search. Conditions and `when`s are examined where the search ends; if
+they differ there, it goes on in the mode that they give.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ..events.events import Events, Moment
 from ..segments import Segment
 from .rest import Search, equilibrium, found_by
 
-MOST_MODES = 30  # in which a rest is looked for
-SAME = 1e-9  # of the magnitudes: a state that an event leaves where it is
-FARTHEST = 1e8  # of what is seen first: a counter would come to where rounding lets it stand
-STEP = 2.0**-13  # of a magnitude: for differences of what is sampled, of which Newton's method asks no more
+MOST_MODES = 30  # most modes in which an equilibrium is searched
+SAME = 1e-9  # relative to the magnitudes: change of a state by an event that counts as none
+FARTHEST = 1e8  # relative to the first magnitudes: beyond it a counter would stop because of rounding
+STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, accurate enough for Newton's method
 
 
 def rest_with_events(constraints: Constraints, state: Any, first: Segment, events: Events) -> Moment:
-    """The moment at rest, and the segment with its mode. Raises `RunFailed` if there is none."""
+    """Return the hybrid state at the equilibrium, with its mode. Raises `RunFailed` if there is none."""
     program, seen = constraints.program, []
     at, sampled = (
         Moment(first.start, np.asarray(state, dtype=float), np.array(first.mode)),
@@ -61,7 +61,10 @@ def rest_with_events(constraints: Constraints, state: Any, first: Segment, event
 
 
 def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[int, int, float], ...]:
-    """What samples set: the place of each among all settings and in the mode, and its period (s). Raises `RunFailed` for what is stored."""
+    """Return, for each sampled setting, its index among all settings and in the mode, and its period in s.
+
+    Raises `RunFailed` for samples that set stored quantities.
+    """
     hybrid = program.hybrid
     if hybrid is None:
         return ()
@@ -81,7 +84,7 @@ def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[
 
 
 class SampledSearch(Search):
-    """Rates of states and of what samples set; a full state is states, set values, unknowns of loops."""
+    """Rates of states and of sampled values; a full state is states, sampled values, unknowns of loops."""
 
     def __init__(
         self, program: Program, constraints: Constraints, first: Segment, sampled: Sequence[tuple[int, int, float]]
@@ -99,17 +102,17 @@ class SampledSearch(Search):
         self.count, self.largest = len(self.names), np.zeros(len(self.names))
 
     def joined(self, state: Any, mode: Any) -> Any:
-        """A full state from the program's and the mode."""
+        """Return a full state from the program's state and the mode."""
         return np.concatenate([state[: self.states], mode[self.places], state[self.states :]])
 
     def split(self, full: Any) -> tuple[Any, Any]:
-        """The program's state and the mode of a full state."""
+        """Return the program's state and the mode of a full state."""
         mode = np.array(self.mode, dtype=float)
         mode[self.places] = full[self.states : self.count]
         return np.concatenate([full[: self.states], full[self.count :]]), mode
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
-        """As `Search.at`, by differences."""
+        """Return the same as `Search.at`, by differences."""
         full = self._kept(full)
         state, mode = self.split(full)
         if self.unread is None:
@@ -137,7 +140,7 @@ class SampledSearch(Search):
         return full, rates, jacobian
 
     def rates(self, full: Any) -> Any:
-        """As `Search.rates`: what is set comes to its successor within a period."""
+        """Return the rates as `Search.rates`: a sampled value approaches its successor within a period."""
         state, mode = self.split(full)
         fixed = (*self.fixed[:2], mode)
         own = np.array(self.program.derivative(self.time, state, *fixed))[: self.states]
@@ -147,16 +150,16 @@ class SampledSearch(Search):
         return rates
 
     def not_finite(self, slope: Any, full: Any) -> RunFailed:
-        """As `Search.not_finite`."""
+        """Return the same as `Search.not_finite`."""
         bad = ", ".join(f"`{self.names[i]}`" for i in np.flatnonzero(~np.isfinite(slope))[:4])
         return RunFailed(f"at t = {self.time:.9g} s the rate of {bad} is not finite")
 
     def drivers(self, place: int) -> str:
-        """As `Search.drivers`."""
+        """Return the same as `Search.drivers`."""
         return super().drivers(place) if place < self.states else "it is set anew at each sample"
 
     def cancels(self, full: Any, slope: Any) -> bool:
-        """As `Search.cancels`; not asked of samples."""
+        """Return False: `Search.cancels` is not applied to samples."""
         return False
 
     def _kept(self, full: Any) -> Any:

@@ -1,8 +1,8 @@
-"""One routine for consistent starts: the unknowns of loops, and the states that the author's starts bind.
+"""Consistent initialization: the unknowns of loops, and the states that the author's start values determine.
 
-What the author said of a state holds. What was said of something computed (a storage in derivative form, an effort) is a claim:
-the states of which nothing was said move by the least amount that fulfils all claims (Pantelides, SIAM J. Sci. Stat. Comput. 9,
-1988, for the problem). Claims that cannot all hold are an error.
+A start value of a state holds. A start value of a computed quantity (a storage in derivative form, an effort) is an initial equation: the
+states without start value move by the least amount that satisfies all initial equations (Pantelides, SIAM J. Sci. Stat. Comput. 9, 1988, for the
+problem). Initial equations that cannot all hold are an error.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from ...door import Program, StateSpace
     from ...prepared import Prepared
 
-CLOSE = 1e-9  # of the size of what is claimed
-ROUNDING = 1e-3  # of the size of a mechanism: a start within 1e-9 of that is met
+CLOSE = 1e-9  # relative residual with which an initial equation holds
+ROUNDING = 1e-3  # relative to the size of a mechanism: least size of a start value in that test
 DISTINCT = 1e-6  # relative difference of an unknown in two solutions
-SHOWN = 4  # solutions, and unknowns of each, that a message tells
+SHOWN = 4  # most solutions, and unknowns of each, in a message
 
 
 def consistent_start(
     program: Program, made: Prepared, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
-    """The state at the start, shape (n,), and notes about it.
+    """Return the state at the start, shape (n,), and notes about it.
 
-    Raises `RunFailed` if the claims contradict each other or the starts of states, or a loop has no solution.
+    Raises `RunFailed` if initial equations contradict each other or the start values of states, or if a loop has no solution.
     """
     magnitude = np.where(state != 0, np.abs(state), 1.0)
     loops = LoopSolver(program, constants, inputs, magnitude, constraints.parameters)
@@ -72,7 +72,7 @@ def consistent_start(
 
 
 def _with_pose(problem: PoseProblem, state: Any) -> tuple[Any, tuple[str, ...]]:
-    """The state with mechanisms in the pose in which they start, coordinates of the text as they are said, to the last digit; notes."""
+    """Return the state with mechanisms in their initial pose, coordinates of the text exactly as given; and notes."""
     found, note = posed(problem)
     for item in problem.given:
         if item.claim < 0:
@@ -83,12 +83,12 @@ def _with_pose(problem: PoseProblem, state: Any) -> tuple[Any, tuple[str, ...]]:
 def _assembled(
     program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, poses: Any, first: Segment
 ) -> Any:
-    """The same with closing joints: the rates of their gaps must vanish as well."""
+    """Return the consistent state of a model with loop joints: the rates of their residuals vanish as well."""
     from .assembly import choose_rows, rates_closed, sizes
 
     time, mode, space = first.start, first.mode, made.state_space
     loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)), constraints.parameters)
-    loose = len(program.unknowns.names) > 0 and not loops.affine  # what is claimed may depend on other loops
+    loose = len(program.unknowns.names) > 0 and not loops.affine  # initial equations may depend on other loops
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
 
     def claims(x: Any) -> Any:
@@ -102,7 +102,7 @@ def _assembled(
     constraints.assembled = choose_rows(constraints, time, x, mode)
     x = constraints.project(time, x, mode)
     value = claims(x)
-    size = np.abs(x)  # what is to be zero has the size of the mechanism, by which rounding is measured
+    size = np.abs(x)  # a value that must be zero has the size of the mechanism, by which rounding is measured
     size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
     reach = np.abs(slopes_of(claims, x, np.ones(len(x), dtype=bool))) @ size if value.any() else np.abs(value)
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
@@ -114,7 +114,7 @@ def _assembled(
 
 
 def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None:
-    """Raises `RunFailed` if the loops have another solution: nothing in the model says which of them holds."""
+    """Raise `RunFailed` if the loops have another solution: the model does not determine which of them holds."""
     if not len(loops.program.unknowns.names):
         return
     from ..loops.branches import other_solutions
@@ -144,14 +144,14 @@ def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None
 
 
 def _reach(function: Any, x: Any) -> Any:
-    """How large the terms are that a claim adds up: what is claimed to be zero has no size of its own."""
+    """Return the size of the terms that an initial equation adds up: a value of zero has no size of its own."""
     return np.abs(slopes_of(function, x, np.ones(len(x), dtype=bool))) @ np.abs(x)
 
 
 def _check(program: Program, space: StateSpace, constants: Any, value: Any, reach: Any, full: Any, at: Any) -> None:
     time, inputs, mode = at
     others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))[: len(space.claims)]
-    others = np.where(np.isfinite(others), others, value)  # a turn has no direction where all states are zero
+    others = np.where(np.isfinite(others), others, value)  # not finite where all states are zero
     size = np.maximum(np.maximum(np.abs(value - others), np.abs(others)), reach)
     bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]
     if not bad:

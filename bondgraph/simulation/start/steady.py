@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from ...prepared import Prepared
     from ..closed.constraints import Constraints
 
-SHIFTS = (-1e6, -37.0, -1.0, -1e-3, 1e-3, 1.0, 59.0, 1e6)  # of a state, to see whether a condition reads it
-CANCELLED = 1e-14  # of the terms of parameters and inputs in a rate: what rounding leaves where they cancel
-SHARE = 1e-4  # of a parameter: by how much it is moved to see its term
-ROUNDING = 1e-8  # of the terms in a rate: below it an angle stands still
+SHIFTS = (-1e6, -37.0, -1.0, -1e-3, 1e-3, 1.0, 59.0, 1e6)  # shifts of a state, to see if a condition reads it
+CANCELLED = 1e-14  # relative to the terms of parameters and inputs in a rate: rounding where they cancel
+SHARE = 1e-4  # relative change of a parameter that shows its term
+ROUNDING = 1e-8  # relative to the terms in a rate: below it an angle is constant
 TURNING = ("1", "1/s")  # units of an angle and of its rate
 
 
 def unread_states(program: Program, time: float, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
-    """The states (n,) that no rate, unknown of a loop, closing joint or event reads: what nothing brings back."""
+    """Return a mask (n,) of the states that no rate, unknown of a loop, loop joint or event reads: nothing restores them."""
     count = len(program.states.names)
     key = "states that no rate reads"
     if key not in program.kept:
@@ -45,7 +45,7 @@ def unread_states(program: Program, time: float, state: Any, inputs: Any, consta
 
 
 def drivers(program: Program, place: int) -> str:
-    """The states that the rate of a state reads, for messages."""
+    """Return the states that the rate of a state reads, for messages."""
     rows, columns = (np.asarray(part, dtype=int) for part in program.pattern)
     names = (*program.states.names, *program.unknowns.names)
     read = [f"`{names[j]}`" for j in columns[rows == place]]
@@ -53,7 +53,7 @@ def drivers(program: Program, place: int) -> str:
 
 
 def given_terms(program: Program, parameters: Any, time: float, state: Any, inputs: Any, mode: Any) -> Any:
-    """The largest term (n,) that a parameter or an input has in each rate, by moving each of them by a share."""
+    """Return the largest term (n,) of a parameter or an input in each rate, found by changing each of them by a small fraction."""
     constants, count = program.constants(parameters), len(program.states.names)
     others = [(inputs, program.constants(moved)) for moved in _each_moved(np.asarray(parameters, dtype=float))]
     others += [(moved, constants) for moved in _each_moved(np.asarray(inputs, dtype=float))]
@@ -68,14 +68,14 @@ def given_terms(program: Program, parameters: Any, time: float, state: Any, inpu
 
 
 def _each_moved(given: Any) -> list[Any]:
-    """The values with one of those that are not zero moved by a share, for each of them."""
+    """Return copies of the values, each with one nonzero entry changed by a small fraction."""
     return [np.where(np.arange(len(given)) == i, given * (1 + SHARE), given) for i in np.flatnonzero(given)]
 
 
 def steady_rates(
     program: Program, constraints: Constraints, time: float, state: Any, inputs: Any, mode: Any
 ) -> dict[str, float]:  # fmt: skip
-    """The rates, by name, of the states that move on where all others rest; none where all rest."""
+    """Return the rates, by name, of the states that move on while all others rest; empty if all rest."""
     constants = constraints.constants
     rates = np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)
     unread = unread_states(program, time, state, inputs, constants, mode)
@@ -98,13 +98,13 @@ def steady_rates(
 
 
 def _magnitudes(program: Program, sizes: Any) -> Any:
-    """Of states and unknowns: those of one unit share the largest."""
+    """Return sizes of states and unknowns: those of one unit share the largest."""
     units = np.array([*program.states.units, *program.unknowns.units])
     return np.array([sizes[units == unit].max() for unit in units])
 
 
 def check_steady(made: Prepared, program: Program, moving: dict[str, float]) -> None:
-    """Raises `RunFailed` for what drifts without being a steady rotation: an angle whose speed is decided by a balance."""
+    """Raise `RunFailed` for a drift that is no steady rotation: an angle whose speed is determined by a balance."""
     rows, columns = (np.asarray(part, dtype=int) for part in program.pattern)
     rates_of = {made.state_space.variables[s.variable].name: s.rate for s in made.state_space.states} if moving else {}
     for name, rate in moving.items():

@@ -1,1 +1,1 @@
-"""A smooth stretch of a run, stepped through."""
+"""Integration of the smooth segments of a run."""

@@ -1,8 +1,8 @@
-"""States between the ends of a step that follow others at once: found from their own equations at the instants asked for, where polynomials are not sure.
+"""Stiff interpolation: stiff states between the ends of a step, computed from their own equations where the polynomials are not accurate.
 
-At the ends of Radau's steps what is stiff lies where its rate nearly vanishes, however long the step; between them nothing holds a polynomial to it. There
-the rates at an instant, less the slope of the polynomial, tell how far off it is, and Newton's method brings back what is stiff; all else stays as it is.
-`compiled/between.py` is the same for machine code.
+At the ends of Radau's steps a stiff state lies where its rate nearly vanishes, however long the step; between them a polynomial is not bound to
+that. The rates at an instant, minus the derivative of the polynomial, give the residual, and Newton's method corrects the stiff states; all others
+stay unchanged. `compiled/between.py` is the same for machine code.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def stiff_states(stepper: Stepper, entries: Any, size: float) -> Any:
-    """Which states follow at once in a step of that size, by the Jacobian of scaled states."""
+    """Return a mask of the states that are stiff in a step of this size, from the Jacobian of the scaled states."""
     rows, _ = stepper.program.pattern
     total = np.zeros(len(stepper.program.states.names) + len(stepper.program.unknowns.names))
     np.add.at(total, rows, np.abs(entries))
@@ -39,7 +39,7 @@ def stiff_states(stepper: Stepper, entries: Any, size: float) -> Any:
 
 
 def settled(stepper: Stepper, radau: Radau, times: Any) -> Any:
-    """Scaled states within the last step of Radau; shape (times, n)."""
+    """Return scaled states within the last step of Radau; shape (times, n)."""
     states, size = radau.sample(times), radau.last_step[1] - radau.last_step[0]
     entries = radau.jacobian
     left = entries is None or stepper.constraints or is_large(states.shape[1], len(entries))
@@ -58,7 +58,7 @@ def settled(stepper: Stepper, radau: Radau, times: Any) -> Any:
 
 
 def unsure_at(radau: Radau, times: Any, stiff: Any) -> Any:
-    """At which instants within the last step the polynomials do not agree on what is stiff."""
+    """Return a mask of the instants within the last step at which two polynomials disagree on the stiff states."""
     start, stop = radau.last_step
     inner = (times > start) & (times < stop)
     if not radau.has_quintic:
@@ -70,7 +70,7 @@ def unsure_at(radau: Radau, times: Any, stiff: Any) -> Any:
 
 
 def _brought_back(radau: Radau, time: float, state: Any, slope: Any, stiff: Any, size: float) -> Any | None:
-    """The state with what is stiff where its equations want it; None if Newton does not find that with the factors of the step, or its own."""
+    """Return the state with its stiff part corrected by its equations; None if Newton fails with the factors of the step and with new ones."""
     problem, count = radau.problem, radau.evaluations
     slope = np.where(problem.differential, slope, 0.0)
 
@@ -95,7 +95,7 @@ def _brought_back(radau: Radau, time: float, state: Any, slope: Any, stiff: Any,
 def _found(
     missed: Callable[[Any], Any], state: Any, wanted: Any, scale: Any, matrix: Factorised | None, renewed: Callable[[Any], Factorised] | None
 ) -> Any | None:  # fmt: skip
-    """Newton's method from a state, with a matrix or with one that is made anew where it slows down; None if it does not get there."""
+    """Iterate Newton's method from a state, with a matrix or one that is renewed where convergence slows down; None if it fails."""
     new, before, slow = state, np.inf, 0
     for _ in range(BACK_ITERATIONS):
         if matrix is None:

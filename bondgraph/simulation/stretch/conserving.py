@@ -1,4 +1,4 @@
-"""What a method that keeps the energy asks before it steps: that the model loses none, and the size that all its steps have."""
+"""Preparation of an energy-conserving method: check that the model is lossless, and choose the equal size of all its steps."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from ..steps.compiled.run import CompiledRadau
     from .stepper import Stepper
 
-SCOUT = 1000  # steps of an adaptive method that look ahead
-FIRST = 3  # of them, which begin small
-SMALL = 0.05  # of the others are shorter than the steps that are taken then
-SHARE = 0.6  # of such a step: then the polynomial between the ends of the steps errs no more than the tolerance either
-ROUNDS = 3  # of looking ahead, where magnitudes were wrong
-FAR = 10.0  # by so much
-LOST = 1e-9  # of the powers between storages: what a lossless model may seem to lose by rounding
+SCOUT = 1000  # steps of an adaptive pilot run
+FIRST = 3  # number of its first steps, which are small and not counted
+SMALL = 0.05  # quantile of its step sizes from which the size is taken
+SHARE = 0.6  # fraction of such a step: then the dense output is within the tolerance too
+ROUNDS = 3  # most pilot runs, where magnitudes were wrong
+FAR = 10.0  # factor by which magnitudes count as wrong
+LOST = 1e-9  # relative to the powers between storages: loss of a lossless model by rounding
 
 
 def equal_steps(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> float:
-    """The size of all steps of a stretch: as an adaptive method takes them where they are short. Raises `NotLossless`, `RunFailed`."""
+    """Return the size of all steps of a segment: that of the short steps of an adaptive method. Raises `NotLossless`, `RunFailed`."""
     times, states = _looked_ahead(stepper, stretch, x, compiled)
     for _ in range(ROUNDS):
         if not _measured(stepper, states):
@@ -36,14 +36,14 @@ def equal_steps(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> f
     _check_lossless(stepper, stretch, times, states)
     sizes = np.diff(times)
     if times[-1] >= stretch.stop and len(sizes) > 1:
-        sizes = sizes[:-1]  # the last one is cut
+        sizes = sizes[:-1]  # the last step is cut short
     usual = sizes[FIRST:] if len(sizes) > FIRST else sizes[-1:]
     span = stretch.stop - stretch.start
     return span / float(np.ceil(span / (SHARE * np.quantile(usual, SMALL))))
 
 
 def _looked_ahead(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> tuple[Any, Any]:
-    """Ends of some explicit steps, and the states there."""
+    """Return the ends of some explicit steps of a pilot run, and the states there."""
     magnitude = stepper.tolerances.magnitude
     times, states = [stretch.start], [x]
     try:
@@ -64,9 +64,9 @@ def _looked_ahead(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) ->
 
 
 def _measured(stepper: Stepper, states: Any) -> bool:
-    """Whether states stay far below the magnitudes of a coarse run, which loses its way in a long one; then these are what is seen.
+    """Return True, and reduce the magnitudes, if states stay far below those of the coarse run, which is inaccurate in a long run.
 
-    What loses no energy returns to where it was, so a look at its beginning tells more.
+    A lossless motion returns to where it was, so its beginning gives better magnitudes.
     """
     old = stepper.tolerances
     peak = np.abs(states).max(axis=0)
@@ -79,7 +79,7 @@ def _measured(stepper: Stepper, states: Any) -> bool:
 
 
 def _check_lossless(stepper: Stepper, stretch: Segment, times: Any, states: Any) -> None:
-    """Whether what is stored stays the same wherever the run comes by."""
+    """Raise `NotLossless` if the stored energy changes at a state of the run; also `RunFailed` or `UsageError` if there is none to conserve."""
     program, fixed = stepper.program, (stepper.inputs, stepper.constants, stretch.mode)
     assert program.stored_energy is not None
     found = program.stored_energy(times, states, *fixed)

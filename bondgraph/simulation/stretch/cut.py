@@ -1,8 +1,8 @@
-"""A step that an event cuts: whether what is left of it is as accurate as a step of its own would be.
+"""Step cut by an event: a test that the remaining part is as accurate as a separate step would be.
 
-The error was estimated for the whole step, from stages of which none need lie near the event: a law that moves strongly just before it (friction before
-a stop) is then seen by none. So the rates are asked at the event and half-way to it: where they are not the slopes of the dense output, what is left
-is stepped anew.
+The error was estimated for the whole step, from stages that may all lie far from the event: they do not show a law that changes strongly just
+before it (friction before a stop). So the rates are evaluated at the event and half-way to it: where they differ from the derivative of the dense
+output, the remaining part is integrated again.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from ..events.locate import StateAt
     from .stepper import Stepper
 
-NEAR = 1e-3  # of what is left: how far apart the states are that tell a slope
-PLACES = (0.5, 1.0)  # of what is left, at which rates are asked
+NEAR = 1e-3  # fraction of the remaining part: distance of the states of a difference quotient
+PLACES = (0.5, 1.0)  # fractions of the remaining part at which rates are evaluated
 BACK = np.array([0.0, -1.0, -2.0, -3.0, -4.0])
-SLOPE = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12  # of order 4
-ALLOWED = 1.0  # tolerances by which the states may be off if the slopes err as much all the way
-SHORTEST = 2.0**14  # units in the last place of a time: what is shorter tells no slope
+SLOPE = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12  # backward difference quotient of order 4
+ALLOWED = 1.0  # in units of the tolerance: error of the states if the derivatives err as much over the whole part
+SHORTEST = 2.0**14  # units in the last place of a time: a shorter part gives no difference quotient
 
 
 def is_sure(stepper: Stepper, start: float, stop: float, mode: Any, states_at: StateAt) -> bool:
-    """Whether the dense output of a step obeys the equations from its start up to where an event cuts it."""
+    """Return True if the dense output of a step satisfies the equations from its start up to the event that cuts it."""
     size, count = stop - start, len(stepper.program.states.names)
     if size < SHORTEST * np.spacing(max(abs(start), abs(stop))):
         return True
@@ -39,4 +39,4 @@ def is_sure(stepper: Stepper, start: float, stop: float, mode: Any, states_at: S
     off = np.abs(size * rates - moved) / allowed
     return not bool(
         (off > ALLOWED).any()
-    )  # no number: the law of this side has ended, which no shorter step would change
+    )  # NaN counts as sure: the law of this side has ended, which no shorter step would change

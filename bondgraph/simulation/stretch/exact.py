@@ -1,4 +1,4 @@
-"""A stretch of a linear model by the matrix exponential: exact at every instant, without steps that must be chosen."""
+"""Segment of a linear model by the matrix exponential: exact at every instant, without step-size control."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .quadrature import GAUSS, KRONROD, PLACES, too_coarse
 if TYPE_CHECKING:
     from .stepper import Stepper
 
-LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # shares of the way to it
-LOOKED_AT = 4097  # places of a stretch at which one looks for what has no value
+LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # fractions of the segment that remain before its end
+LOOKED_AT = 4097  # places of a segment that are searched for values that are not finite
 
 
 def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
-    """As `run`, from state x; None if it cannot be done this way."""
+    """Integrate a segment as `run`, from state x; return None if it cannot be done this way."""
     form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
     if form is None:
         return None
@@ -49,7 +49,7 @@ def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
 
 
 def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
-    """Raises `RateNotFinite` where what drives a model first has no value, to rounding: that, and no other solver, is then what a run lacks."""
+    """Raise `RateNotFinite` at the first instant at which a driving signal has no value, to rounding: no other solver would help then."""
     times: Any = np.linspace(stretch.start, stretch.stop, LOOKED_AT)
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
     slopes = stepper.program.derivative(times, np.tile(x, (len(times), 1)), *fixed)
@@ -63,7 +63,7 @@ def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
             early = middle
         else:
             late = middle
-    for left in LEFT:  # polynomials cannot follow what grows without bound or has no slope there, up to the end
+    for left in LEFT:  # no polynomial fits a signal up to a place where it is unbounded or has no derivative
         stop = early - left * (early - stretch.start)
         end = exactly(stepper, Segment(stretch.start, stop, stretch.mode), x) if stop > stretch.start else None
         if end is not None:
@@ -76,7 +76,7 @@ def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
 def _work(
     stepper: Stepper, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
 ) -> tuple[tuple[Any, float], bool]:
-    """The work of a stretch and the traffic, and whether the quadrature is fine enough."""
+    """Return the work of a segment with the energy turnover, and True if the quadrature is fine enough."""
     assert stepper.powers is not None
     times, inside = exponential.between(form, cut, states, PLACES)
     values = stepper.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
@@ -91,7 +91,7 @@ def _work(
 def _look(
     stepper: Stepper, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
 ) -> None:
-    """Look at the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
+    """Check the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
     if stepper.program.limits:
         inner, _ = exponential.between(form, cut, states, PLACES)
         times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))

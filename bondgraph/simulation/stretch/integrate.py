@@ -1,4 +1,4 @@
-"""A run over smooth stretches: the solver stops and starts again where the right side jumps or bends."""
+"""A run over smooth segments: the integrator stops and restarts where the right-hand side jumps or has a kink."""
 
 from __future__ import annotations
 
@@ -42,14 +42,11 @@ def integrate(
     solver: str = AUTOMATIC,
     leaving: Leaving | None = None,
 ) -> Trajectory:
-    """Integrate over the stretches, into a trajectory that an error leaves as far as it came. Raises `RunFailed` with time and variable.
+    """Integrate over the segments, into a trajectory that keeps the part before an exception. Raises `RunFailed` with time and variable.
 
-    `watch` looks at each accepted step.
-
-    `linear`: the rates are affine in the states. Then the tolerances, which take a look ahead, may never be asked for.
-    `solver`: one of `methods.SOLVERS`.
-
-    `powers` are integrated along the solution, outside the error control. `leaving`: of what is faster than a bandwidth.
+    `watch` checks each accepted step. `linear`: the rates are affine in the states; then the tolerances, which need a pilot run, may never be
+    evaluated. `solver`: one of `methods.SOLVERS`. `powers` are integrated along the solution, outside the error control. `leaving`: modal truncation
+    at a bandwidth.
     """
     exact = solver in (AUTOMATIC, "exponential")
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)

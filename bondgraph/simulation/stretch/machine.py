@@ -1,4 +1,4 @@
-"""Stretches stepped through in machine code, and what Python does where that stops: see `compiled/advance.py`."""
+"""Integration of segments in machine code, and the work of Python where it stops: see `compiled/advance.py`."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 
 def obstacle_of(program: Program) -> str | None:
-    """Why machine code does not make the steps, in brackets; None if it does."""
+    """Return the reason why machine code does not make the steps, in brackets; None if it does."""
     found = obstacle(program)
     return f" ({found})" if found else None
 
 
 def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
-    """Up to so many explicit steps, of which nothing is kept: evaluations, whether stability holds the steps, whether the end came first."""
+    """Make up to `most` explicit steps without keeping them; return evaluations, True if stability limits the steps, True if the end was reached."""
     solver = explicit_scout(stepper, stretch, x)
     answer = solver.advance(most)
     return solver.evaluations, answer == STIFF, answer == FINISHED
 
 
 def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
-    """The explicit pair from the start of a stretch, to be asked for one step after another, of which nothing is kept."""
+    """Return DOP853 from the start of a segment, for single steps that are not kept."""
     solver = _solver(stepper, stretch, x, EXPLICIT)
     solver.values["limit_count"] = solver.values["root_count"] = 0
     solver.begin()
@@ -46,7 +46,7 @@ def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
 
 
 def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> Any:
-    """As `Stepper.run` from where it begins to step. `size` of all steps, if the method wants that."""
+    """Integrate as `Stepper.run` from its first step. `size`: of all steps, for a method with equal steps."""
     machine = stepper.machine
     if machine is None or method == ENERGY or machine.tolerances is not stepper.tolerances:
         machine = stepper.machine = InMachineCode(stepper, stretch, x, method, size)
@@ -56,7 +56,7 @@ def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, siz
 
 
 def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> CompiledRadau:
-    """A solver for a stretch, of which nothing but the steps is asked yet."""
+    """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
     solver = CompiledRadau(
         stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
         stepper.constraints.always_compiled, stepper.signals(stretch), method,
@@ -66,17 +66,17 @@ def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> Compiled
 
 
 def _automatic(stepper: Stepper, method: int) -> int:
-    """Whether another method may go on."""
+    """Return 1 if another method may take over, else 0."""
     return int(stepper.solver == AUTOMATIC and method == EXPLICIT)
 
 
 class InMachineCode:
-    """Steps over one stretch after another; what is made for the first serves all."""
+    """Native integrator over successive segments; the data set up for the first segment serves all."""
 
     def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> None:
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
-        self.noted = False  # whether it is kept how far this is, whatever comes of the last step
+        self.noted = False  # True while the checkpoint before the last step is stored
         solver = self.solver = _solver(stepper, stretch, x, method)
         solver.fixed_size = size if size < np.inf else None
         solver.report(stepper.instants, stepper.position, stepper.result.states)
@@ -90,7 +90,7 @@ class InMachineCode:
         solver.begin()
 
     def begin_at(self, stretch: Segment, x: Any, method: int) -> None:
-        """Go on with another stretch."""
+        """Go on with another segment."""
         stepper, solver = self.stepper, self.solver
         self.stretch, self.first, self.noted = stretch, stepper.position, False
         solver.doubt(stepper.floor)
@@ -101,7 +101,7 @@ class InMachineCode:
         solver.begin_at(stretch, x, stepper.signals(stretch), method, automatic)
 
     def to_end(self) -> Any:
-        """The state at the end of the stretch, or where something cuts it."""
+        """Return the state at the end of the segment, or where it is cut."""
         stepper, solver = self.stepper, self.solver
         leaving = stepper.leaving
         try:
@@ -129,11 +129,11 @@ class InMachineCode:
 
     @property
     def _state(self) -> Any:
-        """Where the last step ended, in SI."""
+        """State at the end of the last step, in SI."""
         return self.solver.state * self.tolerances.magnitude
 
     def _steps(self, pause: float) -> int:
-        """On to where Python is asked; 0 where the stretch ends. Raises `RunFailed`."""
+        """Step until machine code returns control; 0 at the end of the segment. Raises `RunFailed`."""
         stepper = self.stepper
         most = MOST_COMPILED if stepper.most_steps >= MOST_STEPS else stepper.most_steps - stepper.steps
         try:
@@ -145,14 +145,14 @@ class InMachineCode:
             raise told from None
 
     def _look(self) -> list[int]:
-        """At the limits of the model in the last step; which of them are left."""
+        """Check the limits of the model in the last step; return those that are violated."""
         stepper, solver = self.stepper, self.solver
         passed = stepper.instants[np.searchsorted(stepper.instants, solver.last_step[0], "right") : solver.position]
         stepper.look(solver, self.stretch, passed)
         return [*stepper.watch.left]
 
     def _is_cut(self, answer: int) -> bool:
-        """Whether the stretch ends here, where machine code asked."""
+        """Return True if the segment ends at the instant at which machine code returned control."""
         stepper, solver, stretch = self.stepper, self.solver, self.stretch
         if answer == MORE:
             if stepper.leaving is None or not stepper.leaving.cuts(stepper, solver, solver.steps, stretch):
@@ -173,7 +173,7 @@ class InMachineCode:
         return stepper.result.handover is not None
 
     def _follow(self) -> None:
-        """Where a condition may flip in the last step: what looks at that step then knows how far it goes, or another mode."""
+        """Locate a zero crossing in the last step; its monitors then get the shortened step, or another mode."""
         stepper, solver = self.stepper, self.solver
         self._note()
         self.noted = True
@@ -195,13 +195,13 @@ class InMachineCode:
             self.noted = False
 
     def _states_at(self, times: Any, exactly: bool) -> Any:
-        """States in the last step, with unknowns that are solved for if they are wanted exactly."""
+        """Return states in the last step, with the unknowns solved for if `exactly`."""
         stepper, mode = self.stepper, self.stretch.mode
         states = self.solver.states(times, mode)
         return stepper.held_all(times, states, mode) if exactly else states
 
     def _note(self) -> None:
-        """What is sure where machine code stands. A step that is pending has not been looked at: it does not count."""
+        """Store a checkpoint at the current instant. A pending step has not been checked, so it does not count."""
         stepper, solver = self.stepper, self.solver
         record = solver.record
         last = record.ends - 1 - (1 if record.pending else 0)
@@ -216,14 +216,14 @@ class InMachineCode:
         stepper.keep(time, state, self.stretch.mode, self.stretch.start, work, position)
 
     def _put_unknowns(self, first: int, last: int) -> None:
-        """The unknowns of loops at these instants."""
+        """Compute the unknowns of loops at these instants."""
         stepper = self.stepper
         if last > first:
             times, states = (a[first:last] for a in (stepper.instants, stepper.result.states))
             states[:] = stepper.loops.solve_all(times, states, self.stretch.mode)
 
     def _near_singular_pose(self) -> None:
-        """The same where machine code stopped before a pose, or where a redundant constraint may no longer be one."""
+        """Go on where machine code stopped before a singular pose, or where a redundant constraint may become independent."""
         stepper, solver, stretch = self.stepper, self.solver, self.stretch
         state, watcher = self._state, stepper.singular
         watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)

@@ -1,8 +1,8 @@
-"""Which method steps through a stretch: what the author asks for, or what a look at the model there says.
+"""Choice of the method for a segment: the author's choice, or one from an examination of the model.
 
-An explicit method is the faster one where accuracy and not stability holds its steps. The spectrum of the Jacobian where a stretch begins
-decides what is clear; else the explicit method tries some steps, of which nothing is kept. What becomes stiff later is found on the way.
-Laws that bend are Radau's, whose steps end there.
+An explicit method is faster where accuracy, not stability, limits its steps. The spectrum of the Jacobian at the beginning of a segment decides
+clear cases; otherwise the explicit method makes some trial steps, which are not kept. Stiffness that begins later is detected on the way. Laws
+with kinks are given to Radau, whose steps end there.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from .reference import interpreted
 if TYPE_CHECKING:
     from .stepper import Stepper
 
-EASY = 300.0  # turns of the fastest mode in a stretch, in radians: so few that an explicit method needs no more than some fifty steps for them
-STIFF = 3000.0  # such turns of a mode that dies out: it has done so long before the end
-DAMPED = 0.3  # of its rate: what a mode loses, if it dies out
-LARGEST = 200  # states up to which the spectrum is computed
-LARGEST_INTERPRETED = 60  # states up to which the explicit steps run as Python
-TRIAL = 60  # steps
-ENOUGH = 64  # modes that have been looked at: others are like most of them
+# Phase of the fastest mode in a segment, in radians, for which an explicit method needs no more than about fifty steps.
+EASY = 300.0
+STIFF = 3000.0  # the same for a mode that decays: it has done so long before the end
+DAMPED = 0.3  # least ratio of decay rate to rate of a mode that decays
+LARGEST = 200  # most states for which the spectrum is computed
+LARGEST_INTERPRETED = 60  # most states for which the explicit steps run in Python
+TRIAL = 60  # trial steps
+ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
 
 def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
-    """The method that goes on from state x. Raises `UsageError` where the one that is asked for cannot."""
+    """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     explicit = _obstacle_to_explicit(stepper)
     if stepper.solver == "explicit" and explicit:
         raise UsageError(
@@ -55,7 +56,7 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
         return stepper.result.settled
     if stepper.program.hybrid is None:
         return _by_spectrum(stepper, stretch, x, compiled)
-    # Events come back to modes that have been looked at.
+    # Events return to modes that have been examined before.
     known, key = stepper.methods, np.asarray(stretch.mode).tobytes()
     if key not in known and len(known) >= ENOUGH:
         return max(known.values(), key=list(known.values()).count)
@@ -65,7 +66,7 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
 
 
 def _by_spectrum(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
-    """The method that fits what the modes do on a stretch."""
+    """Return the method that fits the eigenvalues on a segment."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
         return RADAU
@@ -79,14 +80,14 @@ def _by_spectrum(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> 
 
 
 def _obstacle_to_explicit(stepper: Stepper) -> str:
-    """Why an explicit method cannot step; empty if it can."""
+    """Return the reason why an explicit method is not possible; empty if it is."""
     if stepper.constraints:
         return "closed loops hold its states on constraints"
     return "the unknowns of its algebraic loops are found with each step" if len(stepper.program.unknowns.names) else ""
 
 
 def _check_rodas(stepper: Stepper, states: int, compiled: bool) -> None:
-    """Raises `UsageError` for what a method that wants exact slopes, and solves for a stage once, cannot step through."""
+    """Raise `UsageError` for models that are not possible with a method that needs exact derivatives and solves once per stage."""
     if stepper.constraints:
         obstacle = "closed loops hold its states on constraints"
     elif stepper.history is not None:
@@ -99,7 +100,7 @@ def _check_rodas(stepper: Stepper, states: int, compiled: bool) -> None:
 
 
 def _check_conserving(stepper: Stepper, obstacle: str) -> None:
-    """Raises `UsageError` for what a method that keeps the energy cannot step through."""
+    """Raise `UsageError` for models that are not possible with an energy-conserving method."""
     if stepper.program.hybrid is not None:
         obstacle = "events change what it stores"
     elif stepper.history is not None:
@@ -111,7 +112,7 @@ def _check_conserving(stepper: Stepper, obstacle: str) -> None:
 
 
 def _spectrum(stepper: Stepper, stretch: Segment, x: Any) -> Any:
-    """The rates of the modes at a state; of a large model a bound of the fastest. None where there is none."""
+    """Return the eigenvalues at a state; for a large model a bound of the fastest one; None if there are none."""
     program, magnitude = stepper.program, stepper.tolerances.magnitude
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
     rows, columns = program.pattern
@@ -131,7 +132,7 @@ def _spectrum(stepper: Stepper, stretch: Segment, x: Any) -> Any:
 
 
 def _tried(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
-    """Some explicit steps, of which nothing is kept but what they say of the model."""
+    """Return the method chosen by some trial steps of the explicit one, which are not kept."""
     try:
         if compiled:
             from .machine import explicit_trial

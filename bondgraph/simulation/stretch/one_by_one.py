@@ -1,4 +1,7 @@
-"""A stretch stepped through in Python: after each step, all that looks at it does so. The reference of `machine.py`, and the way of what that cannot do."""
+"""Interpreted integrator: a segment integrated in Python, with all monitors called after each step.
+
+It is the reference for `machine.py`, and is used for models that machine code cannot run.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +29,15 @@ InPython = Union["Radau", "Interpreted"]
 
 
 def one_by_one(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> Any:
-    """As `Stepper.run` from where it begins to step. `size` of all steps, if the method wants that; `target`: what the result calls this way."""
+    """Integrate as `Stepper.run` from its first step.
+
+    `size`: of all steps, for a method with equal steps; `target`: the name of this integrator in the result.
+    """
     return OneByOne(stepper, stretch, x, method, size, target).to_end()
 
 
 class OneByOne:
-    """Steps over one stretch, the last of which is looked at."""
+    """Interpreted integrator over one segment, with access to its last step."""
 
     def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> None:
         self.stepper, self.stretch, self.target = stepper, stretch, target
@@ -42,14 +48,14 @@ class OneByOne:
             self.solver = reference(stepper, stretch, stretch.start, x)
         else:
             self.solver = interpreted(stepper, stretch, x, method, size)
-        self.before = self.solver.state  # where the last step began
+        self.before = self.solver.state  # state at the start of the last step
         self.magnitude = stepper.tolerances.magnitude
         self.peak = np.maximum(np.abs(x) / self.magnitude, 1.0)
         if stepper.constraints:
             stepper.singular.begin(stretch.start, x, stretch.mode)
 
     def to_end(self) -> Any:
-        """The state at the end of the stretch, or where something cuts it."""
+        """Return the state at the end of the segment, or where it is cut."""
         stepper = self.stepper
         try:
             while not self.solver.finished and self.step():
@@ -69,11 +75,11 @@ class OneByOne:
 
     @property
     def state(self) -> Any:
-        """Where the last step ended, in SI."""
+        """State at the end of the last step, in SI."""
         return self.solver.state * self.magnitude
 
     def step(self) -> bool:
-        """One accepted step; false where none leads on, but an event just ahead does."""
+        """Make one accepted step; return False if no step is possible but an event lies just ahead."""
         stepper = self.stepper
         self.before = np.array(self.solver.state)
         try:
@@ -90,7 +96,7 @@ class OneByOne:
 
     # ------------------------------------------------------------ what looks at a step
     def _pass_step(self) -> bool:
-        """All that looks at an accepted step: events, reports, limits, work, delays; false where it is to be made anew."""
+        """Call all monitors of an accepted step (events, outputs, limits, work, delays); return False if the step must be repeated."""
         stepper, solver = self.stepper, self.solver
         before = stepper.position
         dense = partial(self._dense, self.stretch.mode)
@@ -117,7 +123,7 @@ class OneByOne:
         return True
 
     def _repeat(self, stretch: Segment, size: float) -> None:
-        """Begin anew at the start of the last step, which a stretch from there on begins with, with a step that is no longer than this."""
+        """Restart at the start of the last step, with a segment that begins there and a step no longer than `size`."""
         stepper, x, old = self.stepper, self.before * self.magnitude, self.solver
         stepper.count(old.evaluations)
         if isinstance(old, Radau):
@@ -130,7 +136,7 @@ class OneByOne:
         self._hold_to_peak()
 
     def _sample(self) -> None:
-        """States at the instants that the last step passed; where an event ends it, the state after that is shown."""
+        """Store states at the reported instants within the last step; where an event ends it, the state after the event is stored."""
         stepper, solver = self.stepper, self.solver
         first = last = stepper.position
         end = self.stretch.stop if stepper.flip is None else stepper.flip.time
@@ -143,21 +149,21 @@ class OneByOne:
             stepper.position = last
 
     def _dense(self, mode: Any, times: Any, exactly: bool = True) -> Any:
-        """States and unknowns within the last step, the latter solved for if they are wanted exactly; multipliers always. Shape (times, n)."""
+        """Return states and unknowns within the last step, shape (times, n); unknowns are solved for if `exactly`, multipliers always."""
         stepper, states = self.stepper, self.solver.sample(times) * self.magnitude
         states = stepper.constraints.project_all(times, states, mode)
         return stepper.loops.solve_all(times, states, mode) if exactly or stepper.loops.affine else states
 
     def _along(self, times: Any) -> Any:
-        """States within the last step, as the collocation polynomial has them."""
+        """Return states within the last step from the collocation polynomial."""
         return self.solver.collocation(times) * self.magnitude
 
     # ------------------------------------------------------------ what a step makes of the next
     def _is_cut(self) -> bool:
-        """Whether the stretch ends after this step: for another stretch, another leg, or a signal that will jump. Else the next one is prepared."""
+        """Return True if the segment ends after this step: for another segment, another phase, or a signal that will jump. Else prepare the next step."""
         stepper, solver, stretch = self.stepper, self.solver, self.stretch
         if stepper.history is not None and stepper.history.next_cut(solver.time, stretch.stop) < stretch.stop:
-            stepper.reached = solver.time  # a signal will jump that did not when this stretch began
+            stepper.reached = solver.time  # a signal will jump; this was unknown when the segment began
             return True
         absolute = self._hold_to_peak()
         if stepper.choice is not None and not solver.finished:
@@ -180,7 +186,7 @@ class OneByOne:
         return False
 
     def _hold_to_peak(self) -> Any:
-        """A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance."""
+        """Raise the magnitude of a state that exceeds it, and return the new tolerances; tolerances given by the author stay."""
         tolerances = self.stepper.tolerances
         self.peak = np.maximum(self.peak, np.abs(self.solver.state))
         absolute = tolerances.scaled * np.where(tolerances.held, 1.0, self.peak)
@@ -188,7 +194,7 @@ class OneByOne:
         return absolute
 
     def _past_singular_pose(self, solver: Radau) -> None:
-        """Go on with a new solver beyond a singular pose that is near; steps beside one are short."""
+        """Go on with a new solver beyond a singular pose that is near; ordinary steps near it are short."""
         stepper, mode, state = self.stepper, self.stretch.mode, self.state
         watcher = stepper.singular
         watcher.look(solver.time, state, mode)

@@ -1,4 +1,4 @@
-"""What a run keeps and does where it comes near a singular pose, whatever makes the steps."""
+"""Actions near a singular pose, the same for all integrators."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def chosen_anew(stepper: Stepper, time: float, state: Any, mode: Any, step: float) -> bool:
-    """Whether to stop here, as other constraints should take part from now on: the next leg chooses them."""
+    """Return True if the phase must end here because other constraints should be active from now on: the next phase selects them."""
     if stepper.choice is None or not stepper.singular.other_rows(time, state, mode, step):
         return False
     stepper.result.handover = Handover(time, *stepper.choice.stored(time, state, mode))
@@ -23,7 +23,7 @@ def chosen_anew(stepper: Stepper, time: float, state: Any, mode: Any, step: floa
 
 
 def beyond(stepper: Stepper, crossed: Crossed, state: Any, stretch: Segment) -> Any:
-    """The state after a crossing; what the run keeps of it is kept. `state`: before."""
+    """Return the state after a crossing, and store the run's data on it. `state`: before."""
     magnitude, count = stepper.tolerances.magnitude, stepper.constraints.count
 
     def sample(times: Any) -> Any:

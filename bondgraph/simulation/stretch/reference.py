@@ -1,4 +1,4 @@
-"""Methods as Python for a stretch: what they ask of a program, over states that are divided by their magnitudes."""
+"""Methods in Python for a segment: their functions of a program, for states divided by their magnitudes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def interpreted(
     stepper: Stepper, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf
 ) -> Interpreted:
-    """A method that is written as machine code alone, as Python, from the start of a stretch; `size` of all steps, if it wants that."""
+    """Return a method that is written for machine code only, run in Python, from the start of a segment; `size` of all steps, if it needs that."""
     from ..steps.compiled.interpreted import Interpreted
 
     fixed = (stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch)
@@ -29,7 +29,7 @@ def interpreted(
 def reference(
     stepper: Stepper, stretch: Segment, start: float, x: Any, size: float = np.inf, absolute: Any = None
 ) -> Radau:
-    """Radau for the scaled states of one stretch, from a time and state in it; `size` of the first step, if known.
+    """Return Radau for the scaled states of one segment, from a time and state in it; `size` of the first step, if known.
 
     `absolute`: tolerances of the scaled states, if they have grown.
     """
@@ -67,7 +67,7 @@ def reference(
 
         def hold(time: float, scaled: Any) -> Any:
             held = stepper.constraints.project(time, scaled * magnitude, mode) / magnitude
-            held[eliminated.places] = 0.0  # what the steps carry along there has no meaning
+            held[eliminated.places] = 0.0  # the steps' values of eliminated unknowns have no meaning
             return held
 
         problem.hold = hold

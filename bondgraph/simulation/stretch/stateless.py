@@ -1,4 +1,4 @@
-"""A stretch of a model without states: its loops at each instant."""
+"""Segment of a model without states: its loops are solved at each instant."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def without_states(stepper: Stepper, stretch: Segment, x: Any) -> Any:
-    """Nothing to integrate: loops at each instant by themselves, each from the solution before it."""
+    """Solve the loops at each instant, each from the solution before it; there is nothing to integrate."""
     inner = stepper.instants[(stepper.instants > stretch.start) & (stepper.instants < stretch.stop)]
     stepper.watch.look(
         np.array([stretch.start, *inner, stretch.stop]), stretch.mode, partial(_loops_at, stepper, x, stretch)

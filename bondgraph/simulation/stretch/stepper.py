@@ -1,6 +1,6 @@
-"""What steps through smooth stretches holds and keeps, whatever makes the steps: see `one_by_one.py` and `machine.py`.
+"""Data and services common to the integrators over smooth segments: see `one_by_one.py` and `machine.py`.
 
-States are divided by their magnitudes before the solver sees them, which keeps its linear algebra well scaled.
+States are divided by their magnitudes before the solver gets them, which keeps its linear algebra well scaled.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 
 Solver = Union["Radau", "Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
-MOST_KNOWN = 64  # modes whose signals are kept
+MOST_KNOWN = 64  # most modes whose signals are cached
 
 
 class Stepper:
-    """Steps through one smooth stretch after another and keeps what was asked for."""
+    """Integrator over successive smooth segments, with the requested results."""
 
     def __init__(
         self,
@@ -61,24 +61,24 @@ class Stepper:
         self.choice: Choice | None = None
         self.leaving: Leaving | None = None
         self.linear = False
-        self.solver = AUTOMATIC  # what the author asks for
-        self.steps, self.most_steps = 0, MOST_STEPS  # of all stretches
-        self.mode: Any = None  # where the last piece ended
-        self.history: History | None = None  # of delayed signals
-        self.followed = (-np.inf, -np.inf)  # the step that is looked at
-        self.repeated = (-np.inf, np.inf)  # where the last step that was made anew began, and how long it was then
-        self.reached = -np.inf  # where the last run ended
-        self.flip: Flip | None = None  # where the last stretch ended early
+        self.solver = AUTOMATIC  # the requested solver
+        self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
+        self.mode: Any = None  # mode at the end of the last segment
+        self.history: History | None = None  # history of delayed signals
+        self.followed = (-np.inf, -np.inf)  # the step that is examined
+        self.repeated = (-np.inf, np.inf)  # start of the last repeated step, and its size then
+        self.reached = -np.inf  # end of the last call of `run`
+        self.flip: Flip | None = None  # zero crossing that ended the last segment early
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, inputs
         self.instants, self.powers, self._tolerances = instants, powers, tolerances
-        self.whole = float(instants[-1] - instants[0])  # how long the run is
-        self.traffic = 0.0  # the work at all ports so far, whatever its sign
-        self.position = 0  # the next instant to be reported
-        self.machine: InMachineCode | None = None  # what steps in machine code, from its first stretch on
+        self.whole = float(instants[-1] - instants[0])  # length of the run, s
+        self.traffic = 0.0  # energy turnover: absolute work at all ports so far
+        self.position = 0  # index of the next instant to be reported
+        self.machine: InMachineCode | None = None  # the native integrator, from its first segment on
         self._signals: dict[tuple[float, bytes], Signals] = {}
-        self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # of linear segments, by their matrices
-        self.methods: dict[bytes, int] = {}  # that were chosen, by mode: what is told of a spectrum once
+        self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # exponentials of linear segments, by their matrices
+        self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
         self.result = into if into is not None else empty(program, instants)
 
     @cached_property
@@ -88,7 +88,7 @@ class Stepper:
         return found
 
     def look_anew(self) -> None:
-        """Forget magnitudes, and what has them."""
+        """Discard the magnitudes, and all data that depend on them."""
         for name in ("tolerances", "loops"):
             self.__dict__.pop(name, None)
 
@@ -105,7 +105,7 @@ class Stepper:
         return Watcher(self.constraints, self.loops, self.result.poses)
 
     def signals(self, stretch: Segment) -> Signals:
-        """What time alone moves on a stretch, or on a longer one that ends with it: events cut one into many."""
+        """Return the signals of time on a segment, or on a longer one that ends with it: events cut one segment into many."""
         hybrid, mode = self.program.hybrid, np.asarray(stretch.mode)
         key = stretch.stop, mode.tobytes() if hybrid is None or hybrid.switches_signals else b""
         if key not in self._signals:
@@ -115,7 +115,7 @@ class Stepper:
         return self._signals[key]
 
     def done(self, x: Any, mode: Any) -> Trajectory:
-        """What has been kept, with the state and the mode at the end."""
+        """Return the trajectory, with the state and the mode at the end."""
         if self.result.handover is not None:
             self.result.states = self.result.states[: self.position]
             self.result.kept = None
@@ -128,12 +128,11 @@ class Stepper:
         return self.result
 
     def let_go(self) -> None:
-        """Of what steps in machine code, which knows this stepper: then all that a run holds is free at once, not only when a collector
-        looks for circles."""
+        """Release the native integrator, which refers to this object, so that memory is freed at once, without the garbage collector."""
         self.machine = None
 
     def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
-        """What is sure so far: a step has been accepted, and all that looks at it has done so."""
+        """Store a checkpoint after a step that was accepted and that all monitors have checked."""
         result, history = self.result, self.history
         count, on = self.happened
         result.kept = Kept(
@@ -143,22 +142,22 @@ class Stepper:
 
     @property
     def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
-        """How many events there were, and which events' conditions hold."""
+        """Return the number of events so far, and the truth of the events' conditions."""
         return 0, {}
 
     @property
     def floor(self) -> Any:
-        """How near to zero roots of conditions are rounding; None if there are none."""
+        """Rounding errors of the roots of conditions; None if there are none."""
         return None
 
     def remember(self, history: History | None) -> None:
-        """Keep what delayed signals will be; no step is longer than the shortest delay."""
+        """Store the future values of delayed signals; no step is longer than the shortest delay."""
         self.history = history
         if history is not None:
             self.longest = min(self.longest, float(history.lags.min()))
 
     def run_to_end(self, stretch: Segment, x: Any) -> Any:
-        """One stretch; it is cut where a delayed signal jumps, and where something is left out."""
+        """Integrate one segment; it is cut where a delayed signal jumps, and where fast modes are removed."""
         start = stretch.start
         while True:
             stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
@@ -168,7 +167,7 @@ class Stepper:
                 return x
 
     def run(self, stretch: Segment, x: Any) -> Any:
-        """One stretch from state x, or up to the first event in it; returns the state at its end."""
+        """Integrate one segment from state x, or up to the first event in it; return the state at its end."""
         self.reached = stretch.stop
         if self.history is not None:
             self.history.window = stretch.start, stretch.stop
@@ -194,13 +193,13 @@ class Stepper:
                 "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
                 "inputs a few thousand polynomials can follow; leave the solver to choose"
             )
-        if self.linear:  # but not to be solved exactly
+        if self.linear:  # the exact solution was not possible
             x = self._without_ringing(stretch, x)
             self._put_start(stretch, x, first)
         return self._by_steps(stretch, x)
 
     def _put_start(self, stretch: Segment, x: Any, first: int) -> None:
-        """The state in which a stretch starts, at all reported instants from the first on that are no later."""
+        """Store the initial state of a segment at all reported instants, from the index `first` on, that are no later."""
         self.position = first
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
             self.result.states[self.position] = x
@@ -208,13 +207,13 @@ class Stepper:
         self.keep(stretch.start, x, stretch.mode, stretch.start)
 
     def _without_ringing(self, stretch: Segment, x: Any) -> Any:
-        """The state without what is faster than the bandwidth, if there is one."""
+        """Return the state without the modes faster than the bandwidth, if there is one."""
         if self.leaving is None or not len(self.program.states.names):
             return x
         return self.leaving.begin(self, stretch, x)
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
-        """One stretch by a method that chooses its steps."""
+        """Integrate one segment by a method that chooses its steps."""
         obstacle: str | None = "" if self.history is None else " (delays)"
         if self.program.native is not None:
             from .machine import obstacle_of
@@ -241,19 +240,19 @@ class Stepper:
         return one_by_one(self, stretch, x, method, size, target)
 
     def held(self, time: float, x: Any, mode: Any) -> Any:
-        """A state on its invariants, with the unknowns that belong to it."""
+        """Return a state projected on its invariants, with the unknowns that belong to it."""
         return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
 
     def held_all(self, times: Any, states: Any, mode: Any) -> Any:
-        """The same for several instants; shape (times, n)."""
+        """Return projected states at several instants, with their unknowns; shape (times, n)."""
         return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
 
     def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
-        """Tell the result what held the steps, if they were very many, and what went much farther than was seen."""
+        """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
         self.result.notes += [*notes_of(self, solver, steps, mode), *notes_of_beyond(self, solver)]
 
     def name(self, method: int, target: str) -> None:
-        """Tell the result what steps."""
+        """Note in the result the method and target of the steps."""
         self.result.solvers[f"{NAMES[method]}, {target}"] = None
 
     def count(self, evaluations: Mapping[str, int]) -> None:
@@ -263,7 +262,7 @@ class Stepper:
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
 
     def check_forced(self, time: float, before: Any, after: Any, x: Any) -> None:
-        """What is differentiated in time must not jump where conditions on time change. `before`, `after`: modes."""
+        """Raise `RunFailed` if a differentiated input jumps where conditions on time change. `before`, `after`: modes."""
         if self.mode is not None:
             before, after = self.mode, with_time_of(self.program, after, self.mode)
         if (before == after).all():
@@ -278,22 +277,22 @@ class Stepper:
             )
 
     def check_rates(self, start: float, x: Any, mode: Any) -> None:
-        """A run can only begin where all rates are numbers."""
+        """Raise `RunFailed` if a rate is not finite where a run begins."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x, mode)
 
     def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
-        """Why the run ends here."""
+        """Return the error that explains why the run ends here."""
         return failure(self, solver, what, mode)
 
     def grow(self, x: Any) -> None:
-        """What an event stepper keeps of a state."""
+        """Update the largest magnitudes; only for integrators with events."""
 
     def follow(
         self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
     ) -> Segment:
-        """Where an event stepper looks for events in a step."""
+        """Search a step for events; only integrators with events do this, here the segment is returned unchanged."""
         return stretch
 
     def follow_step(
@@ -304,7 +303,7 @@ class Stepper:
         state_at: StateAt,
         roots_at: RootsAt | None = None,
     ) -> Segment:
-        """The last step through `follow`, in as many parts as its method needs for being looked at as closely as any other."""
+        """Search the last step for events by `follow`, in as many parts as its method needs."""
         start, stop = self.followed = last
         edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
         for a, b in pairwise(edges):
@@ -314,10 +313,10 @@ class Stepper:
         return stretch
 
     def marked(self) -> Any:
-        """What an event stepper changes where it follows a step."""
+        """Return the data that `follow` changes; only for integrators with events."""
 
     def shortened(self, start: float, size: float) -> float:
-        """How long a step is made anew that was to have this size: half of what it was when it was made anew before, so that this comes to an end."""
+        """Return the size of a repeated step: `size`, or half of its last size if it was repeated before, so that repetition ends."""
         before, last = self.repeated
         if start == before:
             size = min(size, 0.5 * last)
@@ -325,14 +324,14 @@ class Stepper:
         return size
 
     def go_back(self, mark: Any) -> None:
-        """The last step is to be made anew, and shorter: an event stepper forgets what it found in it."""
+        """Restore the data of `marked` before a step is repeated with a shorter size; only for integrators with events."""
 
     def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
-        """Whether an event stepper sees an event where steps collapse: beyond it the law of this side may have no value."""
+        """Return True if an event lies where steps collapse: beyond it the law of this side may have no value. Here always False."""
         return False
 
     def look(self, solver: Solver, stretch: Segment, reported: Any) -> None:
-        """Look at the limits of the model at the stages of the last step and at the instants that it passed."""
+        """Check the limits of the model at the stages of the last step and at the reported instants within it."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time
         magnitude = self.tolerances.magnitude
@@ -347,19 +346,20 @@ class Stepper:
             self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
 
     def add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
-        """The work of a step. `sample`: states at instants, with or without the multipliers that belong to them."""
+        """Add the work of a step. `sample`: states at instants, with or without the multipliers that belong to them."""
         powers = self.powers
         assert powers is not None
 
         def at(times: Any) -> Any:
             states = sample(times)
-            if len(self.program.multipliers):  # those of a collocation polynomial begin where the step before left them
+            # multipliers of a collocation polynomial start from those of the step before
+            if len(self.program.multipliers):
                 states = self.loops.solve_all(times, states, stretch.mode)
             return powers(times, states, stretch.mode)
 
         self.add(*work_of(at, start, stop, self.traffic, self.tolerances.relative))
 
     def add(self, work: Any, traffic: float) -> None:
-        """Work at all ports, and how much of it there was whatever its sign."""
+        """Add work at all ports, and the sum of its absolute values."""
         self.traffic += traffic
         self.result.work = work if self.result.work is None else self.result.work + work
