@@ -1,4 +1,4 @@
-"""The steps of an experiment that name what they move, look for or vary: `linearize`, `sensitivity`, `continue`, `invert`, `fit`."""
+"""Reading of the experiment steps `linearize`, `sensitivity`, `continue`, `invert` and `fit`, and of the names in them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ MOST_POINTS = 200_000
 
 
 def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs: Mapping[str, Named]) -> Analysis:
-    """A step in SI. Raises `Wrong` and `AlreadyTold`; what is wrong with several of its names is all told."""
+    """Return one analysis step with its numbers in SI.
+
+    Raises `Wrong` and `AlreadyTold`. If several names of the step are wrong, all of them are reported.
+    """
     match step.role:
         case "linearize":
             read = ((_moved, step.given), (_seen, step.wanted))
@@ -48,7 +51,7 @@ def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
 
 
 def _moved(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
-    """What a linear model may lead from."""
+    """Name of an input of a linear model. Raises `Wrong` unless it is an input, parameter, signal or constant."""
     scalar = elaborator.lookup(given.path, root)
     if not isinstance(scalar, Scalar) or scalar.role not in ("parameter", "input", "signal", "constant"):
         what = f"A linear model leads from an input, which `{word(given.path)}` is not"
@@ -57,7 +60,7 @@ def _moved(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
 
 
 def _seen(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
-    """What a linear model may lead to: whatever a report could read."""
+    """Name of an output of a linear model: any single number that a `report` could read. Raises `Wrong` for a list."""
     if not isinstance(elaborator.lookup(given.path, root), Scalar):
         raise Wrong(WrongType(given.span, "A single number", "a list", "Name its items one by one."))
     return word(given.path)
@@ -109,7 +112,7 @@ def _inverting(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs
 
 
 def _along(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> dict[str, Any]:
-    """The path in time, if it is one."""
+    """Attributes of a path in time: start, stop, limits and settings. Empty if the step has no range."""
     if step.range is None:
         for attribute in step.attributes:
             hint = "Along a path it has: points, moving, `limit NAME = …`; say `over 0 .. 5 ms`."

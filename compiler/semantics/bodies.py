@@ -1,4 +1,4 @@
-"""Bodies and frames: what they weigh, and where they are drawn."""
+"""Bodies and frames of a mechanism: mass, inertia, and position in the drawing."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _planar_inertia(reader: Attributes) -> Inertia:
 
 
 def _inertia(reader: Attributes) -> Inertia:
-    """Three principal moments, or the six entries of the tensor; only such as take positive energy."""
+    """Three principal moments of inertia, or the six entries of the tensor. Negative kinetic energy is refused."""
     attribute, elaborator, scope = reader.given.get("inertia"), reader.elaborator, reader.part.scope
     if attribute is None:
         return Inertia()

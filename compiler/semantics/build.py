@@ -1,4 +1,4 @@
-"""Syntax tree to bond graph: the room's one verb, in the order in which things must happen."""
+"""Syntax tree to bond graph: the main function of this room, with the passes in the order that they need."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ from .unconnected import unconnected
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """A flat model and what its experiment plans."""
+    """A flat model and the plan of its experiment."""
 
     graph: BondGraph
     plan: Plan
-    files: tuple[Source, ...] = ()  # that were read besides the text itself
-    positive: tuple[tuple[str, Bound], ...] = ()  # what is never negative, but only a run can tell
+    files: tuple[Source, ...] = ()  # files that were read in addition to the text
+    positive: tuple[tuple[str, Bound], ...] = ()  # expressions that must not be negative; only a run knows their values
 
 
 def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -> Built:
-    """Open the model that a scene asks for. Raises `CompilationFailed` with everything that is wrong."""
+    """Elaborate the model that a scene names. Raises `CompilationFailed` with all errors."""
     loader = Loader(library)
     file = loader.load(syntax)
     definition = choose_model(file, scene.model, loader.diagnostics)
@@ -57,7 +57,7 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What is wrong in a file; if nothing is, the model that would be run comes along, so that it is opened once."""
+    """Errors in a file. If there are none, also the elaborated main model, so that it is not elaborated twice."""
 
     diagnostics: list[Diagnostic]
     built: Built | None = None
@@ -66,10 +66,10 @@ class Checked:
 def check_parts(
     syntax: SyntaxTree, library: Path | None = None, wanted: str | None = None, broken: frozenset[str] = frozenset()
 ) -> Checked:
-    """What is wrong in any model of a file and its experiments, each looked at by itself.
+    """Check every model of a file separately, with its experiments, and return all errors.
 
-    Ports may be open and parameters without value, but not in the model that would be run, if nothing else is wrong.
-    `broken` names models of which lines could not be read: they are not looked at, and their instances tell nothing.
+    Open ports and parameters without value are allowed, except in the main model if it has no other errors.
+    `broken` names models with lines that could not be parsed: they are skipped, and their instances give no errors.
     """
     loader = Loader(library)
     file = loader.load(syntax)
@@ -85,7 +85,7 @@ def check_parts(
             break
         opened = _Opened.of(definition, Scene(experiment=None), (), definition is not main, known)
         whole = opened.built() if definition is main else whole
-        if definition is main and opened.elaborator.diagnostics:  # what only a run lacks is told if nothing else is
+        if definition is main and opened.elaborator.diagnostics:  # values missing for a run: reported last
             whole, opened = None, _Opened.of(definition, Scene(experiment=None), (), True, known)
             opened.built()
         elif definition is not main:
@@ -97,7 +97,7 @@ def check_parts(
 
 
 def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
-    """The model that would be run; None for a file of parts."""
+    """The model that a run would take; None for a file of parts."""
     try:
         chosen = choose_model(file, wanted, [])
     except CompilationFailed:
@@ -106,7 +106,7 @@ def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
 
 
 def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known) -> list[Diagnostic]:
-    """What is wrong in an experiment. One that sets and sweeps nothing is read in the model as it is open already."""
+    """Return the errors of an experiment. One that sets and sweeps nothing is read in the model that is already elaborated."""
     scene = Scene(experiment=experiment.name)
     if any(isinstance(s, tree.Set | tree.Study | tree.Analysis) for s in experiment.steps):
         other = _Opened.of(opened.definition, scene, (), True, Known())
@@ -120,14 +120,14 @@ def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known
 
 
 def is_part(syntax: SyntaxTree, wanted: str | None) -> bool:
-    """Whether the model that would be run has ports of its own. Raises `CompilationFailed` if there is none to run."""
+    """Return True if the main model has ports of its own. Raises `CompilationFailed` if the file has no main model."""
     file = FileScope(syntax.source, {}, {}, {})
     file.models.update({n: ModelDefinition(m, file) for n, m in syntax.models.items()})
     return any(wall_items(choose_model(file, wanted, []).model))
 
 
 def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diagnostic]) -> ModelDefinition:
-    """The model that is asked for, or the one that no other model of the file uses."""
+    """Return the model named `wanted`; without a name, the only model that no other model of the file uses."""
     own = {n: d for n, d in file.models.items() if d.file is file}
     span = Span(file.source, 0, min(1, len(file.source.text)))
     if wanted is not None:
@@ -174,7 +174,7 @@ def _declarations(statements: tuple[tree.Node, ...]) -> list[tree.Declaration]:
 
 @dataclass(frozen=True, slots=True)
 class _Opened:
-    """A model that has been opened for a scene: all its names are known, no law has been read yet."""
+    """A model elaborated for a scene: all its names are known, its laws are not read yet."""
 
     definition: ModelDefinition
     scene: Scene
@@ -196,7 +196,7 @@ class _Opened:
         return _Opened(definition, scene, experiment, elaborator, known)
 
     def built(self) -> Built:
-        """Its flat graph and plan; what is wrong goes to the elaborator."""
+        """Build the flat graph and its plan. Errors are collected in the elaborator."""
         elaborator = self.elaborator
         for pending in elaborator.pending:
             elaborator.guard(elaborator.quantity, pending)

@@ -1,4 +1,4 @@
-"""`montecarlo`: which distributions quantities have, how they are correlated, and how many points are looked at."""
+"""`montecarlo`: distributions of quantities, their correlations, and the number of points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CORRELATION = "correlation"
 
 
 def read_montecarlo(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Varying:
-    """In SI. Raises `Wrong` and `AlreadyTold`."""
+    """Read a `montecarlo` step, with its numbers in SI. Raises `Wrong` and `AlreadyTold`."""
     drawn, linked = ([g for g in step.given if (g.other is None) == alone] for alone in (True, False))
     counts = {"samples": (2, MOST_SAMPLES), "seed": (0, 2**31 - 1), "indices": (0, MOST_SAMPLES)}
     vary, pairs, found = together(
@@ -112,7 +112,10 @@ def _correlation(
 
 
 def check_together(experiment: tree.Experiment | None, plan: Plan) -> None:
-    """`montecarlo` makes what the other steps say at each of its points, so there is one of it, and what they say is numbers. Raises `Wrong`."""
+    """Check `montecarlo` together with the other steps. Raises `Wrong`.
+
+    `montecarlo` repeats the other steps at each of its points. So there may be only one, and the results of the others must be numbers.
+    """
     steps = experiment.steps if experiment is not None else ()
     chances = [s for s in steps if isinstance(s, tree.Analysis) and s.role == "montecarlo"]
     if not chances:

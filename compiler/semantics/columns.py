@@ -1,9 +1,11 @@
-"""Columns of measured values: `column("curve.csv", "force")`. The files lie in the project folder; a header names and units them.
+"""Columns of measured values: `column("curve.csv", "force")`.
 
-# a comment
-position [mm], force [N]
-0, 0.1
-1.5, 0.25
+The files lie in the project folder. A header gives name and unit of each column:
+
+    # a comment
+    position [mm], force [N]
+    0, 0.1
+    1.5, 0.25
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What must hold of numbers that a run sets: refused here where they are known, else handed on as expressions that are not negative.
+"""Conditions on numbers that a run sets: checked here if the values are known, else handed on as expressions that must not be negative.
 
-A run evaluates these for its numbers; where one is negative, the model is compiled with the numbers, and what is wrong is told as ever.
+A run evaluates these expressions. If one is negative, the model is compiled again with the numbers, and the usual error is reported.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ Condition = Callable[[Sequence[Expression]], Sequence[Expression]]
 def known_or_later(
     resolver: Resolver, bounds: Sequence[Bound], span: Span, words: str, condition: Condition
 ) -> list[float] | None:
-    """The values; None where one is not known yet: then what `condition` makes of them is not to be negative when a run begins."""
+    """Return the values, or None if one of them is not known yet.
+
+    In the second case the expressions that `condition` makes of them are added to `positive`: they must not be negative when a run begins.
+    """
     values = [resolver.value_of(b, span, decides=False) for b in bounds]
     known = [v for v in values if v is not None]
     if len(known) == len(values):
@@ -32,12 +35,12 @@ def known_or_later(
 
 
 def not_zero(numbers: Sequence[Expression]) -> list[Expression]:
-    """Not all of them are zero."""
+    """Condition that at least one value differs from zero."""
     return [_less(_squares(numbers))]
 
 
 def not_parallel(share: float) -> Condition:
-    """Two directions in space, whose sine is more than `share`."""
+    """Condition that two directions in space are not parallel: the sine of their angle is greater than `share`."""
 
     def condition(numbers: Sequence[Expression]) -> list[Expression]:
         a, b = numbers[:3], numbers[3:]
@@ -48,7 +51,7 @@ def not_parallel(share: float) -> Condition:
 
 
 def apart(share: float) -> Condition:
-    """Two points, by more than `share` of how far they are from the origin."""
+    """Condition that the distance of two points is greater than `share` times their distance from the origin."""
 
     def condition(numbers: Sequence[Expression]) -> list[Expression]:
         away = [add(a, negate(b)) for a, b in zip(numbers[:3], numbers[3:], strict=True)]
@@ -58,7 +61,7 @@ def apart(share: float) -> Condition:
 
 
 def takes_energy(rounding: float) -> Condition:
-    """A tensor (xx, yy, zz, xy, xz, yz) whose principal minors are not negative, but for rounding."""
+    """Condition that no principal minor of a tensor (xx, yy, zz, xy, xz, yz) is negative, up to rounding."""
 
     def condition(numbers: Sequence[Expression]) -> list[Expression]:
         xx, yy, zz, xy, xz, yz = (*numbers, *[Number(0.0)] * 3)[:6]
@@ -82,5 +85,5 @@ def _squares(numbers: Sequence[Expression]) -> Expression:
 
 
 def _less(x: Expression) -> Expression:
-    """Less the least number: not zero."""
+    """Subtract the smallest positive number, so that zero becomes negative."""
     return add(x, negate(LEAST))

@@ -1,4 +1,4 @@
-"""Bonds: places found, multibonds taken apart, walls and splitters passed through, arrows checked."""
+"""Bonds: endpoints resolved, multibonds split, model ports and splitters passed through, directions checked."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .scope import (
 
 
 class Terminal(NamedTuple):
-    """Where half of a bond arrives: a port of a node, or one side of a hole in a wall."""
+    """End of half a bond: a port of a node, or one side of a hole (model port or splitter)."""
 
     node: str
     port: str
@@ -37,7 +37,7 @@ class Terminal(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A bond as drawn, before walls are passed."""
+    """A bond as it is drawn, before model ports and splitters are passed through."""
 
     tail: Terminal
     head: Terminal
@@ -45,7 +45,7 @@ class Segment(NamedTuple):
 
 
 class Place(NamedTuple):
-    """What an arrow reaches: terminals by component; `multi` if it is a multibond."""
+    """Endpoint of an arrow: terminals by component; `multi` is True for a multibond."""
 
     terminals: dict[str, Terminal]
     multi: bool
@@ -55,12 +55,12 @@ class Place(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the author wrote."""
+        """The endpoint as the author wrote it."""
         return self.written.words if isinstance(self.written, tree.Path) else f"{self.written.kind}(…)"
 
 
 class Connector:
-    """Turns the bond statements of all instances into bonds between nodes."""
+    """Conversion of the bond statements of all instances to bonds between nodes."""
 
     def __init__(self, elaborator: Elaborator) -> None:
         self.elaborator = elaborator
@@ -73,7 +73,7 @@ class Connector:
         self.passed: dict[tuple[str, str], int] = {}  # port of a model and component -> the bond through it
 
     def connect(self) -> None:
-        """Read every statement; mistakes go to the elaborator."""
+        """Read every bond statement. Errors are collected in the elaborator."""
         before = len(self.elaborator.diagnostics)
         for scope, statement in self.elaborator.bonds:
             self.elaborator.guard(self._statement, scope, statement)
@@ -139,7 +139,7 @@ class Connector:
 
     @staticmethod
     def _check_heat(source: Place, target: Place, tail: Span, head: Span) -> None:
-        """Arrows go into the ports of an RS, and out of its last one, which gives what the others lose."""
+        """Check the directions at an RS: power flows into all ports but the last, which gives off the heat."""
         for place, span, into in ((source, tail, False), (target, head, True)):
             if place.kind == "RS":
                 last = place.ports[-1]
@@ -352,7 +352,7 @@ class Connector:
 
     # ------------------------------------------------------------ walls
     def bonds(self, numbers: dict[tuple[str, str], End]) -> list[Bond]:
-        """The bonds between nodes, walls passed. `numbers` gives the end for a node's name and port."""
+        """Return the bonds between nodes, with model ports passed through. `numbers` maps a node's name and port to its end."""
         holes: dict[tuple[str, str], dict[str, list[Segment]]] = defaultdict(lambda: defaultdict(list))
         for segment in self.segments:
             for terminal in (segment.tail, segment.head):
@@ -415,7 +415,7 @@ class Connector:
     def _follow(
         self, segment: Segment, holes: dict[tuple[str, str], dict[str, list[Segment]]]
     ) -> list[Segment] | None:  # fmt: skip
-        """The segments of one bond, from its node on."""
+        """Return the segments of one bond, starting at its node."""
         chain = [segment]
         for _ in range(len(self.segments) + 1):
             head = chain[-1].head
@@ -424,7 +424,7 @@ class Connector:
             onward = [s for side, all_ in holes[head.node, head.port].items() if side != head.side for s in all_]
             onward = [s for s in onward if s.tail.side and s.tail.node == head.node and s.tail.port == head.port]
             if len(onward) != 1:
-                return None  # told by _check_hole, or open in a part
+                return None  # reported by _check_hole, or an open port of a part
             chain.append(onward[0])
         return None
 
@@ -438,18 +438,18 @@ class Connector:
             return None
         ends = numbers.get((tail.node, tail.port)), numbers.get((head.node, head.port))
         if ends[0] is None or ends[1] is None:
-            return None  # the node itself is wrong, and that is told
+            return None  # the node has an error, which is already reported
         return Bond(ends[0], ends[1], tail.domain.name, last.span)
 
 
 def _is_wall(entry: Entry) -> bool:
-    """Whether it is a port of a model, or an array of them."""
+    """Return True for a port of a model or an array of such ports."""
     first = next(iter(entry.items.values()), None) if isinstance(entry, Array) else entry
     return isinstance(first, WallEntry)
 
 
 def _walls(instance: InstanceEntry) -> list[str]:
-    """The ports of an instance, by the names of its model; an array by one of its items."""
+    """Ports of an instance, by the names in its model. One item stands for all items of an array."""
     names = []
     for name, entry in instance.scope.entries.items():
         if _is_wall(entry):

@@ -24,12 +24,12 @@ Key = tuple[str, ...]  # ("spring", "x"), ("body", ""), ("comb", "shuttle", "")
 
 @dataclass(slots=True)
 class DomainTable:
-    """The domain of every port in one definition. Keys name parts without their indices."""
+    """Domains of all ports in one definition. Keys name parts without their indices."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
     parents: dict[Key, Key] = field(default_factory=dict)
     known: dict[Key, tuple[str, Span, Key]] = field(default_factory=dict)
-    guesses: list[tuple[Key, str, set[str], Span]] = field(default_factory=list)  # what the letters of laws tell
+    guesses: list[tuple[Key, str, set[str], Span]] = field(default_factory=list)  # implied by letters of laws
     told: set[Key] = field(default_factory=set)  # classes that met another domain: once is enough
 
     def root(self, key: Key) -> Key:
@@ -40,7 +40,7 @@ class DomainTable:
         return parent
 
     def learn(self, key: Key, domain: str, span: Span) -> None:
-        """A port is of this domain, because of that place."""
+        """Record the domain of a port; `span` is the place that determines it."""
         root = self.root(key)
         before = self.known.setdefault(root, (domain, span, key))
         if before[0] != domain and root not in self.told:
@@ -48,7 +48,7 @@ class DomainTable:
             self.diagnostics.append(DomainConflict(span, _words(key), domain, _words(before[2]), before[0], before[1]))
 
     def join(self, a: Key, b: Key, span: Span) -> None:
-        """Two ports share a bond."""
+        """Record that two ports share a bond."""
         first, second = self.root(a), self.root(b)
         if first == second:
             return
@@ -63,14 +63,14 @@ class DomainTable:
             self.known[first] = two
 
     def guess(self) -> None:
-        """Let the letters of laws tell what no declaration has told; letters of another domain are a conflict."""
+        """Set the domains that no declaration gives from the letters of laws. Letters of another domain are a conflict."""
         for key, domain, letters, span in self.guesses:
             known = self.known.get(self.root(key))
             if known is None or not letters <= {*DOMAINS[known[0]].letters, *GENERIC}:
                 self.learn(key, domain, span)
 
     def of(self, *key: str) -> Domain | None:
-        """The domain of a port; None if nothing tells it."""
+        """Domain of a port; None if it is undetermined."""
         found = self.known.get(self.root(key))
         return None if found is None else DOMAINS[found[0]]
 
@@ -81,7 +81,7 @@ def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinitio
 
 
 class _Spreading:
-    """What the declarations of one definition tell, and then what its bonds carry on."""
+    """Domains given by the declarations of one definition, then spread along its bonds."""
 
     def __init__(self, definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> None:
         self.table, self.table_of = DomainTable(), table_of
@@ -137,7 +137,7 @@ class _Spreading:
             self.table.join(tails[component], heads[component], span)
 
     def _ends(self, place: tree.Path | tree.Nest, is_head: bool) -> dict[str, Key]:
-        """component -> key of what a bond reaches at a place."""
+        """Map from component to the key of the port that a bond reaches at a place."""
         if isinstance(place, tree.Nest):
             return {"": (f"@{place.span.start}", "")}
         members = [s.name for s in place.steps if isinstance(s, tree.Member)]
@@ -158,7 +158,7 @@ class _Spreading:
         return self._ends_of_instance(place, declaration.kind, members)
 
     def _ends_of_instance(self, place: tree.Path, kind: str, members: list[str]) -> dict[str, Key]:
-        """The same for a port of another model, whose own table tells its domain."""
+        """The same map for a port of an instance; the domain table of its model gives the domains."""
         inner = self.file.models.get(self.slots.get(kind, kind))
         if inner is None or not members:
             return {}
@@ -177,23 +177,23 @@ class _Spreading:
 
 
 def _words(key: Key) -> str:
-    """What a key names, as the author writes it."""
+    """Name of a key as the author writes it."""
     return "a junction in place" if key[0].startswith("@") else ".".join(k for k in key if k)
 
 
 def is_slot(item: tree.Item) -> bool:
-    """Whether a parameter stands for a model."""
+    """Return True if a parameter stands for a model."""
     return item.unit is not None and [name for name, _, _ in item.unit.factors] == ["model"]
 
 
 def slot_defaults(statements: tuple[tree.Node, ...]) -> dict[str, str]:
-    """The slots of a model, and the models that stand in them by default."""
+    """Default models of a model's slots, by slot name."""
     items = (i for s in statements if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
     return {i.name: i.value.words for i in items if isinstance(i.value, tree.Path)}
 
 
 def wall_items(model: tree.Model) -> Iterator[tree.PortItem]:
-    """The ports of a model as they are declared, those in loops once."""
+    """Declared ports of a model. Ports in loops occur once."""
     for statement in _flat(model.statements):
         if isinstance(statement, tree.Ports):
             yield from statement.items
@@ -209,7 +209,7 @@ def wall_components(item: tree.PortItem) -> dict[str, str | None]:
 
 
 def is_two_sided(declaration: tree.Declaration) -> bool:
-    """Whether it is a transducer with the sides 1 and 2; one that lists its ports has those instead."""
+    """Return True for a transducer with sides 1 and 2; one that lists its ports has those instead."""
     return declaration.kind in TWO_SIDED and not any(d.components for d in declaration.names)
 
 
@@ -298,7 +298,7 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
 
 
 def _told_by(letters: set[str]) -> tuple[set[str], str | None]:
-    """Letters, and the one domain that has them all; None if there are several, or none."""
+    """The one domain that has all these letters; None if several have them, or none."""
     fitting = [
         d for d in DOMAINS.values() if d.typed and d.guessed and letters and all(w in d.letters or w in GENERIC for w in letters)
     ]  # fmt: skip

@@ -1,7 +1,6 @@
-"""Instances opened: every declaration of every instance is entered in its scope; elements, bonds and mechanisms are gathered.
+"""Elaboration: the declarations of every instance enter its scope; elements, bonds and mechanisms are collected.
 
-First all names of an instance are declared (its loops unrolled, its own instances opened); their order in the text does not
-matter.
+All names of an instance are declared first (loops unrolled, nested instances opened), so their order in the text does not matter.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ MAXIMUM_HIERARCHY = 60  # models within models
 
 
 class Elaborator(QuantityResolver):
-    """Opens one model; `part` also allows open ports."""
+    """Elaboration of one model. `part` allows open ports."""
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         super().__init__(overrides, part, known)
@@ -73,14 +72,14 @@ class Elaborator(QuantityResolver):
         self.mechanism_parts: dict[str, Any] = {}
         self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
         self.count = 0
-        self.structure_broken = False  # then what is not connected would be told for the wrong reason
+        self.structure_broken = False  # then missing connections would be reported for the wrong reason
         self._tables = known.tables
 
     def table_of(self, definition: ModelDefinition) -> DomainTable:
-        """The domains of a definition, spread once."""
+        """Domain table of a definition, computed once."""
         key = id(definition)
         if key not in self._tables:
-            self._tables[key] = DomainTable()  # what a model that contains itself sees; the cycle is told elsewhere
+            self._tables[key] = DomainTable()  # seen by a model that contains itself; the cycle is reported elsewhere
             self._tables[key] = domain_table(definition, self.table_of)
             self.diagnostics += self._tables[key].diagnostics
         return self._tables[key]
@@ -94,7 +93,7 @@ class Elaborator(QuantityResolver):
 
     # ------------------------------------------------------------ declaring
     def open_root(self, definition: ModelDefinition) -> Scope:
-        """Open the model that is run."""
+        """Elaborate the main model."""
         self.root = self.instantiate(definition, "", {}, ())
         return self.root
 
@@ -106,7 +105,7 @@ class Elaborator(QuantityResolver):
         chain: tuple[ModelDefinition, ...],
         stands: Span | None = None,
     ) -> Scope:
-        """Open one instance. `bindings` are its attributes, read in the scope where it stands."""
+        """Elaborate one instance. `bindings` are its attributes, each with the scope in which it is read."""
         scope = Scope(definition, path, stands=stands)
         if stands is not None:
             self.stands[path.removesuffix(".")] = stands
@@ -130,7 +129,7 @@ class Elaborator(QuantityResolver):
         return scope
 
     def _enter_swept(self, root: Scope) -> None:
-        """A swept name that is not the model's own is a name of the experiment, with its first value here."""
+        """Enter swept names that the model does not have as names of the experiment, with their first values."""
         own = {i.name for s in root.definition.model.statements if isinstance(s, tree.Quantities) for i in s.items}
         for study in self.swept:
             path = study.paths[0]
@@ -183,7 +182,7 @@ class Elaborator(QuantityResolver):
             self.guard(check_function, scope, function)
 
     def enter(self, scope: Scope, name: str, entry: Entry, span: Span) -> None:
-        """Give a name its meaning in a scope. Of two declarations the later one in the text is wrong."""
+        """Enter a name in a scope. If it is declared twice, the later declaration in the text is the error."""
         if name in RESERVED:
             raise Wrong(ReservedName(span, name))
         before = scope.entries.get(name)
@@ -243,7 +242,7 @@ class Elaborator(QuantityResolver):
     def _declare_slot(
         self, scope: Scope, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
     ) -> None:
-        """`parameter Joint: model = Flexure`: a kind that an instance or a setting may replace by another model."""
+        """Declare a slot, `parameter Joint: model = Flexure`: a kind that an instance or a setting may replace by another model."""
         default = self._model_of(item.value, scope, item.span)
         found, span = default, item.span
         override = self.overrides.get(scope.full(item.name))
@@ -261,7 +260,7 @@ class Elaborator(QuantityResolver):
         self.enter(scope, item.name, SlotEntry(found, item.span), item.span)
 
     def _model_of(self, value: tree.Expression | None, scope: Scope, span: Span) -> ModelDefinition:
-        """The model that a slot's value names."""
+        """Return the model that the value of a slot names."""
         name = value.words if isinstance(value, tree.Path) else ""
         entry = scope.find(name)
         if isinstance(entry, SlotEntry):
@@ -275,7 +274,7 @@ class Elaborator(QuantityResolver):
         return definition
 
     def _walls(self, definition: ModelDefinition) -> dict[str, str]:
-        """The ports of a model with their domains."""
+        """Ports of a model, by name, with the names of their domains."""
         table = self.table_of(definition)
         walls = {}
         for item in wall_items(definition.model):
@@ -303,7 +302,7 @@ class Elaborator(QuantityResolver):
             self.walls[wall.name] = wall
 
     def unknown_domain(self, scope: Scope, span: Span, name: str) -> Exception:
-        """A port whose domain nothing tells; if the domains of its model are wrong, that has been told."""
+        """Error for a port of unknown domain. If the domains of its model have errors, these are already reported: `AlreadyTold`."""
         if self.table_of(scope.definition).diagnostics:
             return AlreadyTold()
         return Wrong(UnknownDomain(span, name))
@@ -315,7 +314,7 @@ class Elaborator(QuantityResolver):
 
     def _declare_parts(self, scope: Scope, statement: tree.Declaration, chain: tuple[ModelDefinition, ...]) -> None:
         if statement.kind in ELEMENT_KINDS:
-            if statement.kind in scope.definition.file.missing:  # a model has the same name, which has been told
+            if statement.kind in scope.definition.file.missing:  # a model has the same name; already reported
                 raise AlreadyTold
             for declared in statement.names:
                 self.guard(self._declare_element, scope, statement, declared)

@@ -1,4 +1,4 @@
-"""What can be wrong with names, units, laws and connections: BG1xx."""
+"""Errors in names, units, laws and connections: BG1xx."""
 
 from __future__ import annotations
 
@@ -401,7 +401,7 @@ class TooMany(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class TooLongRow(Diagnostic):
-    """BG162: deeper than the compiler follows."""
+    """BG162: nested more deeply than the compiler follows."""
 
     code = "BG162"
     title = "In `{model}` quantities, functions or expressions read one another in a row that is too long to follow"
@@ -411,7 +411,7 @@ class TooLongRow(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class TooManyMistakes(Diagnostic):
-    """BG161: enough has been told."""
+    """BG161: the limit on reported errors is reached."""
 
     code = "BG161"
     title = "More than {limit} mistakes: what else is wrong is not told"

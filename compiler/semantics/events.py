@@ -1,4 +1,4 @@
-"""`when CONDITION { … }`: what happens at an instant. Each instance's conditions, and what they set."""
+"""`when CONDITION { … }` and `every PERIOD { … }`: conditions of each instance, and the assignments at an event."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .requirements import read_condition
 from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe, unit_hint
 from .template import Typed
 
-STORED_BY = {"q": "qe", "p": "pf"}  # what a storage keeps -> the variables that give it
+STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it
 
 
 def read_events(elaborator: Elaborator, nodes: Sequence[Node]) -> tuple[Event, ...]:
-    """The events of all instances; what is wrong in them is collected."""
+    """Read the events of all instances. Errors are collected."""
     elements = {n.name: n for n in nodes if isinstance(n, Element)}
     found = [elaborator.guard(_read, elaborator, scope, event, elements) for scope, event in elaborator.events]
     return tuple(item for item in found if item is not None)
@@ -50,7 +50,7 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.Event, elements: dic
 
 
 def _period(elaborator: Elaborator, value: tree.Expression, scope: Scope) -> Bound:
-    """How often a sampled event acts: a time, known before the run. Raises `Wrong`."""
+    """Sampling period of an event: a time that is known before the run. Raises `Wrong`."""
     target = Scalar(0.0, ONE if scope.plain else SECOND, "number", "period")
     bound = read_value(elaborator, value, scope, target, "What stands after `every`", static=True)
     number = elaborator.value_of(bound, value.span)
@@ -86,7 +86,7 @@ def _action(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: d
 
 
 def _check_storage(reset: tree.Reset, element: Element | None, port: str, variable: str) -> None:
-    """Raise `Wrong` unless the element's port stores something, and the variable gives it."""
+    """Raise `Wrong` unless the element's port stores something and the variable determines it."""
     words = reset.target.words
     if element is None or not element.stored:
         hint = "It stores nothing: set the storages that are tied to it."
@@ -103,7 +103,7 @@ def _check_storage(reset: tree.Reset, element: Element | None, port: str, variab
 def read_value(
     elaborator: Elaborator, value: tree.Expression, scope: Scope, target: Scalar, what: str, static: bool = False
 ) -> Bound:
-    """What a target is set to: a condition (1 or 0) for a mode that is one, else a number of its unit. Raises `Wrong`."""
+    """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
     template = elaborator.template(value, scope)
     typed = template.value
     if not isinstance(typed, Typed):

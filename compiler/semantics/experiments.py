@@ -1,4 +1,4 @@
-"""Experiments: what they set before the model is opened, and what they plan once it is."""
+"""Experiments: their settings, read before elaboration, and their plan, read after it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SETTINGS = ("rtol", "atol", "points")
 
 
 def experiments_of(definition: ModelDefinition) -> dict[str, tree.Experiment]:
-    """The experiments of a model, by name, in its order; of two of one name the first."""
+    """Experiments of a model by name, in the order of the text. Of two with one name, the first is taken."""
     found: dict[str, tree.Experiment] = {}
     for statement in definition.model.statements:
         if isinstance(statement, tree.Experiment):
@@ -36,7 +36,7 @@ def experiments_of(definition: ModelDefinition) -> dict[str, tree.Experiment]:
 def choose_experiment(
     definition: ModelDefinition, wanted: str | None
 ) -> tuple[tree.Experiment | None, list[Diagnostic]]:
-    """The experiment of that name; "" is the first, None is none."""
+    """Return the experiment of that name, and errors. "" chooses the first experiment, None chooses none."""
     known: dict[str, tree.Experiment] = {}
     told: list[Diagnostic] = []
     for statement in definition.model.statements:
@@ -55,7 +55,7 @@ def choose_experiment(
 
 
 def experiment_overrides(experiment: tree.Experiment | None) -> list[Override]:
-    """What an experiment sets."""
+    """Settings of an experiment."""
     if experiment is None:
         return []
     return [
@@ -68,7 +68,7 @@ def experiment_overrides(experiment: tree.Experiment | None) -> list[Override]:
 def read_plan(
     elaborator: Elaborator, experiment: tree.Experiment | None, root: Scope, scene: Scene
 ) -> tuple[Plan, Mapping[str, Named]]:
-    """The plan of the run, and the outputs that it needs."""
+    """Return the plan of the run, and the outputs that it needs."""
     declared = {p.name: p for p in elaborator.pending if p.role == "output" and p.owner.base() is root}
     outputs: dict[str, Named] = {}
     for name, pending in declared.items():
@@ -109,7 +109,7 @@ def read_plan(
 def _analysis(
     elaborator: Elaborator, step: tree.Study | tree.Analysis, root: Scope, outputs: dict[str, Named]
 ) -> Analysis | None:
-    """What a step asks; None where its numbers are set when a run begins, which makes no step of its own."""
+    """Read one analysis step. Return None if its numbers are set when a run begins, in which case it adds no step."""
     if isinstance(step, tree.Study):
         return read_study(elaborator, step, root, outputs)
     before = dict(elaborator.asked)
@@ -121,7 +121,7 @@ def _analysis(
 
 
 def _before_simulate(step: tree.Study, experiment: tree.Experiment | None) -> bool:
-    """Whether a simulation follows the step, which then says where it starts."""
+    """Return True if a simulation follows the step: the step then gives its start."""
     steps = experiment.steps if experiment is not None else ()
     return any(isinstance(s, tree.Simulate) for s in steps[steps.index(step) + 1 :]) if step in steps else False
 
@@ -150,7 +150,7 @@ def _wanted(
 
 
 def _asked_for(elaborator: Elaborator, name: str, root: Scope, outputs: dict[str, Named]) -> bool:
-    """Whether a name that is no declared output is one of what `report` could read, such as `spring.F`; then it is an output now."""
+    """Return True if a name can be reported although it is no declared output, such as `spring.F`; add it to the outputs."""
     source = Source("output", name)
     try:
         value = parse_expression(source)
@@ -162,7 +162,7 @@ def _asked_for(elaborator: Elaborator, name: str, root: Scope, outputs: dict[str
 
 
 def _seen(plan: Plan) -> list[str]:
-    """What analyses lead to, and what was measured."""
+    """Names of the outputs of analyses and of measured quantities."""
     found: list[str] = []
     for study in plan.studies:
         match study:

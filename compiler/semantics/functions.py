@@ -1,4 +1,4 @@
-"""The functions of the language: how many arguments each takes, of which units, and what it becomes."""
+"""Functions of the language: number of arguments, their units, and the expression that each becomes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _pure(operator: str) -> Builder:
 
 
 def _keeping(operator: str) -> Builder:
-    """A function whose arguments share one unit, which the result has too."""
+    """Function whose arguments and result share one unit."""
 
     def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
         dimension = _same(compiler, node, arguments)

@@ -1,4 +1,4 @@
-"""Joints: what they join, where, and which way they leave it free."""
+"""Joints: the parts that they connect, their place, axes and freedoms."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ TIED = {"gear": ("hinge", "hinge"), "rack": ("hinge", "slide")}
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """The bodies and frames of a mechanism that could be read; `declared` are the names of all bodies."""
+    """Bodies and frames of a mechanism that could be read. `declared` holds the names of all bodies."""
 
     bodies: Mapping[str, Body]
     frames: Mapping[str, Frame]
     declared: frozenset[str]
 
     def body_of(self, name: str) -> str:
-        """The body that a name stands for. Raises `AlreadyTold` if its frame is wrong."""
+        """Body that a name denotes. Raises `AlreadyTold` if its frame has an error."""
         if name == GROUND or name in self.declared:
             return name
         if name not in self.frames:
@@ -42,7 +42,7 @@ class Places:
         return self.frames[name].body
 
     def point_of(self, name: str) -> Vector:
-        """Where a frame or the centre of a body is drawn. Raises `AlreadyTold` if that is wrong."""
+        """Position of a frame or of the centre of a body in the drawing. Raises `AlreadyTold` if it has an error."""
         part = self.frames.get(name) or self.bodies.get(name)
         if part is None:
             raise AlreadyTold
@@ -119,7 +119,7 @@ def _coupling(reader: Attributes, entry: MechanismEntry, definition: tree.Link) 
 
 # ---------------------------------------------------------------- places
 def _position(reader: Attributes, definition: tree.Link, first: str, second: str, places: Places) -> Vector:
-    """Where a joint is: `at`, or the frame that it is on."""
+    """Position of a joint: `at`, or the position of the frame that it is on. Raises `Wrong`."""
     if reader.part.entry.kind in SPANS:
         _check_span(reader, definition, first, second, places)
         return ORIGIN
@@ -151,7 +151,7 @@ def _check_span(reader: Attributes, definition: tree.Link, first: str, second: s
 
 
 def _distance(reader: Attributes, a: Vector, b: Vector, span: Span, threshold: float) -> float:
-    """How far apart two points are drawn; 0 below the threshold. Raises `AlreadyTold` where that is not known: nothing is told."""
+    """Distance of two points in the drawing; 0 below the threshold, NaN if it is not known yet, so that no error is reported."""
     values = [reader.elaborator.value_of(x, span) for x in (*a, *b)]
     known = [v for v in values if v is not None]
     return _length(known, threshold) if len(known) == len(values) else math.nan
@@ -164,13 +164,13 @@ def _length(known: list[float], threshold: float) -> float:
 
 # ---------------------------------------------------------------- directions
 def _directions(reader: Attributes, kind: str) -> tuple[Vector, Vector, Vector]:
-    """The axis of a joint, the second one of a universal joint, and how the axes are turned in which it measures."""
+    """Axis of a joint, second axis of a universal joint, and the rotation of the axes in which it measures."""
     axis, turn = _axis(reader, kind)
     return axis, _second_axis(reader, axis) if kind == "universal" else ORIGIN, turn
 
 
 def _axis(reader: Attributes, kind: str) -> tuple[Vector, Vector]:
-    """The axis of a joint, and how the axes are turned in which it measures."""
+    """Axis of a joint, and the rotation of the axes in which it measures."""
     if kind == "slide" and reader.planar:
         return _planar_slide(reader)
     if kind in ("slide", "cylinder", "screw"):
@@ -194,7 +194,7 @@ def _planar_slide(reader: Attributes) -> tuple[Vector, Vector]:
 
 
 def _second_axis(reader: Attributes, first: Vector) -> Vector:
-    """The axis about which a universal joint turns then, which is not parallel to the first."""
+    """Second axis of a universal joint, which is not parallel to the first."""
     second, attribute = reader.direction("then"), reader.needed("then")
     words = f"axes of {reader.part.entry.name}"
     known = known_or_later(reader.elaborator, (*first, *second), attribute.span, words, not_parallel(APART))

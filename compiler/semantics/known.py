@@ -1,4 +1,4 @@
-"""What need not be found twice while the models of one file are opened."""
+"""Cache for the elaboration of the models of one file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .template import Template
 
 @dataclass(slots=True)
 class Known:
-    """What is the same whichever model of a file is opened: places of the text compiled, domains spread.
+    """Results that are the same for every model of a file: compiled places of the text, domain tables, laws.
 
-    Keys are identities of nodes and definitions, which are kept here or by the file. Of a place that reads lists there is one
+    Keys are identities of nodes and definitions; this object or the file keeps them alive. A place that reads lists has one
     entry for each set of their lengths.
     """
 

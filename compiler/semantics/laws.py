@@ -1,4 +1,4 @@
-"""The law of an element: its own variables told from what it reads elsewhere, its form checked for its kind."""
+"""Laws of elements: their own variables separated from the quantities they read, their form checked for their kind."""
 
 from __future__ import annotations
 
@@ -33,27 +33,27 @@ RoleOf = Callable[[Slot, Scope], Scalar]
 
 @dataclass(frozen=True, slots=True)
 class CompiledLaw:
-    """A law, what its slots read, and what each port stores (`q` or `p`; empty for what stores nothing)."""
+    """A law, the readings of its slots, and the stored quantity of each port (`q` or `p`; empty for a port that stores nothing)."""
 
     law: Law
     slots: tuple[Slot, ...]
     stored: tuple[str, ...]
-    checks: tuple[Check, ...]  # points of tables that are known in each instance
+    checks: tuple[Check, ...]  # points of tables, known per instance
     lists: tuple[tuple[tree.Path, int], ...]  # lists that it reads, with their lengths
 
 
 def plain_kind(kind: str) -> str:
-    """The kind without its M."""
+    """The kind without its prefix M."""
     return kind[1:] if kind.startswith("M") and len(kind) > 1 else kind
 
 
 def node_kind(kind: str) -> Kind:
-    """What an element of this kind is in the graph: an RS is a resistor with a port for its heat."""
+    """Kind of the element's node in the graph: an RS is a resistor with a port for its heat."""
     return Kind("R" if kind == "RS" else plain_kind(kind))
 
 
 def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
-    """How a law may write its own variables -> what they are."""
+    """Map from each way in which a law may write its own variables to the variable."""
     own: dict[str, OwnVariable] = {}
     for number, (port, domain) in enumerate(ports.items()):
         for variable in variables:
@@ -136,13 +136,13 @@ def compile_law(
 
 
 def _heat(ports: int) -> tuple[Expression, Expression]:
-    """The last port of an RS gives what the others take: its flow from their power."""
+    """Law of the last port of an RS: its flow is the power that the other ports take, divided by its effort."""
     power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(ports - 1)))
     return Symbol(Own(ports - 1, "f")), divide(power, Symbol(Own(ports - 1, "e")))
 
 
 def _stored(kind: str, name: str, law: Law, ports: list[str], span: Span) -> tuple[str, ...]:
-    """What each port of a storage stores; of an IC, whichever of the two its law uses."""
+    """Stored quantity of each port of a storage. For an IC, the one of the two that its law uses."""
     if kind not in STORED:
         return ()
     if kind != "IC":

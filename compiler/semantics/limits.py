@@ -1,4 +1,4 @@
-"""`limits = (a, b)` of a joint: what `require` would say of its coordinate, under the joint's name."""
+"""`limits = (a, b)` of a joint: the same as a `require` on its coordinate, under the joint's name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .scope import Wrong
 
 
 def joint_limits(reader: Attributes) -> None:
-    """The limits of one joint, for the warnings of a run; what is wrong is collected."""
+    """Limits of one joint, for the warnings of a run. Errors are collected."""
     for words, attribute in reader.targeted["limits"].items():
         found = reader.elaborator.guard(_limit, reader, words, attribute)
         reader.elaborator.limits += [found] if found else []

@@ -17,7 +17,7 @@ MAXIMUM_FILES = 500
 
 
 class Loader:
-    """Loads a file and what it imports; collects what is wrong."""
+    """Loader of a file and its imports. Errors are collected."""
 
     def __init__(self, library: Path | None) -> None:
         self.library = library
@@ -39,7 +39,7 @@ class Loader:
                 case tree.Model():
                     if statement.name in ELEMENT_KINDS:
                         self.diagnostics.append(ReservedName(statement.name_span, statement.name))
-                        scope.missing.add(statement.name)  # whether it or the kind is meant is not known
+                        scope.missing.add(statement.name)  # the name may mean this model or the element kind
                     elif self._new(seen, statement.name, statement.name_span):
                         scope.models[statement.name] = ModelDefinition(statement, scope)
                 case tree.Function():
@@ -150,7 +150,7 @@ class Loader:
 
 
 def _shown(path: Path, importer: Source) -> str:
-    """The imported file's name as the importing file's name was written."""
+    """Name of an imported file, written in the same way as the importing file's name."""
     if importer.path is not None:
         try:
             return str(Path(importer.name).parent / path.relative_to(importer.path.resolve().parent))

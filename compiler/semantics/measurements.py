@@ -1,4 +1,4 @@
-"""Files of measurements that a `fit` reads: they lie in the project folder, and their headings are quantities of the model with units."""
+"""Files of measurements for `fit`, in the project folder. Their headings are quantities of the model with units."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ _SIGMA = "sigma "
 def read_headings(
     elaborator: Elaborator, text: tree.Text, root: Scope, sought: set[str]
 ) -> tuple[str, tuple[str, ...]]:
-    """The file as written and what was measured, if all that its headings name is there in such units. Raises `Wrong`, `AlreadyTold`."""
+    """Return the file name as written and the names of the measured quantities.
+
+    Raises `Wrong` or `AlreadyTold` unless the model has every quantity of the headings, in such units.
+    """
     path = locate(text.span, text.value, root.definition.file)
     sheet = read_sheet(text.span, text.value, path)
     columns = zip(sheet.names, sheet.headers, strict=True)
@@ -35,7 +38,7 @@ def read_headings(
 
 
 def _column(elaborator: Elaborator, text: tree.Text, root: Scope, sought: set[str], head: tuple[str, Span]) -> str:
-    """What a column says was measured; "" if it says something else. Raises `Wrong`."""
+    """Name of the measured quantity in a column; "" for a column of anything else. Raises `Wrong`."""
     written, place = head
     name, scale = heading(text, written, place)
     bare = name.removeprefix(_SIGMA)
@@ -53,7 +56,7 @@ def _column(elaborator: Elaborator, text: tree.Text, root: Scope, sought: set[st
 
 
 def _kind(elaborator: Elaborator, text: tree.Text, root: Scope, name: str, place: Span) -> tuple[Dimension, bool]:
-    """The dimension of what a heading names, and whether it is set by who measures."""
+    """Dimension of the quantity in a heading, and True if the person who measures sets it."""
     if name == "time":
         return (ONE if root.plain else SECOND), False
     if _OF_MODES.fullmatch(name):

@@ -116,7 +116,7 @@ def _declare_part(
 def build_mechanism(
     elaborator: Elaborator, scope: Scope, statement: tree.Mechanism, entry: MechanismEntry
 ) -> Mechanism:
-    """Read the attributes of all parts; joints last, as they may be on frames."""
+    """Read the attributes of all parts. Joints come last, as they may refer to frames."""
     readers = [Attributes(elaborator, part) for part in elaborator.mechanism_parts.get(entry.name, [])]
     kinds = [r.part.entry.kind for r in readers]
     bodies = [elaborator.guard(read_body, r) for r, kind in zip(readers, kinds, strict=True) if kind == "body"]

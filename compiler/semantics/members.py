@@ -1,4 +1,4 @@
-"""What may be read behind a point: the variables of elements, their ports, and the parts of mechanisms."""
+"""Names after a point: variables of elements, their ports, and parts of mechanisms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Sc
 
 
 def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
-    """`spring.x`: a variable of an element, or what its port of that name stores."""
+    """`spring.x`: a variable of an element, or the stored quantity of its port of that name."""
     kind = entry.kind.removeprefix("M") if len(entry.kind) > 1 else entry.kind
     if "1" in entry.ports:
         letter, side = name[:-1], name[-1:]
@@ -53,8 +53,10 @@ def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
 
 
 def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar | GroupEntry:
-    """`arm.pin.phi`: a coordinate of a body, joint or frame; of a joint with one freedom also its rate and effort;
-    its reaction or attitude as a whole."""
+    """`arm.pin.phi`: a coordinate of a body, joint or frame; its reaction or attitude as a whole.
+
+    A joint with one degree of freedom also has its rate and effort.
+    """
     if name in part.groups:
         return GroupEntry(part, name)
     if name in part.ports:
@@ -109,7 +111,7 @@ def group_member(group: GroupEntry, name: str, path: tree.Path) -> Scalar:
 
 
 def group_members(group: GroupEntry) -> tuple[Scalar, ...]:
-    """All that a group reads: efforts of a reaction, four bare numbers of an attitude."""
+    """All components of a group: efforts of a reaction, four bare numbers of an attitude."""
     variable = "e" if group.name == "reaction" else "q"
     found = []
     for component in group.part.groups[group.name]:
@@ -132,7 +134,7 @@ def wall_member(entry: WallEntry, name: str, path: tree.Path) -> Scalar:
 
 
 def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.Path) -> Scalar:
-    """`ends.phi.M`: what is shared by the whole bond, wherever it is seen from."""
+    """`ends.phi.M`: effort or flow of the whole bond at a model port, the same from inside and outside."""
     domain, name = entry.ports[component], f"{entry.name}.{component}".rstrip(".")
     variable = domain.variable(letter)
     if variable not in ("e", "f"):
@@ -157,7 +159,7 @@ def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.
 
 
 def not_a_number(entry: Entry, path: tree.Path) -> Wrong:
-    """What is read as a number is none: say what could be read instead."""
+    """Error for a name that denotes no number; its advice lists the names that could be read instead."""
     name = path.words
     match entry:
         case ElementEntry():

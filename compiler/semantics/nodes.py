@@ -1,4 +1,4 @@
-"""The nodes and bonds of the graph from what has been opened: elements with their laws, junctions, mechanisms."""
+"""Nodes and bonds of the graph, made from the elaborated declarations: elements with their laws, junctions, mechanisms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _Wording = tuple[int, str, tuple[tuple[str, str, bool], ...], str]
 
 
 class Nodes:
-    """Makes the nodes and bonds of the flat graph."""
+    """Builder of the nodes and bonds of the flat graph."""
 
     def __init__(self, elaborator: Elaborator, known: Known) -> None:
         self.elaborator = elaborator
@@ -87,7 +87,7 @@ class Nodes:
             return
         compiled, alike = self._law(scope, declaration, entry)
         arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
-        if alike is not None and not compiled.checks:  # with points of tables, each has its own place to be told
+        if alike is not None and not compiled.checks:  # with points of tables, each error has its own place in the text
             self._alike.setdefault(alike, compiled)
         ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
         for number, port in enumerate(ports):
@@ -102,7 +102,7 @@ class Nodes:
         )  # fmt: skip
 
     def _active(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry) -> None:
-        """When a junction is on."""
+        """Read the condition under which a junction is active."""
         known = any(s.junction == entry.name for s in self.switches)
         if attribute.name != "active" or attribute.target is not None or known:
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`, once."))
@@ -113,8 +113,10 @@ class Nodes:
     def _law(
         self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry
     ) -> tuple[CompiledLaw, _Wording | None]:
-        """The law of an element, compiled once for all instances, and once for all elements of a scope that have it in the same
-        words; and these words, if it is the first that has them."""
+        """Return the law of an element, and its text if it is the first element with that text.
+
+        A law is compiled once for all instances, and once for all elements of a scope with the same text.
+        """
         elaborator = self.elaborator
         known = self._laws.setdefault(id(declaration), [])
         found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
@@ -242,7 +244,7 @@ class Nodes:
             )
 
     def _share_ports(self) -> None:
-        """A part of a mechanism takes any number of bonds, which share its flow: a 1-junction stands there if they are several."""
+        """Insert a 1-junction at each port of a mechanism with several bonds, which share its flow."""
         by_port: dict[End, list[int]] = {}
         for number, bond in enumerate(self.bonds):
             for end in (bond.tail, bond.head):
@@ -277,7 +279,7 @@ class _Attributes:
 
 
 def _placeholder(entry: ElementEntry) -> Node:
-    """Stands for what is wrong, so that its bonds can be checked; the graph is never used."""
+    """Node in place of one with an error, so that its bonds can be checked. The graph is never used."""
     if entry.kind in ("0", "1"):
         return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())

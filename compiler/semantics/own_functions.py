@@ -1,4 +1,4 @@
-"""Functions that a model defines for itself: what their names and places must be, and what they may read."""
+"""Functions defined in a model: checks of their names and places, and of the names that they read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ READABLE = ("parameter", "constant")
 
 
 def check_function(scope: Scope, function: tree.Function) -> None:
-    """A function stands in the model itself, under a name that nothing else has. Raises `Wrong`."""
+    """Check that a function is defined at the top level of its model, under a name that is used nowhere else. Raises `Wrong`."""
     if scope.outer is not None:
         raise Wrong(Unsupported(function.span, "A function in a `for`", "Define it once, outside of the `for`."))
     if function.name in RESERVED:
@@ -29,7 +29,7 @@ def check_function(scope: Scope, function: tree.Function) -> None:
 
 
 def may_read(entry: Entry | None) -> bool:
-    """Whether a function of the model may read what has this entry: a parameter or constant, or an array of them."""
+    """Return True if a function of the model may read this entry: a parameter, a constant, or an array of them."""
     if isinstance(entry, Array):
         return all(may_read(item) for item in entry.items.values())
     return isinstance(entry, Pending) and entry.role in READABLE

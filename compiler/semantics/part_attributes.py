@@ -1,4 +1,4 @@
-"""The attributes of one part of a mechanism: numbers, points and directions that are known before the run."""
+"""Attributes of one part of a mechanism: numbers, points and directions with values known before the run."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def of_dimension(
 
 
 def static(elaborator: Elaborator, template: Template, scope: Scope, what: str, span: Span) -> list[Bound]:
-    """The formulas of a template, bound. Raises `Wrong` if one reads what changes during a run, or has no value."""
+    """Return the bound formulas of a template. Raises `Wrong` if one reads a value that changes during a run, or has no value."""
     for slot in template.slots:
         scalar = elaborator.scalar_at(slot, scope)
         if scalar.role not in STATIC_ROLES:
@@ -89,7 +89,7 @@ def static(elaborator: Elaborator, template: Template, scope: Scope, what: str, 
 def vector(
     elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, planar: bool
 ) -> Vector:
-    """A point or vector of the mechanism's space, with z = 0 in the plane."""
+    """Point or vector in the space of the mechanism; z = 0 in the plane."""
     hint = "In the plane it has two components." if planar else "In space it has three components."
     bounds = static_bounds(elaborator, value, scope, dimension, what, 2 if planar else 3, hint)
     return bounds[0], bounds[1], NOTHING if planar else bounds[2]
@@ -128,7 +128,7 @@ class Attributes:
         return self.part.planar
 
     def together(self, *readings: Callable[[], Any]) -> list[Any]:
-        """What several readings give. Each is done, so that the mistakes of a part are told together. Raises `AlreadyTold`."""
+        """Do several readings and return their results. All are done, so that all errors of a part are reported. Raises `AlreadyTold`."""
         before = len(self.elaborator.diagnostics)
         found = [self.elaborator.guard(reading) for reading in readings]
         if len(self.elaborator.diagnostics) > before or any(item is None for item in found):
@@ -136,7 +136,7 @@ class Attributes:
         return found
 
     def needed(self, name: str) -> tree.Attribute:
-        """An attribute that must be there. Raises `Wrong`."""
+        """A required attribute. Raises `Wrong`."""
         attribute = self.given.get(name)
         if attribute is None:
             kind, own = self.part.entry.kind, self.part.entry.name
@@ -152,7 +152,7 @@ class Attributes:
         return attribute
 
     def scalar(self, name: str, dimension: Dimension, hint: str = "") -> Bound:
-        """A number, zero if it is left out."""
+        """A number; zero if the attribute is missing."""
         attribute = self.given.get(name)
         if attribute is None:
             return NOTHING
@@ -160,7 +160,7 @@ class Attributes:
         return bound
 
     def nonzero(self, name: str, dimension: Dimension, why: str) -> Bound:
-        """A number that must be there and cannot be zero."""
+        """A required number other than zero."""
         attribute = self.needed(name)
         bound = self.scalar(name, dimension)
         words = f"{name} of {self.part.entry.name}"
@@ -170,17 +170,17 @@ class Attributes:
         return bound
 
     def point(self, name: str) -> Vector:
-        """A place, the origin if it is left out."""
+        """A position; the origin if the attribute is missing."""
         attribute = self.given.get(name)
         if attribute is None:
             return ORIGIN
         found = vector(self.elaborator, attribute.value, self.part.scope, METRE, f"`{name}`", self.planar)
-        for bound in found:  # what has no finite value is told here, where its line is known
+        for bound in found:  # values that are not finite are reported here, where their line is known
             self.elaborator.value_of(bound, attribute.span, decides=False)
         return found
 
     def turn(self) -> Vector:
-        """How it is turned in the drawing: the plane's `angle`, the rotation vector `turn` of space."""
+        """Rotation in the drawing: `angle` in the plane, the rotation vector `turn` in space."""
         if self.planar:
             return NOTHING, NOTHING, self.scalar("angle", ONE)
         attribute = self.given.get("turn")
@@ -190,7 +190,7 @@ class Attributes:
         return self._three(attribute, what, hint, (ONE,))
 
     def direction(self, name: str) -> Vector:
-        """A direction: bare numbers or lengths, of any length but zero."""
+        """A direction: bare numbers or lengths, of any norm but zero."""
         attribute = self.needed(name)
         if self.planar:
             what, hint = "An angle or a direction (x, y)", "Write `along = 90 deg` or `along = (0, 1)`."
@@ -214,7 +214,7 @@ class Attributes:
         return bounds[0], bounds[1], NOTHING if self.planar else bounds[2]
 
     def word(self, name: str, allowed: tuple[str, ...], hint: str) -> str:
-        """One of some words, the first if it is left out."""
+        """One of several words; the first if the attribute is missing."""
         attribute = self.given.get(name)
         if attribute is None:
             return allowed[0]
@@ -226,7 +226,7 @@ class Attributes:
         return found
 
     def locked(self) -> bool:
-        """Whether the joint leaves nothing in this run."""
+        """Return True if the joint is locked, so that it has no degree of freedom in this run."""
         attribute = self.given.get("locked")
         if attribute is None:
             return False
@@ -267,7 +267,7 @@ class Attributes:
         return {} if found is None else {f"attitude.{c}": b for c, b in zip(ATTITUDE, found, strict=True)}
 
     def rests(self) -> Mapping[str, Bound]:
-        """What coordinates read in the drawing."""
+        """Values of the coordinates in the drawing, by coordinate."""
         result: dict[str, Bound] = {}
         for words, attribute in self.targeted["rest"].items():
             self.elaborator.guard(self._rest, words, attribute, result)
@@ -285,7 +285,7 @@ class Attributes:
         )
 
     def coordinate(self, words: str, attribute: tree.Attribute) -> str:
-        """The coordinate that `limits` or `rest` names, which is the only one if it names none. Raises `Wrong`."""
+        """Coordinate that `limits` or `rest` names; without a name, the only one. Raises `Wrong`."""
         if not words and len(self.part.entry.ports) == 1:
             return next(iter(self.part.entry.ports))
         return self._variable(words, attribute.name, attribute, "q")[0]
@@ -312,7 +312,7 @@ class Attributes:
 
 
 def attitude_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scope) -> list[Bound] | None:
-    """A unit quaternion (w, x, y, z); what is wrong is collected, and None comes back."""
+    """A unit quaternion (w, x, y, z). On an error, which is collected, return None."""
     return elaborator.guard(_attitude_bounds, elaborator, value, scope)  # type: ignore[no-any-return]
 
 

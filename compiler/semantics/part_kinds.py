@@ -1,4 +1,4 @@
-"""What may stand in a mechanism: the kinds of parts, and the attributes that each has in the plane and in space."""
+"""Kinds of parts of a mechanism, with their attributes in the plane and in space."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SPATIAL: Mapping[str, tuple[str, ...]] = {
 
 
 class Needed(NamedTuple):
-    """An attribute without which a part means nothing: what is lacking, and an example."""
+    """A required attribute: the word for it in errors, and an example."""
 
     what: str
     example: str
@@ -67,17 +67,17 @@ def attributes_of(kind: str, planar: bool) -> tuple[str, ...]:
 
 
 def kinds_of(planar: bool) -> tuple[str, ...]:
-    """The kinds that stand in a planar or a spatial mechanism."""
+    """Kinds of parts in a planar or a spatial mechanism."""
     return tuple(PLANAR if planar else SPATIAL)
 
 
 def noun_of(kind: str) -> str:
-    """What a part of this kind is called in a sentence."""
+    """Word for a part of this kind in a sentence."""
     return f"{kind} joint" if kind in ("free", "planar", "universal") else kind
 
 
 def instead_in_the_plane(kind: str) -> str:
-    """What to do about a joint that only space has."""
+    """Advice for a joint that exists only in space."""
     if kind == "planar":
         return "In the plane it would leave everything, as `free` does: write that, or `multibody … : spatial`."
     return (
@@ -88,7 +88,7 @@ def instead_in_the_plane(kind: str) -> str:
 
 
 def foreign_attribute(kind: str, name: str, planar: bool) -> str:
-    """What to do about an attribute that this kind has in the other space, or under another name; empty if there is none."""
+    """Advice for an attribute that this kind has in the other space or under another name; empty if there is none."""
     if planar and name == "turn":
         return "In the plane things turn by an `angle`."
     if not planar and name == "angle":

@@ -1,4 +1,4 @@
-"""Quantities: parameters, constants, inputs, signals, outputs, and signals with memory; each resolved when it is first asked for."""
+"""Quantities: parameters, constants, inputs, signals, outputs, and signals with memory. Each is resolved at its first use."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MAXIMUM_ROW = 40  # quantities that wait for one another at once
 
 
 class QuantityResolver(Resolver):
-    """Resolves quantities, once each; a cycle is found where it closes."""
+    """Resolver of quantities, each once. A cycle is found at the reference that closes it."""
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         super().__init__(overrides, part, known)
@@ -53,7 +53,7 @@ class QuantityResolver(Resolver):
 
     # ------------------------------------------------------------ quantities
     def quantity(self, pending: Pending) -> Scalar | Items:
-        """Resolve a quantity: its dimension, its definition, and its value if it does not change."""
+        """Resolve a quantity: its dimension, its definition, and its value if it is constant during a run."""
         if pending.state == "done":
             assert pending.result is not None
             return pending.result
@@ -98,7 +98,7 @@ class QuantityResolver(Resolver):
         return pending.result
 
     def _too_long(self, pending: Pending) -> TooMany:
-        if self._inferring:  # what an integral reads is not looked at before it, but for its unit
+        if self._inferring:  # an integral's rate is read later; only its unit is inferred now
             hint = f"Say the unit of one of them: `{pending.role} {pending.item.name} : m = …`."
             return TooMany(
                 pending.item.span, "Integrals in a row that take their units from one another", MAXIMUM_ROW, hint
@@ -106,9 +106,9 @@ class QuantityResolver(Resolver):
         return TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW)
 
     def _resolve_what_it_reads(self, pending: Pending) -> None:
-        """Resolve what a quantity reads, and what that reads, beginning where nothing is left to read.
+        """Resolve the quantities that a quantity depends on, in an order in which each only needs resolved ones.
 
-        Long rows of quantities would nest as deeply otherwise; what is missed here is found when it is asked for.
+        Without this, long chains of quantities would recurse too deeply. Quantities missed here are resolved at their first use.
         """
         rows = [(pending, self._reads(pending))]
         entered = {id(pending)} - self._entered
@@ -127,7 +127,7 @@ class QuantityResolver(Resolver):
         self._entered -= entered
 
     def _reads(self, pending: Pending) -> Iterator[Pending]:
-        """The quantities that its value names; not those of an integral, which are read when all names are known."""
+        """Quantities that its value names. Those in an integral are left out: they are read when all names are known."""
         value = pending.value
         if value is None or (isinstance(value, tree.Call) and value.function == "integral"):
             return
@@ -157,7 +157,7 @@ class QuantityResolver(Resolver):
         declared = None if unit is None else unit.dimension
         if (
             declared is None and (not pending.is_default or override is not None) and item.value is not None
-        ):  # the default tells the dimension
+        ):  # the default gives the dimension
             found = self._dimension(self.template(item.value, pending.owner, unit).value)
             declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
         if override is None:
@@ -176,7 +176,7 @@ class QuantityResolver(Resolver):
         declared: Dimension | None,
         unit: Scale | None,
     ) -> Scalar | Items:
-        """A quantity from its value, which is read in `scope`; bare numbers in it count in `unit`."""
+        """Quantity from its value, which is read in `scope`. Bare numbers in it are in `unit`."""
         if value is None:
             return self._without_value(pending, declared)
         if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
@@ -203,7 +203,7 @@ class QuantityResolver(Resolver):
         return replace(entered, truth=True) if template.value.truth else entered
 
     def _without_value(self, pending: Pending, declared: Dimension | None) -> Scalar:
-        """A quantity that nothing gives a value: only a part may have one."""
+        """Quantity that has no value, which is allowed only in a part."""
         item = pending.item
         if not self.part:
             roles = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}
@@ -218,7 +218,7 @@ class QuantityResolver(Resolver):
     def _check_value(
         self, pending: Pending, typed: Typed | tuple[Typed, ...], value: tree.Expression, declared: Dimension | None
     ) -> None:
-        """Raises `Wrong` for a value of another dimension, or for a list where a single number must be."""
+        """Raise `Wrong` for a value of another dimension, or for a list in place of a single number."""
         item = pending.item
         for part in typed if isinstance(typed, tuple) else (typed,):
             if declared is not None and part.dimension is not None and part.dimension != declared:
@@ -237,7 +237,7 @@ class QuantityResolver(Resolver):
 
     # ------------------------------------------------------------ signals with memory
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """An integral or delay inside a larger expression: a signal without a name of the author's."""
+        """Integral or delay inside a larger expression: a signal that the author gave no name."""
         key = (id(call), id(scope))
         if key not in self._nested:
             self._keep_scopes.append(scope)
@@ -252,7 +252,7 @@ class QuantityResolver(Resolver):
     def _integral(
         self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
     ) -> Scalar:
-        """Enter an integral: known at once, so that it can depend on itself; its rate is read when all names are known."""
+        """Enter an integral. It is known at once, so that it can depend on itself; its rate is read when all names are known."""
         rate, start = call.arguments
         template = self.template(start, scope)
         dimension = declared or self._dimension(template.value)
@@ -264,19 +264,19 @@ class QuantityResolver(Resolver):
         return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
 
     def _delay(self, call: tree.Call, scope: Scope, name: str) -> Scalar:
-        """Enter a delay: known at once, so that what it reads can depend on it; that is read when all names are known."""
+        """Enter a delay. It is known at once, so that its argument can depend on it; the argument is read when all names are known."""
         dimension = None if scope.plain else self._looked_at(call.arguments[0], scope)
         self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
         self._delays.append((name, call, scope, dimension))
         return Scalar(Quantity(name), dimension, "signal", name)
 
     def _inferred(self, rate: tree.Expression, scope: Scope) -> Dimension | None:
-        """The dimension of an integral from its rate, in which the integral itself fits anything."""
+        """Dimension of an integral from its rate. In the rate, the integral itself fits any dimension."""
         found = self._looked_at(rate, scope)
         return None if found is None else found * SECOND
 
     def _looked_at(self, expression: tree.Expression, scope: Scope) -> Dimension | None:
-        """The dimension of an expression, in which quantities that are being resolved fit anything."""
+        """Dimension of an expression. Quantities that are being resolved fit any dimension."""
         before, self._inferring = self._inferring, True
         try:
             return self._dimension(ExpressionCompiler(scope, self.resolve).compile(expression).value)
@@ -284,11 +284,11 @@ class QuantityResolver(Resolver):
             self._inferring = before
 
     def is_integral(self, name: str) -> bool:
-        """Whether a quantity is a signal with memory."""
+        """Return True for an integral."""
         return any(name == known for known, *_ in self._memories)
 
     def integrals(self) -> dict[str, Integral]:
-        """The signals with memory, their rates read now."""
+        """Signals with memory, with their rates read now."""
         result: dict[str, Integral] = {}
         position = 0
         while position < len(self._memories):  # a rate may contain another integral
@@ -300,10 +300,10 @@ class QuantityResolver(Resolver):
         return result
 
     def delays(self) -> dict[str, Delay]:
-        """The delayed signals, what they read and by how much they are late."""
+        """Delayed signals, with their arguments and delay times."""
         result: dict[str, Delay] = {}
         position = 0
-        while position < len(self._delays):  # what is delayed may contain another delay
+        while position < len(self._delays):  # an argument of a delay may contain another delay
             name, call, scope, dimension = self._delays[position]
             position += 1
             found = self.guard(self._read_delay, name, call, scope, dimension)
@@ -391,7 +391,7 @@ class QuantityResolver(Resolver):
         return Scalar(Quantity(name), dimension, role, name)
 
     def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
-        """A number that only a run knows: an argument of the program, whether it was a parameter or an input."""
+        """Enter a number that only a run knows, a parameter or an input, as an argument of the program."""
         name = pending.name + suffix
         if name in self.overrides:
             self.used_overrides.add(name)
@@ -405,7 +405,7 @@ def _constant(value: float) -> Formula:
 
 
 def _reads_nothing(bound: Bound) -> bool:
-    """Whether only numbers are left of it: `a*sin(0)` does not read `a`, as a text of the graph would not."""
+    """Return True if only numbers are left after folding: `a*sin(0)` does not read `a`."""
     if all(isinstance(a, float) for a in bound.arguments):
         return True
     arguments = [Number(a) if isinstance(a, float) else None for a in bound.arguments]

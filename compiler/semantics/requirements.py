@@ -1,4 +1,4 @@
-"""`require CONDITION "text"`: what must hold for an instance to mean something."""
+"""`require CONDITION "text"`: conditions under which an instance is valid."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAXIMUM_READINGS = 6  # values that a warning shows
 
 
 def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
-    """The conditions of all instances, and the limits of joints; what is wrong in them is collected."""
+    """Conditions of all instances, and limits of joints. Errors are collected."""
     found = [elaborator.guard(_read, elaborator, scope, statement) for scope, statement in elaborator.requirements]
     return (*(item for item in found if item is not None), *elaborator.limits)
 
@@ -25,7 +25,7 @@ def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
 def read_condition(
     elaborator: Elaborator, expression: tree.Expression, scope: Scope, hint: str
 ) -> tuple[Template, Bound]:
-    """A condition, as a number that is 1 where it holds. Raises `Wrong`, with the hint, for what is none."""
+    """A condition, as a number that is 1 if it holds. Raises `Wrong`, with the hint, for an expression that is no condition."""
     template = elaborator.template(expression, scope)
     typed = template.value
     if not isinstance(typed, Typed) or not typed.truth:

@@ -1,6 +1,6 @@
-"""What names stand for: paths looked up, quantities resolved when they are first asked for, values that are known before the run.
+"""Name resolution: paths, quantities (each resolved at its first use), and values known before the run.
 
-A place of the text is compiled once; each instance only looks up what its slots read.
+Each place of the text is compiled once; an instance only looks up the readings of its slots.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ from .tables import check_static
 from .template import Check, Readable, Slot, Template, Typed, bind_template
 from .typed import ExpressionCompiler
 
-MAXIMUM_MISTAKES = 200  # told of one file
-SHOWN = 60  # characters of a line that is told
+MAXIMUM_MISTAKES = 200  # errors reported for one file
+SHOWN = 60  # characters of a line in an error
 
 
 class Resolver(ABC):
-    """Looks things up in scopes. `diagnostics` collects what is wrong; `part` allows missing values (for `check`)."""
+    """Look-up in scopes. `diagnostics` collects errors; `part` allows missing values (for `check`)."""
 
-    root: Scope  # where what is set from outside is read
+    root: Scope  # scope in which settings from outside are read
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         self.part = part
@@ -84,7 +84,7 @@ class Resolver(ABC):
         self.used_overrides: set[str] = set()
         self.later = frozenset(o.path for o in self.overrides.values() if o.value is None)  # known when a run begins
         self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
-        self.positive: list[tuple[str, Bound]] = []  # what is never negative, but only a run can tell
+        self.positive: list[tuple[str, Bound]] = []  # expressions that a run must find not negative
         self.diagnostics: list[Diagnostic] = []
         self.quantities: dict[str, Named] = {}
         self.pending: list[Pending] = []
@@ -95,13 +95,13 @@ class Resolver(ABC):
         self._keep = known.nodes
 
     def tell(self, diagnostic: Diagnostic) -> None:
-        """Collect what is wrong. Raises `CompilationFailed` when it is more than anybody reads."""
+        """Collect an error. Raises `CompilationFailed` if there are too many."""
         self.diagnostics.append(diagnostic)
         if len(self.diagnostics) >= MAXIMUM_MISTAKES:
             raise CompilationFailed([*self.diagnostics, TooManyMistakes(diagnostic.span, MAXIMUM_MISTAKES)])
 
     def guard(self, action: Callable[..., Any], *arguments: Any) -> Any:
-        """Run one statement; what is wrong in it is collected, and None comes back."""
+        """Run one statement. On an error, collect it and return None."""
         try:
             return action(*arguments)
         except Wrong as wrong:
@@ -115,7 +115,7 @@ class Resolver(ABC):
         return None if index is None else tuple(self.integer(i, scope) for i in index.items)
 
     def integer(self, expression: tree.Expression, scope: Scope) -> int:
-        """A whole number known before the run."""
+        """A whole number with a value known before the run."""
         value = self.static(expression, scope, "A range or index")
         if value != round(value) or abs(value) > 1e9:
             raise Wrong(
@@ -124,7 +124,7 @@ class Resolver(ABC):
         return round(value)
 
     def static(self, expression: tree.Expression, scope: Scope, what: str, dimension: Dimension = ONE) -> float:
-        """A number known before the run, in SI."""
+        """A number in SI with a value known before the run."""
         if isinstance(expression, tree.Literal) and expression.unit is None and dimension == ONE:
             return float(expression.number)
         if isinstance(expression, tree.Path) and not expression.steps:  # the index of a loop, nearly always
@@ -155,7 +155,7 @@ class Resolver(ABC):
         return value
 
     def need_no_values(self) -> None:
-        """Raises `ValuesNeeded` if something was decided by values that only a run knows."""
+        """Raise `ValuesNeeded` if a decision depends on values that only a run knows."""
         if not self.later:
             return
         why: dict[str, str] = {}
@@ -167,9 +167,9 @@ class Resolver(ABC):
             raise ValuesNeeded(why)
 
     def value_of(self, bound: Bound, span: Span, decides: bool = True) -> float | None:
-        """The value of what does not change during a run; None where something has no value yet. Raises `Wrong`.
+        """Value of a quantity that is constant during a run; None if it depends on a quantity without a value. Raises `Wrong`.
 
-        `decides`: something is chosen or refused by it, so that it must be known before anything is compiled.
+        `decides`: the compiler chooses or refuses something by this value, so it must be known before anything is compiled.
         """
         unknown: set[str] = set()
 
@@ -211,7 +211,7 @@ class Resolver(ABC):
 
     # ------------------------------------------------------------ expressions
     def template(self, expression: tree.Expression, scope: Scope, unit: Scale | None = None) -> Template:
-        """The expression compiled, once per place in the text (and per lengths of the lists that it reads)."""
+        """Compile an expression, once per place in the text (and per lengths of the lists that it reads)."""
         known = self._templates.setdefault((id(expression), unit), [])
         for template in known:
             if self.same_lists(template.lists, scope):
@@ -221,7 +221,7 @@ class Resolver(ABC):
         return known[-1]
 
     def same_lists(self, lists: Iterable[tuple[tree.Path, int]], scope: Scope) -> bool:
-        """Whether lists have the lengths here that they had where a template was made."""
+        """Return True if the lists have the same lengths here as when the template was made."""
         for path, length in lists:
             found = self.lookup(path, scope)
             if not isinstance(found, Items) or len(found.items) != length:
@@ -229,17 +229,17 @@ class Resolver(ABC):
         return True
 
     def bind(self, template: Template, formula: Formula, scope: Scope) -> Bound:
-        """A formula with what its slots read in this scope. Raises `Wrong` if a table has wrong points here."""
+        """Bind a formula to the readings of its slots in this scope. Raises `Wrong` if a table has wrong points here."""
         self.check(template.checks, template.slots, scope)
         return bind_template(template, formula, lambda slot: self.scalar_at(slot, scope).reference)
 
     def check(self, checks: Iterable[Check], slots: Sequence[Slot], scope: Scope) -> None:
-        """Check the points of tables as they are in this scope."""
+        """Check the points of tables with their values in this scope."""
         for check in checks:
             check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
 
     def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
-        """The value of a point of a table, None if it has none yet. Raises `Wrong` if it changes during a run."""
+        """Value of a point of a table; None if it has none yet. Raises `Wrong` if it changes during a run."""
         bound = bind(x)
         arguments = []
         what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
@@ -253,7 +253,7 @@ class Resolver(ABC):
         return self.value_of(Bound(bound.formula, tuple(arguments)), check.span)
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
-        """What a slot reads in this scope."""
+        """Quantity that a slot reads in this scope."""
         scope = scope.base() if slot.base else scope
         if isinstance(slot.path, tree.Call):
             return self.nested_memory(slot.path, scope)
@@ -271,7 +271,7 @@ class Resolver(ABC):
         return found
 
     def resolve(self, path: tree.Path | tree.Call, scope: Scope) -> Readable:
-        """The dimensions of what a path reads, or of an integral."""
+        """Dimensions of the quantity that a path reads, or of an integral."""
         if isinstance(path, tree.Call):
             return Readable((self.nested_memory(path, scope).dimension,), False)
         found = self.lookup(path, scope)
@@ -282,7 +282,7 @@ class Resolver(ABC):
         return Readable((found.dimension,), False, (_known(found),), found.truth)
 
     def _fixed(self, path: tree.Path, scope: Scope) -> bool:
-        """Whether a list is a `constant` of numbers of the text, which are the same in every instance."""
+        """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
         entry = scope.find(path.head) or self._file_constant(path.head, scope)
         if path.steps or not isinstance(entry, Pending) or entry.role != "constant" or entry.value is None:
             return False
@@ -290,7 +290,7 @@ class Resolver(ABC):
         return all(isinstance(f.expression, Number) for f in self.template(entry.value, entry.scope, unit).formulas)
 
     def lookup(self, path: tree.Path, scope: Scope) -> Scalar | Items:
-        """What a path reads. Raises `Wrong` or `AlreadyTold`."""
+        """Return the quantity or list that a path reads. Raises `Wrong` or `AlreadyTold`."""
         entry = scope.find(path.head)
         if entry is None:
             entry = self._file_constant(path.head, scope)
@@ -411,7 +411,7 @@ class Resolver(ABC):
         )
 
     def port_domain(self, node: str, port: str) -> Domain:
-        """The domain of a port of a node that is already declared."""
+        """Domain of a port of a node that is already declared."""
         element = self.element_names.get(node)
         if element is not None:
             return element.ports[port]
@@ -420,15 +420,15 @@ class Resolver(ABC):
     # ------------------------------------------------------------ what is resolved when it is asked for
     @abstractmethod
     def quantity(self, pending: Pending) -> Scalar | Items:
-        """Resolve a quantity: its dimension, its definition, and its value if it does not change."""
+        """Resolve a quantity: its dimension, its definition, and its value if it is constant during a run."""
 
     @abstractmethod
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """An integral or delay inside a larger expression: a signal without a name of the author's."""
+        """Integral or delay inside a larger expression: a signal that the author gave no name."""
 
 
 def _readable(scope: Scope) -> Iterator[str]:
-    """The names in a scope that stand for numbers."""
+    """Names in a scope that denote numbers."""
     for name in scope.names():
         entry = scope.find(name)
         if isinstance(entry, Array):
@@ -442,7 +442,7 @@ def _known(scalar: Scalar) -> float | None:
 
 
 def _why(error: Exception) -> str:
-    """What went wrong in a calculation, in words."""
+    """Cause of a failed calculation, in words."""
     if isinstance(error, OutsideTable):
         return str(error)
     if isinstance(error, ZeroDivisionError):

@@ -41,7 +41,7 @@ def _scale_of(unit: tree.Unit) -> Scale:
 
 
 def is_absolute(unit: tree.Unit) -> bool:
-    """Whether it is a temperature with a zero of its own."""
+    """Return True for a unit of temperature with an offset from 0 K."""
     return any(UNITS[symbol].offset for symbol, _, _ in unit.factors if symbol in UNITS)
 
 
@@ -70,7 +70,7 @@ def _unit_advice(symbol: str) -> str:
 
 
 def bare(expression: tree.Expression) -> bool:
-    """Whether it is a number without unit, or such a number with a sign."""
+    """Return True for a number without unit, with or without a sign."""
     if isinstance(expression, tree.Negative):
         return bare(expression.operand)
     return isinstance(expression, tree.Literal) and expression.unit is None

@@ -1,4 +1,4 @@
-"""Names and what they stand for, instance by instance. Quantities are resolved when they are first asked for."""
+"""Names and their meanings in each instance. Quantities are resolved at their first use."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ RESERVED = frozenset(
 
 
 class Wrong(Exception):
-    """A mistake in one statement; it is collected, and the next statement is looked at."""
+    """An error in one statement. It is collected, and the next statement is read."""
 
     def __init__(self, diagnostic: Diagnostic) -> None:
         self.diagnostic = diagnostic
@@ -69,7 +69,7 @@ class Wrong(Exception):
 
 
 class AlreadyTold(Exception):
-    """What is asked for is wrong, and that has been said where it is declared."""
+    """A reference to a name whose declaration has an error that is already reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class Items:
 
 @dataclass(slots=True)
 class Pending:
-    """A quantity that has not been asked for yet."""
+    """A quantity that is not resolved yet."""
 
     item: tree.Item
     role: str
@@ -108,7 +108,7 @@ class Pending:
 
 @dataclass(slots=True)
 class Array:
-    """What carries an index: items by index tuple."""
+    """An indexed name: items by index tuple."""
 
     name: str
     span: Span
@@ -153,12 +153,12 @@ class PartEntry:
     kind: str
     ports: Mapping[str, Domain]
     span: Span
-    groups: Mapping[str, tuple[str, ...]]  # what is only read of it: `reaction`, of a body in space `attitude`
+    groups: Mapping[str, tuple[str, ...]]  # names that can only be read: `reaction`; `attitude` for a body in space
 
 
 @dataclass(frozen=True, slots=True)
 class GroupEntry:
-    """`pin.reaction`, `top.attitude`: what is only read, component by component."""
+    """`pin.reaction`, `top.attitude`: quantities that can only be read, one component at a time."""
 
     part: PartEntry
     name: str
@@ -176,14 +176,14 @@ class MechanismEntry:
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """A name whose declaration is wrong, which has been told."""
+    """A name whose declaration has an error that is already reported."""
 
     span: Span
 
 
 @dataclass(frozen=True, slots=True)
 class SlotEntry:
-    """A parameter that stands for a model: what its name means as a kind."""
+    """A parameter that stands for a model, which its name denotes as a kind."""
 
     definition: ModelDefinition
     span: Span
@@ -213,7 +213,7 @@ class FileScope:
     models: dict[str, ModelDefinition]
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
     functions: dict[str, tree.Function]
-    missing: set[str] = field(default_factory=set)  # models that have no meaning here, which has been told
+    missing: set[str] = field(default_factory=set)  # models that could not be read; already reported
     root: Path | None = None  # the project folder
     library: Path | None = None
     sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
@@ -221,7 +221,7 @@ class FileScope:
 
 @dataclass(slots=True, eq=False)
 class ModelDefinition:
-    """A model as it stands in its file."""
+    """A model as defined in its file."""
 
     model: tree.Model
     file: FileScope
@@ -238,7 +238,7 @@ class ModelDefinition:
 
 @dataclass(slots=True, eq=False)
 class Scope:
-    """The names of one instance (or of one round of a loop in it, then `outer` is set)."""
+    """Names of one instance, or of one round of a loop in it (then `outer` is set)."""
 
     definition: ModelDefinition
     path: str  # "" or "comb[1]."
@@ -255,7 +255,7 @@ class Scope:
         return self.path + name
 
     def find(self, name: str) -> Entry | None:
-        """The entry of that name here or further out in the same instance."""
+        """Entry of that name in this scope, or in the scopes around it within the instance."""
         scope: Scope | None = self
         while scope is not None:
             if name in scope.entries:
@@ -264,7 +264,7 @@ class Scope:
         return None
 
     def base(self) -> Scope:
-        """The scope of the instance itself."""
+        """Scope of the whole instance, outside its loops."""
         scope = self
         while scope.outer is not None:
             scope = scope.outer
@@ -299,7 +299,7 @@ def describe(dimension: Dimension | None) -> str:
 
 
 def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.Expression | None = None) -> str:
-    """What to do about a quantity of another unit; `written` is how it stands in the text."""
+    """Advice for a quantity of another unit; `written` is its expression in the text."""
     if found == ONE and wanted is not None:
         return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."
     if isinstance(written, tree.Literal) and wanted == ONE:

@@ -1,7 +1,7 @@
-"""`start NAME = …` in an experiment: the start that the model gives is replaced, wherever it may stand there.
+"""`start NAME = …` in an experiment: it replaces the start that the model gives.
 
-A path is read as any other is; what it reads must be what a `start` attribute can give: what a storage stores or decides,
-a coordinate or its rate in a mechanism, an integral by its name.
+A path is read like any other. It must denote something that a `start` attribute can give: the stored quantity of a storage or
+a variable that determines it, a coordinate or its rate in a mechanism, or an integral.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Part = TypeVar("Part", Body, Frame, Joint)
 
 @dataclass(slots=True)
 class Starts:
-    """What the starts of an experiment replace."""
+    """Start values of an experiment, which replace those of the model."""
 
     elements: dict[tuple[str, str], Given] = field(default_factory=dict)  # node and port -> variable and value
     parts: dict[tuple[str, str], Bound] = field(default_factory=dict)  # mechanism and `guide[1].x`, `guide[1].x.f`
@@ -39,7 +39,7 @@ class Starts:
     places: dict[tuple[str, str], Span] = field(default_factory=dict)  # where each is given
 
     def quantities(self, named: dict[str, Named]) -> dict[str, Named]:
-        """The quantities with these starts of modes."""
+        """Quantities with these starts of modes."""
         return {n: replace(q, definition=self.modes[n]) if n in self.modes else q for n, q in named.items()}
 
     def nodes(self, nodes: Sequence[Node]) -> list[Node]:
@@ -131,14 +131,14 @@ def _read(
 
 
 def _says_the_same(key: str, found: Mapping[str, Bound]) -> bool:
-    """Whether a start of the model says how a body is turned, which the experiment says in the other way."""
+    """Return True if the model starts the attitude of a body in one form (quaternion or rotation vector) and the experiment in the other."""
     if key.startswith("attitude."):
         return bool({"rx", "ry", "rz"} & found.keys())
     return key in ("rx", "ry", "rz") and "attitude.w" in found
 
 
 def _is_attitude(found: Items) -> bool:
-    """Whether a list is the attitude of a body, and not a quantity that reads it."""
+    """Return True if a list is the attitude of a body, not a quantity that reads it."""
     return all(isinstance(i.reference, Reading) and ".attitude." in i.reference.port for i in found.items)
 
 
@@ -152,7 +152,7 @@ def _read_attitude(elaborator: Elaborator, step: tree.Set, root: Scope, found: I
 
 
 def _check_storage(step: tree.Set, element: Element | None, port: str, variable: str) -> None:
-    """Raise `Wrong` unless the element's port stores something, and the variable gives it."""
+    """Raise `Wrong` unless the element's port stores something and the variable determines it."""
     if element is None or not element.stored:
         raise Wrong(_no_start(step, "It stores nothing: start the storages that are tied to it."))
     number = next(i for i, p in enumerate(element.ports) if p.name == port)
@@ -169,7 +169,7 @@ def _no_start(step: tree.Set, hint: str) -> WrongExperiment:
 
 
 def _once(step: tree.Set, key: tuple[str, str], result: Starts) -> None:
-    """One start for each thing that starts."""
+    """Check that each state has one start."""
     before = result.places.setdefault(key, step.target.span)
     if before is not step.target.span:
         what = f"`{step.target.words}` already starts from line {before.line}"

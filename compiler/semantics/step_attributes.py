@@ -1,4 +1,4 @@
-"""What the analyses of an experiment share: attributes in braces, and names that can be set."""
+"""Common syntax of analysis steps: attributes in braces, and names that can be set."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Read = Callable[[tree.Attribute, Scope], tuple[str, Any]]
 
 @dataclass(slots=True)
 class Attributes:
-    """`values` by attribute; `named`: those with a target, `limit u = 3 V`, by attribute and target."""
+    """Attributes of a step. `values`: by attribute. `named`: those with a target, `limit u = 3 V`, by attribute and target."""
 
     values: dict[str, Any] = field(default_factory=dict)
     named: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -30,7 +30,7 @@ def word(path: tree.Path) -> str:
 
 
 def expressions_of(step: tree.Analysis) -> list[tree.Expression]:
-    """All that a step gives as a value, a bound or an attribute."""
+    """All expressions of a step: values, bounds and attributes."""
     given = (*step.given, *step.wanted)
     ranges = [r for r in (step.range, *(g.range for g in given)) if r is not None]
     values = [g.value for g in given if g.value is not None]
@@ -40,12 +40,12 @@ def expressions_of(step: tree.Analysis) -> list[tree.Expression]:
 def each(
     elaborator: Elaborator, read: Callable[..., Any], given: Sequence[tree.Given], root: Scope, *more: Any
 ) -> tuple[Any, ...]:
-    """What `read` makes of each name. Raises as `together`."""
+    """Apply `read` to each name and return the results. Raises as `together`."""
     return together(elaborator, *(partial(read, elaborator, one, root, *more) for one in given))
 
 
 def together(elaborator: Elaborator, *parts: Callable[[], Any]) -> tuple[Any, ...]:
-    """Every part read, whatever is wrong with the others. Raises `AlreadyTold` if something was."""
+    """Read every part, even after an error in another. Raises `AlreadyTold` if one had an error."""
     found = tuple(elaborator.guard(part) for part in parts)
     if any(one is None for one in found):
         raise AlreadyTold
@@ -64,7 +64,7 @@ def settable(elaborator: Elaborator, given: tree.Given, root: Scope, what: str) 
 
 
 def refuse_twice(given: Sequence[tree.Given]) -> None:
-    """Raises `Wrong` for a name that stands twice."""
+    """Raise `Wrong` for a name that occurs twice."""
     seen: dict[str, tree.Given] = {}
     for one in given:
         for path in (one.path, one.other):
@@ -78,7 +78,10 @@ def read_attributes(
     elaborator: Elaborator, step: tree.Analysis, root: Scope, counts: Mapping[str, tuple[int, int]], truths: Sequence[str] = (),
     named: Mapping[str, Read] | None = None,
 ) -> Attributes:  # fmt: skip
-    """Whole numbers within limits, `true` or `false`, and what `named` reads. Raises `AlreadyTold` when all that is wrong has been told."""
+    """Read whole numbers within limits, `true` or `false`, and the attributes of `named`.
+
+    Raises `AlreadyTold` after all errors are reported.
+    """
     found, before = Attributes(named={n: {} for n in named or {}}), len(elaborator.diagnostics)
     for attribute in step.attributes:
         elaborator.guard(_read, elaborator, step, attribute, root, (counts, truths, named or {}), found)

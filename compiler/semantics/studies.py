@@ -1,4 +1,4 @@
-"""The steps of an experiment that are no simulation: what is swept, and which analyses are made at each point."""
+"""Experiment steps other than simulations: sweeps, and the analyses at each of their points."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def read_sweep(elaborator: Elaborator, step: tree.Study, experiment: tree.Experi
 
 
 def own_names(model: tree.Model) -> set[str]:
-    """The names of a model's quantities; what is swept under another name is the experiment's own."""
+    """Names of a model's quantities. A swept name that is not among them belongs to the experiment."""
     return {i.name for s in model.statements if isinstance(s, tree.Quantities) for i in s.items}
 
 

@@ -1,7 +1,6 @@
 """Tables and noise in expressions: `linear(x, xs, ys)`, `column("curve.csv", "force")`, `noise(time, period, seed)`.
 
-The points of a table and the seed of a noise are known before the run. Where they are numbers of the text they are checked at once,
-where they are parameters for each instance.
+The points of a table and the seed of a noise are known before the run. Literal numbers are checked at once, parameters in each instance.
 """
 
 from __future__ import annotations
@@ -81,7 +80,7 @@ def _curve(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
 
 
 def _ask(result: Apply, node: tree.Call) -> None:
-    """A table that is asked at a number must have a value there."""
+    """Check that a table read at a literal number has a value there. Raises `Wrong`."""
     try:
         evaluate(result, _unknown)
     except OutsideTable as outside:
@@ -115,14 +114,14 @@ def _placed(points: Sequence[Typed], argument: tree.Expression) -> list[tuple[Ty
 
 
 def _cells(compiler: ExpressionCompiler, argument: tree.Expression) -> tuple[Span, ...]:
-    """Where the numbers of a list stand, if that is not the argument itself."""
+    """Places in the text or file of the numbers in a list, if they differ from the place of the argument."""
     if isinstance(argument, tree.Call) and argument.function == "column":
         return read_column(argument, compiler.scope.definition.file).cells
     return tuple(item.span for item in argument.items) if isinstance(argument, tree.Vector) else ()
 
 
 def _settle(compiler: ExpressionCompiler, check: Check) -> bool:
-    """Check what is known already; what is not is left to each instance. Whether all of it is known."""
+    """Check the points that are known and return True if all are; otherwise leave the check to each instance."""
     if all(isinstance(x, Number) for x in (*check.places, *check.values)):
         check_static(check, lambda x: x.value if isinstance(x, Number) else None)
         return True
@@ -131,9 +130,9 @@ def _settle(compiler: ExpressionCompiler, check: Check) -> bool:
 
 
 def check_static(check: Check, value: Callable[[Expression], float | None]) -> None:
-    """Raise `Wrong` unless the places rise (of a noise: the period is positive, the seed whole), as far as they are known.
+    """Raise `Wrong` unless the places increase, or for a noise the period is positive and the seed whole, as far as they are known.
 
-    `value` gives a number, None where there is none yet, and raises for what changes during a run.
+    `value` returns a number, or None if it has none yet; it raises for a quantity that changes during a run.
     """
     places, values = ([value(x) for x in part] for part in (check.places, check.values))
     known = [x for x in places if x is not None]

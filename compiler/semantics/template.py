@@ -1,4 +1,4 @@
-"""One place of the text, compiled: formulas over slots, with units; what the slots read is found instance by instance."""
+"""Template of one place of the text: formulas over slots, with units. The readings of the slots are looked up in each instance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Value = Typed | tuple[Typed, ...]
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """What a slot reads: a path of the text, and which item of it if it is a list."""
+    """Reading of a slot: a path of the text, and the item if it is a list."""
 
     path: tree.Path | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
     item: int | None
@@ -38,13 +38,13 @@ class Slot:
 
     @property
     def words(self) -> str:
-        """What it reads, as written."""
+        """The path as written."""
         return self.path.words if isinstance(self.path, tree.Path) else f"{self.path.function}(…)"
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Points of a table (of a noise: period and seed) that are known only in an instance; over slots."""
+    """Points of a table (period and seed of a noise) as expressions over slots, whose values are known only in an instance."""
 
     function: str
     span: Span
@@ -55,7 +55,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Template:
-    """One place in the text, compiled: value(s) over slots, and what each slot reads."""
+    """One compiled place in the text: value(s) over slots, and the reading of each slot."""
 
     value: Value
     slots: tuple[Slot, ...]
@@ -72,7 +72,7 @@ class Template:
 # What a path reads, seen by the compiler of expressions: its dimension, or those of its items.
 @dataclass(frozen=True, slots=True)
 class Readable:
-    """What a path stands for where an expression reads it."""
+    """Quantity that a path denotes in an expression."""
 
     dimensions: tuple[Dimension | None, ...]
     is_list: bool
@@ -93,7 +93,7 @@ class OwnVariable:
 
 
 def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
-    """The formula with what its slots read in this instance. Only the slots that occur are kept."""
+    """Bind the formula to the readings of its slots in this instance. Only slots that occur in it remain."""
     if not template.slots:
         return Bound(formula, ())
     kept, used = _kept(formula)
@@ -102,7 +102,7 @@ def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot],
 
 @lru_cache(4096)
 def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
-    """The formula over the slots that occur in it, and which those are."""
+    """The formula over the slots that occur in it, and their numbers."""
     used = tuple(sorted({s.key for s in _slots(formula.expression)}))
     if used == tuple(range(formula.arity)):
         return formula, used
@@ -118,14 +118,14 @@ def _slots(x: Expression) -> list[Symbol]:
 
 
 def has_value(x: Expression) -> bool:
-    """Not an operation on numbers that could not be folded, nor a number beyond doubles."""
+    """Return False for an operation on numbers that could not be folded, and for a number outside the range of doubles."""
     if isinstance(x, Number):
         return math.isfinite(x.value)
     return not (isinstance(x, Apply) and all(isinstance(o, Number) for o in x.operands))
 
 
 def each(f: Callable[[Typed], Typed], value: Value) -> Value:
-    """A function of one number, for a number or for each item of a list."""
+    """Apply a function of one number to a number or to each item of a list."""
     return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
 
 

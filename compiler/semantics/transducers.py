@@ -1,9 +1,9 @@
-"""Transformers and gyrators of many ports, as what the textbooks draw them as: junctions with two-port transducers between.
+"""Transformers and gyrators with many ports, expanded to junctions with two-port transducers between them, as in textbooks.
 
-`TF rods(a, b, c) : c.v = a.v + 2*b.v` gives the flow of one port by those of others. Each port becomes a junction: at what an
-equation gives, the terms add up; at what it reads, the variable is shared; between a term's two junctions stands a transformer
-(gyrator) with its coefficient. The transposed equations follow, since no junction or two-port loses power, and causality sees
-nothing but what it knows. The side to which an arrow points changes the sign of a term: equations are in the signs of the bonds.
+`TF rods(a, b, c) : c.v = a.v + 2*b.v` gives the flow of one port by those of others. Each port becomes a junction. At a port that an
+equation gives, the terms add up; at a port that it reads, the variable is shared; each term is a transformer (gyrator) with its
+coefficient between the two junctions. The transposed equations follow, since neither junctions nor two-ports lose power, and the
+causality pass needs no new kind. The direction of an arrow changes the sign of a term: equations use the signs of the bonds.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ OTHER = {"e": "f", "f": "e"}
 
 
 def has_many_ports(node: Node) -> bool:
-    """Whether a node is a transducer that lists its ports."""
+    """Return True for a transducer that lists its ports."""
     return isinstance(node, Element) and node.kind in TRANSDUCERS and node.ports[0].name != "1"
 
 
 def check_many_ports(
     kind: str, name: str, equations: Sequence[tuple[Expression, Expression]], ports: int, span: Span
 ) -> None:  # fmt: skip
-    """Each equation gives one variable of one port by the fitting variables of others. Raises `Wrong`."""
+    """Check that each equation gives one variable of one port by the matching variables of others. Raises `Wrong`."""
 
     def wrong(what: str, hint: str) -> Wrong:
         return Wrong(WrongLaw(span, f"The law of `{name}` {what}", hint))
@@ -70,7 +70,7 @@ def check_many_ports(
 
 
 def expand_transducers(nodes: list[Node], bonds: list[Bond]) -> None:
-    """Replace the transducers of many ports, in place; a port without bond, or with two, is left for the check of bonds."""
+    """Replace the transducers of many ports, in place. A port without bond, or with two, is left to the check of bonds."""
     ends: dict[End, list[tuple[int, bool]]] = {}
     for number, bond in enumerate(bonds):
         ends.setdefault(bond.tail, []).append((number, False))
@@ -78,7 +78,7 @@ def expand_transducers(nodes: list[Node], bonds: list[Bond]) -> None:
     for number, node in enumerate(list(nodes)):
         if isinstance(node, Element) and has_many_ports(node):
             found = [ends.get(End(number, p), []) for p in range(len(node.ports))]
-            if node.law.equations and all(len(f) == 1 for f in found):  # a wrong law stands for nothing
+            if node.law.equations and all(len(f) == 1 for f in found):  # a law with an error is skipped
                 _expand(number, node, [f[0] for f in found], nodes, bonds)
 
 
@@ -88,7 +88,7 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
     given = {Own(e[0].key.port, e[0].key.variable) for e in node.law.equations if isinstance(e[0], Symbol)}
     variable = left.key.variable
     transformer = node.kind is Kind.TRANSFORMER
-    # Where flows add up stands a 0, where efforts do a 1; the other side shares what is read.
+    # Flows add up at a 0-junction, efforts at a 1-junction; the other side shares the variable that is read.
     adding = Kind.ZERO if variable == "f" else Kind.ONE
     sharing = {Kind.ZERO: Kind.ONE, Kind.ONE: Kind.ZERO}[adding] if transformer else adding
     places: list[int] = []
@@ -119,7 +119,7 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
 
 
 def _terms(node: Element) -> Iterator[tuple[int, int, Expression]]:
-    """Port that is given, port that is read, coefficient."""
+    """Terms of the equations: given port, read port, coefficient."""
     for left, right in node.law.equations:
         assert isinstance(left, Symbol)
         for symbol in [s for s in symbols(right) if isinstance(s.key, Own)]:

@@ -1,6 +1,6 @@
-"""Expressions with units: the author's expression becomes a formula over SI numbers, or a diagnostic.
+"""Expressions with units: compiled to formulas over SI numbers, or refused with a diagnostic.
 
-A formula is made once per place in the text and cached there; each instance only looks up what stands in its slots.
+A formula is made once per place in the text and cached there; each instance only looks up the readings of its slots.
 """
 
 from __future__ import annotations
@@ -51,18 +51,18 @@ MOST_DECIBELS = 6000  # a ratio of 1e300
 
 
 class ExpressionCompiler:
-    """Compiles one place of the text."""
+    """Compiler of one place of the text."""
 
     def __init__(
         self, scope: Scope, resolve: Resolve, own: Mapping[str, OwnVariable] | None = None, unit: Scale | None = None
     ) -> None:
         self.scope, self.resolve, self.own = scope, resolve, own or {}
-        self.unit = unit  # what bare numbers stand in, after `name : unit =`
+        self.unit = unit  # unit of bare numbers, after `name : unit =`
         self.slots: dict[tuple[str, int | None, bool], int] = {}
         self.slot_list: list[Slot] = []
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         self.opening: list[str] = []  # functions being opened, outermost first
-        self.in_model = True  # whether the names of the model can be seen: not from a function of the file
+        self.in_model = True  # True if names of the model are visible; False in a function of the file
         self.opened = 0
         self.checks: list[Check] = []
         self.lists: dict[str, tuple[tree.Path, int]] = {}
@@ -74,7 +74,7 @@ class ExpressionCompiler:
         return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
 
     def _in_unit(self, expression: tree.Expression) -> Value:
-        """After `name : unit =` a bare number stands in that unit, alone or in a list; whatever else has its own."""
+        """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
         if isinstance(expression, tree.Vector) and len(expression.items) <= MAXIMUM_ITEMS:
             return tuple(self._item_in_unit(item) for item in expression.items)
         if isinstance(expression, tree.Call) and expression.function == "column":  # the unit stands in its header
@@ -92,7 +92,7 @@ class ExpressionCompiler:
 
     # ------------------------------------------------------------ the cases
     def value(self, node: tree.Expression) -> Value:
-        """The node compiled; what is a number must be a finite one."""
+        """Compile a node. Raises `Wrong` for a number that is not finite."""
         value = self._value(node)
         for part in value if isinstance(value, tuple) else (value,):
             if not part.truth and not has_value(part.expression):
@@ -204,7 +204,7 @@ class ExpressionCompiler:
         return self._read(node, False)
 
     def _read(self, node: tree.Path, base: bool) -> Value:
-        """What a path reads in the scope, or (`base`) where its model stands."""
+        """Quantity that a path reads in the scope, or with `base` in the scope of its whole instance."""
         found = self.resolve(node, self.scope.base() if base else self.scope)
         words = f"{node.words} of the model" if base else node.words
         if not found.is_list:
@@ -230,9 +230,9 @@ class ExpressionCompiler:
         raise Wrong(WrongType(node.span, "An item of a list, as `points[2]`", f"`{node.words}`"))
 
     def _in_function(self, node: tree.Path) -> Value:
-        """A function reads its parameters and the constants of its file, nothing of the model that calls it.
+        """Value of a name in a function: a parameter of the function or a constant of its file, no name of the calling model.
 
-        One of the model itself reads the model's parameters and constants as well.
+        A function of a model also reads the parameters and constants of that model.
         """
         if self.in_model and may_read(self.scope.base().entries.get(node.head)):
             return self._read(node, True)
@@ -416,13 +416,13 @@ class ExpressionCompiler:
         return build(self, node, arguments)
 
     def _function(self, name: str) -> tree.Function | None:
-        """The author's function of that name; those of the model are not seen from one of the file."""
+        """The author's function of that name. A function of the file cannot call functions of the model."""
         definition = self.scope.definition
         own = definition.functions.get(name) if self.in_model else None
         return own or definition.file.functions.get(name)
 
     def _memory(self, node: tree.Call) -> Typed:
-        """`integral(rate, start)` and `delay(x, 1 ms)` are signals of their own, with memory; here they are only read."""
+        """Reading of `integral(rate, start)` or `delay(x, 1 ms)`, which are signals of their own with memory."""
         if len(node.arguments) != 2:
             usage = MEMORIES[node.function]
             raise Wrong(WrongArguments(node.span, node.function, _arguments(2), len(node.arguments), usage))

@@ -1,4 +1,4 @@
-"""What no bond reaches, or too many."""
+"""Ports and junctions with no bond, and ports with too many."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .transducers import TRANSDUCERS, has_many_ports
 
 
 def unconnected(graph: BondGraph) -> list[Diagnostic]:
-    """Every port of an element has exactly one bond, every junction at least one."""
+    """Check that every port of an element has exactly one bond and every junction at least one."""
     bonds: dict[End, list[Span]] = {}
     for bond in graph.bonds:
         for end in (bond.tail, bond.head):

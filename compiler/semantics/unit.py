@@ -1,4 +1,4 @@
-"""A unit by itself, outside of any expression."""
+"""A unit on its own, outside of any expression."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .scope import Wrong
 
 
 def read_unit(source: Source) -> Scale:
-    """The scale of a text that is one unit, `N*s/m`. Raises `CompilationFailed`."""
+    """Scale of a text that is one unit, `N*s/m`. Raises `CompilationFailed`."""
     number = Source(source.name, f"1 [{source.text}]")
     found = parse_expression(number)
     if not isinstance(found, Literal) or found.unit is None:

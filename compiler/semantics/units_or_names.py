@@ -1,4 +1,4 @@
-"""`5 N*m` where `m` is a name: five newtons times that quantity, which looks like newton metres. Notes with both readings."""
+"""Notes on `5 N*m` where `m` is a name: it means five newtons times that quantity, but looks like newton metres."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SIGNS = {1: "*", -1: "/"}
 
 
 def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
-    """A note for each product of a file in which names that are symbols of units follow a number with a unit of its own."""
+    """Notes on products in which a number with a unit is followed by names that are also symbols of units."""
     if any(
         found[1] in UNITS for found in _CANDIDATE.finditer(syntax.source.text)
     ):  # else the tree is not walked through
@@ -24,7 +24,7 @@ def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
 
 
 def ambiguous_products(node: object, home: Source) -> Iterator[str]:
-    """The notes on a statement, an expression, or several; places outside of the text `home` are told by their own name."""
+    """Notes on a statement, an expression, or several. A place outside of the text `home` is given with its file name."""
     if isinstance(node, tuple):
         for item in node:
             yield from ambiguous_products(item, home)
@@ -57,7 +57,7 @@ def _notes(product: tree.Product, home: Source) -> Iterator[str]:
 
 
 def _symbol(factor: tree.Expression) -> str:
-    """The symbol of a unit that a factor, or the base of a power, is written as; else empty."""
+    """Unit symbol that a factor, or the base of a power, is written as; else empty."""
     power = isinstance(factor, tree.Power) and isinstance(factor.exponent, tree.Literal | tree.Negative)
     base = factor.base if power and isinstance(factor, tree.Power) else factor
     return base.head if isinstance(base, tree.Path) and not base.steps and base.head in UNITS else ""

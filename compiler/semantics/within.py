@@ -1,4 +1,4 @@
-"""The project folder: nothing outside of it is read."""
+"""Project folder: files outside of it are not read."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def project_folder(file: Path) -> Path:
 
 
 def within_project(target: Path, root: Path, library: Path | None) -> bool:
-    """Whether a file whose links are resolved lies in the project folder, or in the library."""
+    """Return True if a file, with links resolved, lies in the project folder or in the library."""
     return target.is_relative_to(root) or (library is not None and target.is_relative_to(library.resolve()))
 
 
 def is_there(target: Path) -> bool:
-    """Whether a file can be read there; a name that no disk could hold names none."""
+    """Return True if a file can be read there; False for names that the file system cannot hold."""
     try:
         return target.is_file()
     except (OSError, ValueError):
