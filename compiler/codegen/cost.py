@@ -1,7 +1,7 @@
-"""What a program computes and how often: operations counted on the shared graph, before anything is printed.
+"""Operation counts of a program, by how often they are done, taken from the shared graph before code is written.
 
-An operation is counted where it is first needed: what depends on parameters alone once in a run, what time and inputs alone
-move with each new time, the rest with each evaluation of the rates; then what the Jacobian and the outputs ask beyond that.
+An operation is counted where it is first needed: once per run if it depends on parameters alone, once per new time if it depends on
+time and inputs alone, else once per evaluation of the rates. The additional operations of the Jacobian and the outputs follow.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .lower import Lowered
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """What one line of the text costs in each evaluation of the rates, over all instances of it."""
+    """Operations of one line of the text in each evaluation of the rates, over all its instances."""
 
     span: Span
     owners: tuple[str, ...]  # the elements, junctions or quantities that stand there
@@ -28,7 +28,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Operations by how often they are done."""
+    """Operation counts, by how often they are done."""
 
     once: int  # of parameters alone
     with_time: int  # of time and inputs
@@ -44,7 +44,7 @@ PLAIN = frozenset(["add", "multiply", "divide", "negate", "power", "item", "less
 
 
 def cost(lowered: Lowered) -> Cost:
-    """Count what a lowered state space asks for."""
+    """Count the operations of a lowered state space."""
     counter = _Counter(lowered)
     counter.visit(lowered.rates)
     rates = Counter(counter.found)
@@ -62,7 +62,7 @@ def cost(lowered: Lowered) -> Cost:
 
 
 class _Counter:
-    """Walks the graph; each operation counts once, for the line whose value first needs it."""
+    """Traversal of the graph. Each operation counts once, for the line whose value first needs it."""
 
     def __init__(self, lowered: Lowered) -> None:
         self.lowered = lowered
@@ -73,7 +73,7 @@ class _Counter:
         self.owners: dict[Span, dict[str, None]] = {}
 
     def visit(self, roots: Iterable[Expression]) -> None:
-        """Count what is behind some expressions and was not counted yet."""
+        """Count the operations behind some expressions that are not counted yet."""
         stack: list[tuple[Expression, Span | None]] = [(root, None) for root in roots]
         while stack:
             node, span = stack.pop()
@@ -100,13 +100,13 @@ class _Counter:
         return "time" if bits & (TIME | INPUT | MODE) else "once"
 
     def lines(self) -> tuple[Line, ...]:
-        """The lines, most expensive first; among equals in the order of the text."""
+        """Lines, most expensive first; equal ones in the order of the text."""
         order = sorted(self.by_line.items(), key=lambda item: (-item[1], item[0].start))
         return tuple(Line(span, tuple(self.owners.get(span, ())), count) for span, count in order)
 
 
 def _operations(node: Apply) -> int:
-    """Additions and multiplications of one node; a linear system costs what elimination does."""
+    """Additions and multiplications of one node; for a linear system those of the elimination."""
     if node.operator == "item":
         return 0
     if node.operator == "solve":
@@ -115,6 +115,6 @@ def _operations(node: Apply) -> int:
     if node.operator == "banded":
         size, lower, upper = shape_of(node)
         return size * (lower * (2 * (lower + upper) + 1) + 2 * (lower + upper) + 1)
-    if node.operator == "multiply" and node.operands[0] == MINUS_ONE:  # a sign is none: what is added is subtracted
+    if node.operator == "multiply" and node.operands[0] == MINUS_ONE:  # a sign costs nothing: the sum subtracts instead
         return len(node.operands) - 2
     return max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1

@@ -1,4 +1,4 @@
-"""What an expression depends on: parameters, time, inputs, states, the mode, as bits."""
+"""Dependence of expressions on parameters, time, inputs, states and the mode, as bits."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (
     8,
     16,
     32,
-)  # what a node depends on, as bits; EVENT: on states once
+)  # bits of a dependence; EVENT: on states at an event
 
 
 BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
 
 
 def dependences_of(roots: Iterable[Expression], symbols: dict[Expression, int]) -> dict[int, int]:
-    """Of all nodes behind the roots, by identity. `symbols`: what is known of these."""
+    """Dependences of all nodes behind the roots, by identity. `symbols` gives those of the symbols."""
     found: dict[int, int] = {}
     for root in roots:
         stack: list[Expression | None] = [root]
         while stack:
             node = stack.pop()
-            if node is None:  # what stands below it has its operands before it
+            if node is None:  # the node below it follows its operands
                 node = stack.pop()
                 assert type(node) is Apply
                 bits = 0
@@ -44,7 +44,7 @@ def dependences_of(roots: Iterable[Expression], symbols: dict[Expression, int]) 
 
 
 def dependence_of(x: Expression, known: dict[Expression, int]) -> int:
-    """Of one node; `known` is what is known already, and grows."""
+    """Dependence of one node. `known` holds dependences that are computed already; new ones are added."""
     found = known.get(x)
     if found is not None:
         return found

@@ -1,4 +1,4 @@
-"""What cannot be turned into a program: BG6xx."""
+"""Errors of models that cannot be turned into a program: BG6xx."""
 
 from __future__ import annotations
 

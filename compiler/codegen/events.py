@@ -1,8 +1,8 @@
-"""What changes at instants: conditions that are located, what only events change, what events set, which junctions are on.
+"""Events of a program: located conditions, discrete variables, assignments at events, switched junctions.
 
-The `mode` of a program holds, one after the other, what only events change and the truth of conditions. All of it stands still
-between two instants. A condition on time alone is computed from time; one on states is located where its root, left side less
-right side, changes sign.
+The `mode` of a program holds the discrete variables, then the truth values of conditions. It is constant between two events. A
+condition on time alone is computed from time. A condition on states is located at the zero crossing of its root, left side minus
+right side.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .program import ConditionNote, EventNote, SettingNote
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A condition on states: an item of the mode that flips where its root changes sign."""
+    """A condition on states: an item of the mode that changes at the zero crossings of its root."""
 
     symbol: Symbol
     root: Expression
@@ -30,14 +30,14 @@ class Located:
 
 @dataclass(eq=False)
 class LoweredEvents:
-    """The expressions of all that happens at instants, over `Leaf` symbols."""
+    """Expressions of all events, over `Leaf` symbols."""
 
     starts: tuple[Expression, ...] = ()  # of what only events change
     timed: list[int] = field(default_factory=list)  # places in the mode of the conditions on time
     located: list[Located] = field(default_factory=list)
     triggers: tuple[Expression, ...] = ()
-    values: tuple[Expression, ...] = ()  # what all settings set, in a row
-    targets: tuple[Expression, ...] = ()  # what is computed from states and set
+    values: tuple[Expression, ...] = ()  # new values of all settings, in a row
+    targets: tuple[Expression, ...] = ()  # targets that are computed from states
     actives: tuple[Expression, ...] = ()
     periods: tuple[Expression, ...] = ()  # of sampled events, of parameters
     conjugates: tuple[
@@ -48,22 +48,22 @@ class LoweredEvents:
 
     @property
     def size(self) -> int:
-        """The length of the mode."""
+        """Length of the mode."""
         return len(self.starts) + len(self.timed) + len(self.located)
 
     @property
     def present(self) -> bool:
-        """Whether anything happens but what time alone brings."""
+        """True if the model has events other than conditions on time alone."""
         return bool(self.starts or self.located or self.events or self.junctions)
 
     def roots(self) -> tuple[Expression, ...]:
-        """All expressions that are computed."""
+        """All expressions of the events."""
         located = (item.root for item in self.located)
         return (*located, *self.triggers, *self.values, *self.targets, *self.actives, *self.conjugates)
 
 
 def behind_the_run(space: StateSpace) -> set[int]:
-    """The variables that rates, residuals and conditions of events read: where they jump, a step must end."""
+    """Variables that rates, residuals and conditions of events depend on: a step must end at their jumps."""
     inputs: list[list[int]] = [[] for _ in space.variables]
     for step in space.steps:
         if isinstance(step, LinearLoop):
@@ -79,7 +79,7 @@ def behind_the_run(space: StateSpace) -> set[int]:
 
 
 def event_variables(space: StateSpace) -> list[int]:
-    """The variables that events and switched junctions are computed from."""
+    """Variables that events and switched junctions read or set."""
     found = [s.condition for s in space.switches]
     for event in space.events:
         found += [event.condition, *(v for s in event.settings for v in (s.target, s.value))]
@@ -87,9 +87,9 @@ def event_variables(space: StateSpace) -> list[int]:
 
 
 def event_notes(space: StateSpace, moving: Mapping[int, int]) -> tuple[tuple[EventNote, ...], list[int]]:
-    """The events as a program tells them, and the variables among their targets that are computed from states.
+    """Notes on the events of a program, and the variables among their targets that are computed from states.
 
-    `moving`: states and unknowns, and their places.
+    `moving`: places of the states and unknowns.
     """
     modes = {d.variable: i for i, d in enumerate(space.discretes)}
     states = {s.variable for s in space.states}

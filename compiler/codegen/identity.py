@@ -1,4 +1,4 @@
-"""Whether two programs solve the same equations: one number for all that moves states, whatever the text, its comments and its order."""
+"""Identity of a program's equations: one digest of all that moves states. Equal for texts that differ only in comments and order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COMMUTES = frozenset({"add", "multiply", "min", "max", "and", "or", "equal"})
 
 
 def identity(lowered: Lowered) -> str:
-    """A digest of the rates and of what events do, over the author's names; parameters by their names, not by their values."""
+    """Digest of the rates and of the effects of events, over the author's names. Parameters enter by name, not by value."""
     space, events = lowered.space, lowered.events
     moving = [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
     names = [space.variables[v].name for v in moving]

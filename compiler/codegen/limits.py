@@ -1,6 +1,6 @@
-"""What must hold for a run to mean something: the range of each table, and what the author requires.
+"""Validity limits of a run: the range of each table, and the author's requirements.
 
-Only points that the run accepts count. A solver also tries points beyond, where tables go on as straight lines.
+They are checked at points that the run accepts. A solver also evaluates points beyond; there, tables continue as straight lines.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class LimitValue:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A condition (1 or 0), what it is about, and how it is told when it does not hold."""
+    """A condition (1 or 0), the quantities in it, and the note with which a violation is reported."""
 
     condition: Expression
     values: tuple[LimitValue, ...]
@@ -51,7 +51,7 @@ Put = Callable[[Symbol], Expression]
 def ranges(
     step: Assignment, put: Put, variables: Sequence[Variable], parameters: Callable[[Leaf], float]
 ) -> Iterator[Limit]:
-    """The ranges of the tables of an assignment, where they are asked. Raises `CompilationFailed` for a false inverse."""
+    """Limits for the tables of an assignment where they are evaluated. Raises `CompilationFailed` for an inverse that is not unique."""
     for node, asked in _checked(step.formula):
         if node.operator == "root":
             _check_power(substitute(node, put), step, parameters)
@@ -74,7 +74,7 @@ def ranges(
 
 
 def requirement(limit: Validity, entry: Callable[[Argument], Expression]) -> Limit:
-    """What the author requires, with its values."""
+    """A requirement of the author as a limit, with its quantities."""
     values = tuple(LimitValue(name, unit, entry(value)) for name, value, unit in limit.values)
     note = LimitNote("require", limit.owner, limit.words, limit.text, limit.span, limit.stands, _shown(values))
     return Limit(entry(limit.condition), values, note)
@@ -86,7 +86,7 @@ def _shown(values: Sequence[LimitValue]) -> tuple[tuple[str, str], ...]:
 
 @lru_cache(maxsize=65536)
 def _checked(formula: Formula) -> tuple[tuple[Apply, Expression | None], ...]:
-    """The tables and roots in a formula, each with the condition under which it is asked (None: always)."""
+    """Tables and roots in a formula, each with the condition under which it is evaluated (None: always)."""
     found: dict[Apply, Expression | None] = {}
     seen: set[tuple[Expression, Expression | None]] = set()
     stack: list[tuple[Expression, Expression | None]] = [(formula.expression, None)]
@@ -115,7 +115,7 @@ def _both(asked: Expression | None, condition: Expression) -> Expression:
 
 
 def _values(expressions: Sequence[Expression], parameters: Callable[[Leaf], float]) -> list[float] | None:
-    """The values of expressions of parameters; None where something is no parameter."""
+    """Values of expressions of parameters; None if one of them reads something else."""
     try:
         return [evaluate(x, parameters) for x in expressions]
     except (ArithmeticError, ValueError):
@@ -123,14 +123,14 @@ def _values(expressions: Sequence[Expression], parameters: Callable[[Leaf], floa
 
 
 def _check_direction(knots: Sequence[Expression], step: Assignment, parameters: Callable[[Leaf], float]) -> None:
-    """Where a table stands the wrong way round, its values must rise or fall throughout."""
+    """Check that an inverted table is strictly monotone. Raises `CompilationFailed`."""
     values = _values(knots, parameters)
     if values is not None and not one_way(values):
         raise CompilationFailed([TableTurnsBack(step.span, step.owner)])
 
 
 def _check_power(node: Expression, step: Assignment, parameters: Callable[[Leaf], float]) -> None:
-    """An even power is never turned round: it has two inverses."""
+    """Check that no even power is inverted: it has two inverses. Raises `CompilationFailed`."""
     if isinstance(node, Apply) and node.operator == "root":
         exponent = _values(node.operands[1:], parameters)
         if exponent is not None and exponent[0] % 2 == 0:

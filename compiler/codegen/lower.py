@@ -1,7 +1,7 @@
 """State space to expressions of parameters, time, inputs and states: one shared graph of operations, with its Jacobian.
 
 Every law is differentiated once, as a formula; an assignment only puts its arguments into the formula's partial derivatives.
-Equal subexpressions are one node, whatever assignment they come from.
+Equal subexpressions are one node, even from different assignments.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from .time_functions import narrow_operations, time_roots
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """The author's name of a node and where it comes from."""
+    """The author's name of a node, and its origin."""
 
     name: str
     span: Span | None = None
@@ -58,7 +58,7 @@ class Label:
 
 @dataclass(eq=False)
 class Lowered:
-    """All that a back-end prints. Expressions are over `Leaf` symbols."""
+    """All data that a back-end prints. Expressions are over `Leaf` symbols."""
 
     space: StateSpace
     parameters: tuple[int, ...] = ()  # variables
@@ -71,12 +71,12 @@ class Lowered:
     claims: tuple[
         Expression, ...
     ] = ()  # by how much a start of what is computed is missed; `moved` less the drawing; what is claimed of poses
-    forced: tuple[Expression, ...] = ()  # what must not jump with time
+    forced: tuple[Expression, ...] = ()  # signals of time that must not jump
     invariants: tuple[Expression, ...] = ()  # gaps (and norms), then the rates of gaps: all zero along a run
     invariant_slopes: dict[tuple[int, int], Expression] = field(
         default_factory=dict
     )  # (invariant, state); of rates only by what no gap depends on
-    dependents: tuple[Expression, ...] = ()  # what storages in derivative form hold
+    dependents: tuple[Expression, ...] = ()  # contents of storages in derivative form
     sensitivities: dict[tuple[int, int], Expression] = field(
         default_factory=dict
     )  # (dependent, state) -> changing slope
@@ -93,15 +93,15 @@ class Lowered:
         Expression, ...
     ] = ()  # each of these functions and its derivative by time, then what may be narrow of the signals
     periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
-    limits: list[Limit] = field(default_factory=list)  # what must hold for the run to mean something
+    limits: list[Limit] = field(default_factory=list)  # validity limits of the run
     lags: tuple[Expression, ...] = ()  # of delayed signals, of parameters
-    delayed: tuple[Expression, ...] = ()  # what they will be
+    delayed: tuple[Expression, ...] = ()  # their undelayed values
     bends: list[Expression] = field(
         default_factory=list
     )  # zero where a law of states bends: steps end there if it shows
-    signals: tuple[Expression, ...] = ()  # what rates read of time alone: a step must not pass over its turns
+    signals: tuple[Expression, ...] = ()  # signals of time alone: a step must not pass over their extrema
     solved: Solved | None = None  # with the multipliers of closing joints solved for
-    energy: tuple[Expression, ...] = ()  # all that is stored, then its slopes by the states, if they are asked for
+    energy: tuple[Expression, ...] = ()  # stored energy, then its gradient by the states, on request
     differentiated: int = 0  # formulas whose partial derivatives were formed
     whole: bool = True  # with the slopes
     by: tuple[int, ...] = ()  # variables by which all is differentiated beside states and unknowns
@@ -110,27 +110,27 @@ class Lowered:
     )  # variable -> column (states, unknowns, then `by`) -> nonzero slope
 
     def event_symbol(self, position: int) -> Symbol:
-        """An item of the mode that does not come from time alone."""
+        """Symbol of an item of the mode that does not depend on time alone."""
         symbol = Symbol(Leaf("mode", position))
         self._bits[symbol] = MODE | EVENT
         return symbol
 
     def delayed_symbol(self, position: int) -> Symbol:
-        """What the run knows from before stands among the inputs, but moves like a state."""
+        """Symbol of a delayed signal: an input of the program that changes like a state."""
         symbol = Symbol(Leaf("input", position))
         self._bits[symbol] = INPUT | STATE
         return symbol
 
     def dependence(self, x: Expression) -> int:
-        """What an expression depends on, as bits."""
+        """Dependence of an expression, as bits."""
         return dependence_of(x, self._bits)
 
     def dependences(self, roots: Iterable[Expression]) -> dict[int, int]:
-        """The same for all nodes behind some roots, by identity, which is quicker; for as long as the roots are kept."""
+        """Dependences of all nodes behind some roots, by identity, which is faster. Valid while the roots are kept alive."""
         return dependences_of(roots, self._bits)
 
     def parameter_values(self, leaf: Leaf) -> float:
-        """The value that a parameter has if nobody changes it. Raises `ValueError` for what is no parameter."""
+        """Default value of a parameter. Raises `ValueError` for a leaf that is no parameter, `ValuesNeeded` if it has no value."""
         if leaf.role != "parameter":
             raise ValueError(leaf.role)
         variable = self.space.variables[self.parameters[leaf.position]]
@@ -139,7 +139,7 @@ class Lowered:
         return variable.value
 
     def curves_in_modes(self) -> set[Symbol]:
-        """What the points of curves read whose derivatives are items of the mode."""
+        """Symbols in the points of curves whose derivatives are items of the mode."""
         tables = [node for item in self.switches for node in operations(item) if is_table(node)]
         return {symbol for node in tables for point in node.operands[2:] for symbol in symbols(point)}
 
@@ -149,10 +149,10 @@ class Lowered:
 def lower(
     space: StateSpace, located: bool = True, by: tuple[int, ...] = (), conserving: bool = False, whole: bool = True
 ) -> Lowered:
-    """Put the steps together, find what jumps with time and (`located`) with states, form the Jacobian.
+    """Substitute the steps, find jumps in time and (`located`) in states, form the Jacobian.
 
-    `by`: more variables to differentiate by; of one that is computed, by what is added to it. `conserving`: form the stored
-    energy and its slopes too. Not `whole`: what can go wrong is looked for, but no slopes are multiplied with each other.
+    `by`: additional variables to differentiate by; for a computed variable, by an addition to it. `conserving`: also form the stored
+    energy and its gradient. Without `whole`, errors are looked for but no derivatives are multiplied.
     """
     result = Lowered(space, by=by, whole=whole)
     _put_leaves(result)
@@ -217,7 +217,7 @@ def lower(
 
 
 def _put_leaves(result: Lowered) -> None:
-    """What is computed by nothing: parameters, inputs, delayed signals, time, what only events change."""
+    """Enter the variables that are not computed: parameters, inputs, delayed signals, time, discrete variables."""
     space = result.space
     roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
     used = _used(space)
@@ -235,7 +235,7 @@ def _put_leaves(result: Lowered) -> None:
 
 
 def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]]) -> None:
-    """The gaps' slopes by positions, and those of their rates by speeds: what a projection needs."""
+    """Derivatives of the constraint residuals by positions, and of their rates by velocities, as a projection needs them."""
     invariants, count = result.space.invariants, len(result.space.states)
     gaps = [i.position for i in invariants]
     rates = [i.velocity for i in invariants if i.velocity is not None]
@@ -248,7 +248,7 @@ def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]])
 
 
 def _lower_events(result: Lowered) -> None:
-    """What happens at instants, from what has been lowered."""
+    """Form the expressions of the events from the lowered variables."""
     space, events, values = result.space, result.events, result.values
     events.events, computed = event_notes(space, {v: i for i, v in enumerate(moving(space))})
     events.starts = tuple(_entry(result, d.start) for d in space.discretes)
@@ -272,7 +272,7 @@ def _lower_events(result: Lowered) -> None:
 
 
 def _signals(result: Lowered) -> Iterable[Expression]:
-    """The largest expressions behind the rates that depend on time but on no state; those linear in time never turn."""
+    """Largest expressions behind the rates that depend on time but on no state. Those linear in time are left out."""
     time = Symbol(Leaf("time", 0))
     seen: set[Expression] = set()
     stack = list(result.rates)
@@ -292,12 +292,12 @@ def _signals(result: Lowered) -> Iterable[Expression]:
 
 
 def targets(step: Step) -> tuple[int, ...]:
-    """The variables that a step computes."""
+    """Variables that a step computes."""
     return step.targets if isinstance(step, LinearLoop) else (step.target,)
 
 
 def moving(space: StateSpace) -> list[int]:
-    """The variables that a program gets as its state: the states, then the unknowns of its loops."""
+    """Variables in the state of a program: the states, then the unknowns of its loops."""
     return [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
 
 
@@ -337,7 +337,7 @@ def _entry(result: Lowered, entry: int | float) -> Expression:
 
 @lru_cache(maxsize=65536)
 def partial(formula: Formula, slot: int) -> Expression:
-    """The partial derivative of a formula with respect to one of its slots: formed once, whatever the number of its uses."""
+    """Partial derivative of a formula by one of its slots, formed once for all its uses."""
     terms = _terms(formula)
     if terms is not None:
         return add(*(derivative(term, Symbol(slot)) for term in terms.get(slot, ())))
@@ -346,7 +346,7 @@ def partial(formula: Formula, slot: int) -> Expression:
 
 @lru_cache(maxsize=4096)
 def _terms(formula: Formula) -> Mapping[int, Sequence[Expression]] | None:
-    """The terms of a sum in which a slot stands: of thousands of terms at a junction each slot is in one; None if it is no sum."""
+    """Terms of a sum by slot; None if the formula is no sum. At a junction with thousands of terms, each slot is in only one."""
     if not isinstance(formula.expression, Apply) or formula.expression.operator != "add":
         return None
     found: dict[int, list[Expression]] = {}
@@ -436,11 +436,11 @@ def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, E
 def _solution(
     matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: Layout | None
 ) -> list[Expression]:
-    """The solution of a linear system: a quotient, or items of one node."""
+    """Solution of a linear system: a quotient, or items of one node."""
     return [divide(right[0], matrix[0][0])] if len(right) == 1 else solutions(matrix, right, layout)
 
 
 def count_operations(roots: Iterable[Expression], free: Mapping[Expression, object] | None = None) -> int:
-    """The number of distinct operations behind some expressions."""
+    """Number of distinct operations behind some expressions."""
     order = operations_in_order(tuple(roots), free or {})
     return sum(max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1 for node in order)

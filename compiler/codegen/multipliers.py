@@ -1,12 +1,12 @@
-"""The multipliers of closing joints, solved for where they stand: sparse L D L' as straight-line expressions.
+"""Multipliers of closing joints, solved for symbolically: sparse L D L' as straight-line expressions.
 
-The accelerations of the gaps are affine in the multipliers, with a matrix J M^-1 J' that is symmetric, positive semidefinite and as
-sparse as the loops hang together. It is factorised in an order of least degree, chosen here on integers, so that the number of
-operations grows with the number of loops and not with its cube. A pivot that is nothing beside its own diagonal belongs to a row that
-follows from those before it: it is dropped, and its multiplier is zero.
+The accelerations of the constraint residuals are affine in the multipliers. Their matrix J M^-1 J' is symmetric, positive semidefinite
+and as sparse as the connection of the loops. It is factorised in an order of least degree, chosen here on integers, so that the number
+of operations grows linearly with the number of loops, not cubically. A pivot that is negligible beside its own diagonal belongs to a
+row that depends on those before it: the row is dropped, and its multiplier is zero.
 
-The Jacobian is not formed of what is solved for here: the inverse of the matrix is full. It stays that of the larger system in states and
-multipliers, which is as sparse as the mechanism, and whoever needs it eliminates the multipliers numerically.
+The Jacobian is not formed from this solution, since the inverse of the matrix is full. It is that of the larger system in states and
+multipliers, which is as sparse as the mechanism; its users eliminate the multipliers numerically.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ Matrix = dict[tuple[int, int], Expression]  # the lower triangle
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """Rates of the states and residuals of the other unknowns (zero for multipliers), then the multipliers; no multiplier is read."""
+    """Rates of the states and residuals of the other unknowns (zero for multipliers), then the multipliers. No multiplier is read."""
 
     rates: tuple[Expression, ...]
     multipliers: tuple[Expression, ...]
 
 
 def solve_multipliers(lowered: Lowered) -> Solved | None:
-    """None if a run has no multipliers."""
+    """Solve for the multipliers. Returns None if a run has none."""
     space, states = lowered.space, len(lowered.space.states)
     unknowns = {u.variable: states + i for i, u in enumerate(space.unknowns)}
     bound = [i for i in space.invariants if i.multiplier is not None]
@@ -77,7 +77,7 @@ def solve_multipliers(lowered: Lowered) -> Solved | None:
 
 
 def solved_for(space: StateSpace) -> tuple[int, ...]:
-    """The unknowns that a program solves for where they stand: multipliers, then balances."""
+    """Unknowns that a program solves for symbolically: multipliers, then balances."""
     return (
         *(i.multiplier for i in space.invariants if i.multiplier is not None),
         *(b.variable for b in space.balances),
@@ -85,7 +85,7 @@ def solved_for(space: StateSpace) -> tuple[int, ...]:
 
 
 def _solution(matrix: Matrix, right: list[Expression], multipliers: int) -> list[Expression]:
-    """The first rows belong to multipliers; what is left of the others has no pivot before these are gone, and none to be dropped then."""
+    """Solve the system. The first rows belong to multipliers; the other rows have pivots only after these are eliminated, and drop none."""
     count = len(right)
     order, fill, products = _order(matrix, count, multipliers)
     if products > LARGEST:
@@ -126,8 +126,10 @@ def _pair(i: int, j: int) -> tuple[int, int]:
 def _order(
     matrix: Mapping[tuple[int, int], Expression], count: int, first: int
 ) -> tuple[list[int], dict[int, list[int]], int]:
-    """Least degree first (Tinney and Walker, Proc. IEEE 55, 1967), but the `first` before the others: the order, what each pivot
-    reaches, and the products."""
+    """Elimination order of least degree (Tinney and Walker, Proc. IEEE 55, 1967), with the `first` ones before the others.
+
+    Returns the order, the rows that each pivot reaches, and the number of products.
+    """
     near: list[set[int]] = [set() for _ in range(count)]
     for i, j in matrix:
         if i != j:
@@ -148,7 +150,7 @@ def _order(
 
 
 class _Replacing:
-    """Symbols replaced in many expressions that share their parts; not by recursion, as they may be deep."""
+    """Replacement of symbols in many expressions with shared parts. Not recursive, as the expressions may be deep."""
 
     def __init__(self, values: Mapping[Expression, Expression]) -> None:
         self.known: dict[Expression, Expression] = dict(values)

@@ -1,4 +1,4 @@
-"""Operations in the order in which they can be computed."""
+"""Operations in an order in which they can be computed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..algebra.expression import Apply, Expression
 
 
 def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, object]) -> list[Apply]:
-    """The operations behind the roots that are not known, operands first."""
+    """Operations behind the roots, operands first, without those in `known`."""
     order: list[Apply] = []
     met: set[int] = set()  # by identity, which is quick; of equal ones the first counts
     done: set[Expression] = set()
@@ -18,7 +18,7 @@ def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, 
         stack: list[Apply | None] = [root]
         while stack:
             node = stack.pop()
-            if node is None:  # what stands below it has its operands before it
+            if node is None:  # the node below it follows its operands
                 ready = stack.pop()
                 assert ready is not None
                 order.append(ready)
@@ -40,7 +40,7 @@ def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, 
 def in_order(
     roots: Sequence[Expression], known: Mapping[Expression, object]
 ) -> tuple[list[Apply], dict[Expression, int]]:
-    """The operations behind the roots, operands first, and how often each is used."""
+    """Operations behind the roots, operands first, and the number of uses of each."""
     uses: dict[Expression, int] = {}
     order: list[Apply] = []
     done: set[Expression] = set()

@@ -1,9 +1,9 @@
-"""Products that share factors are computed from common parts: what laws, and above all their derivatives, multiply again and again.
+"""Common factors: products in laws and their derivatives are computed from shared parts.
 
-A product is a sign, one part of all that parameters alone decide (which is then computed once in a run), and the factors that move. Of
-these the pair that most products have becomes a part, until no pair is in two (the multiple-operand form of Hosangadi, Fallah and
-Kastner, IEEE Trans. CAD 25, 2006). A sign stays outside, so that a product and its negative are one. Sums stay in the order in which the
-author wrote them: their rounding depends on it, that of a product hardly does.
+A product is a sign, one part with all factors that depend on parameters alone (computed once per run), and the varying factors. Among
+these, the pair that occurs in most products becomes a part, until no pair occurs in two (multiple-operand form of Hosangadi, Fallah and
+Kastner, IEEE Trans. CAD 25, 2006). A sign stays outside, so that a product and its negative share one part. Sums keep the order of the
+author's text: their rounding depends on it, that of a product hardly does.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ PRINTED = (
     "switches", "crossings", "events", "limits", "delayed", "bends", "signals", "solved", "energy",
 )  # fmt: skip
 
-_HOLDERS = (Limit, LimitValue, Located, LoweredEvents, Solved)  # that have expressions among their fields
+_HOLDERS = (Limit, LimitValue, Located, LoweredEvents, Solved)  # classes with expressions among their fields
 
 
 def with_shared_products(lowered: Lowered) -> Lowered:
-    """The same values, from fewer multiplications."""
+    """Return the same values computed with fewer multiplications."""
     printed = {name: getattr(lowered, name) for name in PRINTED}
     roots: list[Expression] = []
     _gather(printed, roots)
@@ -50,7 +50,7 @@ def with_shared_products(lowered: Lowered) -> Lowered:
 
 
 def _moving(order: Sequence[Apply], lowered: Lowered) -> dict[Expression, bool]:
-    """Of all operations and symbols whether they change along a run."""
+    """For all operations and symbols: True if they change along a run."""
     moves: dict[Expression, bool] = {}
     for node in order:  # operands first
         found = False
@@ -66,7 +66,7 @@ def _moving(order: Sequence[Apply], lowered: Lowered) -> dict[Expression, bool]:
 
 
 class _Part:
-    """A product that several products have: of two factors, or of all that parameters decide."""
+    """Product shared by several products: of two factors, or of all factors that depend on parameters alone."""
 
     def __init__(self, factors: Sequence[Expression | _Part]) -> None:
         self.factors = factors
@@ -78,7 +78,7 @@ Pair = tuple[int, int]  # numbers of factors, the lower one first
 
 
 class _Products:
-    """Every product as a sign and a list of factors, which have numbers in the order in which they are met."""
+    """Every product as a sign and a list of factors. Factors are numbered in the order of their first use."""
 
     def __init__(self, moves: Mapping[Expression, bool]) -> None:
         self.moves = moves
@@ -95,7 +95,7 @@ class _Products:
         return number
 
     def read(self, node: Apply) -> None:
-        """Take a product apart."""
+        """Split a product into sign and factors."""
         if len(node.operands) > LONGEST:
             return
         still: list[Expression] = []
@@ -119,7 +119,7 @@ class _Products:
         self.made_of[node] = numbers + [self._number(o) for o in moving]
 
     def pair(self) -> None:
-        """Make parts of the pairs that several products have, the most frequent first."""
+        """Make parts of the pairs that occur in several products, the most frequent first."""
         having: dict[Pair, dict[Apply, None]] = {}
         for node, numbers in self.made_of.items():
             for pair in _pairs(numbers):
@@ -146,7 +146,7 @@ class _Products:
                     heappush(heap, (-len(having[other]), next(turn), other))
 
     def _put(self, node: Apply, pair: Pair, part: int, having: dict[Pair, dict[Apply, None]]) -> Sequence[Pair]:
-        """A part in place of a pair; the pairs that the product has then."""
+        """Replace a pair by a part, and return the pairs that the product then has."""
         numbers = self.made_of[node]
         for old in _pairs(numbers):
             having[old].pop(node, None)
@@ -159,7 +159,7 @@ class _Products:
         return now
 
     def written(self, node: Apply, new: dict[Expression, Expression]) -> Expression:
-        """A node over operands that are written already."""
+        """A node over operands that are already rewritten."""
         numbers = self.made_of.get(node)
         if numbers is None:
             operands = tuple([new.get(o, o) if type(o) is Apply else o for o in node.operands])
@@ -206,7 +206,7 @@ def _gather(value: Any, found: list[Expression]) -> None:
 
 
 def _mapped(value: Any, new: dict[Expression, Expression]) -> Any:
-    """The same with other expressions."""
+    """The same object with other expressions."""
     if isinstance(value, Expression):
         return new.get(value, value)
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""What a back-end makes: pure functions over arrays, with the author's names beside them. Every target has this shape."""
+"""Program: pure functions over arrays, with the author's names. Every target makes this shape."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class LimitNote:
-    """How a limit of the model is told: the range of a `table` ends the run, what is `require`d is a warning."""
+    """Report of a validity limit: leaving the range of a `table` ends the run, a violated `require` is a warning."""
 
     kind: str  # "table" or "require"
     owner: str  # the element or quantity with the table; the instance that requires, "" for the model itself
@@ -35,8 +35,10 @@ class LimitNote:
 
 @dataclass(frozen=True, slots=True)
 class ConditionNote:
-    """A condition that is located: its place in the mode, and where it comes from. It holds where its root is negative,
-    or (not `strict`) zero. One that does not steer is asked by events alone: rates do not know it."""
+    """A located condition: its place in the mode, and its origin.
+
+    It holds if its root is negative, or (not `strict`) zero. If `steers` is False, only events read it, and the rates do not.
+    """
 
     position: int
     strict: bool
@@ -47,11 +49,11 @@ class ConditionNote:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of time alone among `TimeFunctions.nodes`, its derivative by time (-1: it has none), and where it comes from."""
+    """A function of time alone among `TimeFunctions.nodes`, its derivative by time (-1: none), and its origin."""
 
     place: int
     slope: int
-    moded: bool  # whether either of them reads the mode
+    moded: bool  # True if either of them reads the mode
     condition: str  # the operator of the condition that changes at its zeros; "": something bends
     owner: str
     span: Span
@@ -59,8 +61,10 @@ class Function:
 
 @dataclass(frozen=True, slots=True)
 class TimeFunctions:
-    """The functions of time alone as operations, operands first: an operator and places of operands, or a leaf (`number`, `time`,
-    `constant`, `input`, `mode`) and its number."""
+    """Functions of time alone as operations, operands first.
+
+    A node is an operator with the places of its operands, or a leaf (`number`, `time`, `constant`, `input`, `mode`) with its number.
+    """
 
     nodes: tuple[tuple[str, tuple[Any, ...]], ...]
     crossings: tuple[Function, ...]  # as `Program.crossings`
@@ -69,7 +73,7 @@ class TimeFunctions:
 
 @dataclass(frozen=True, slots=True)
 class SettingNote:
-    """What an event sets: an item of the mode, a state, or what is computed from states, by its place."""
+    """Assignment of an event: its target, by place, is an item of the mode, a state, or a variable computed from states."""
 
     kind: str  # "mode", "state" or "computed"
     position: int
@@ -79,7 +83,7 @@ class SettingNote:
 
 @dataclass(frozen=True, slots=True)
 class EventNote:
-    """`when` or `every`: how it is told, and what it sets."""
+    """`when` or `every`: its text for reports, and its assignments."""
 
     owner: str  # the instance, "" for the model itself
     words: str
@@ -93,7 +97,7 @@ class EventNote:
 
 @dataclass(frozen=True, eq=False)
 class Delays:
-    """Signals that are what others were some time ago: the last items of the inputs, which the run fills in."""
+    """Delayed signals: the last items of the inputs, which the run fills in."""
 
     count: int
     lags: Callable[[Array], Array]  # constants -> by how much they are late
@@ -102,7 +106,7 @@ class Delays:
 
 @dataclass(frozen=True, slots=True)
 class HybridNote:
-    """What a `Hybrid` is but for its functions: plain data."""
+    """All of a `Hybrid` except its functions: plain data."""
 
     size: int
     modes: Names  # of what only events change
@@ -115,10 +119,10 @@ class HybridNote:
 
 @dataclass(frozen=True, eq=False)
 class Hybrid:
-    """What happens in a program at instants that depend on its states.
+    """Events of a program that depend on its states.
 
-    The mode (…, size) holds first what only events change, then the truth of conditions: those on time alone stand at `timed`,
-    in the order of `Program.switches`; the others are located, each where its root changes sign.
+    The mode (…, size) holds the discrete variables first, then the truth values of conditions. Those on time alone are at the places
+    `timed`, in the order of `Program.switches`. The others are located, each at the zero crossings of its root.
     """
 
     size: int
@@ -142,14 +146,14 @@ class Hybrid:
     conjugates: Callable[
         [float, Array, Array, Array, Array], Array
     ]  # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
-    switches_signals: bool  # whether `Program.signals` change with what is not of time alone
+    switches_signals: bool  # True if `Program.signals` change at events that depend on states
 
 
 HYBRID = ("mode_start", "roots", "triggers", "values", "targets", "sampling", "actives", "conjugates")  # its functions
 
 
 def hybrid_of(note: HybridNote, functions: Mapping[str, Callable[..., Any]]) -> Hybrid:
-    """The events of a program, from the functions of its target, `mode_at` among them."""
+    """Events of a program, from the functions of its target, `mode_at` among them."""
     start, roots, triggers, values, targets, sampling, actives, conjugates = (functions[name] for name in HYBRID)
     return Hybrid(
         note.size, note.modes, start, note.timed, note.conditions, roots, note.events, triggers, values, targets, sampling,
@@ -174,7 +178,7 @@ class Program:
 
     Arrays have their index last and may have leading axes (batches): parameters (…, P), constants (…, K), inputs (…, U),
     state (…, n). The state holds the n - m states and then the m unknowns of the algebraic loops: the program is M x' = f
-    with M = diag(1 … 1, 0 … 0), an explicit system if m = 0, else semi-explicit of index 1. `mode` holds the truth of the
+    with M = diag(1 … 1, 0 … 0), an explicit system if m = 0, else semi-explicit of index 1. `mode` holds the truth values of the
     conditions on time (`switches`), constant between two instants; with events it holds more, see `Hybrid`.
     """
 
@@ -197,7 +201,7 @@ class Program:
     jacobian_entries: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, entries)
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
-    claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> by how much given starts are missed
+    claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> residuals of given starts
     dependents: Names  # of what storages in derivative form hold
     dependent: Callable[[float, Array, Array, Array, Array], Array]  # the same -> those
     sensitivity_pattern: tuple[
@@ -220,7 +224,7 @@ class Program:
     limits: tuple[LimitNote, ...]
     holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit
     limit_values: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> the values of all limits in a row
-    invariants: Names  # what a run keeps at zero: gaps of closing joints (and norms), then rates of these gaps
+    invariants: Names  # kept at zero by a run: constraint residuals (and norms), then their rates
     invariant: Callable[[float, Array, Array, Array, Array], Array]  # as output -> those
     invariant_pattern: tuple[Array, Array]  # invariants and states; rates only by states on which no gap depends
     invariant_slopes: Callable[[float, Array, Array, Array, Array], Array]  # as output -> the slopes there
@@ -236,7 +240,7 @@ class Program:
     # as derivative, whatever the multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed
-    native: Native | None = None  # where the functions lie, if they are machine code
+    native: Native | None = None  # addresses of the functions in machine code
     hybrid: Hybrid | None = None  # None: only time makes anything jump
     bends: Callable[[float, Array, Array, Array, Array], Array] | None = None
     # as output -> zero where a law of states bends but does not jump; None if none does
@@ -248,6 +252,6 @@ class Program:
     # what runs found that depends on the program alone, to be found once: never what depends on the values of a run
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
-        """The mode at a state, with what only events change as it starts."""
+        """Mode at a state, with discrete variables at their start."""
         hybrid = self.hybrid
         return self.switches(time, constants) if hybrid is None else hybrid.mode_at(time, state, inputs, constants)

@@ -14,7 +14,7 @@ LEAVES = frozenset({"number", "time", "constant", "input", "mode"})
 
 
 class Ranges:
-    """Some of the functions of time of a program in one run: their values at instants, and their ranges over boxes."""
+    """Functions of time of a program in one run: their values at instants, and their ranges over boxes."""
 
     def __init__(self, functions: TimeFunctions, roots: Sequence[int], constants: Any, inputs: Any = ()) -> None:
         from ..algebra import intervals
@@ -26,7 +26,7 @@ class Ranges:
         self.order = self._behind(self.roots)
 
     def _behind(self, roots: Sequence[int]) -> list[int]:
-        """The nodes that some roots need, operands first: they stand in that order already."""
+        """Nodes that some roots need, operands first, as they are stored."""
         needed, stack = set(roots), list(roots)
         while stack:
             operator, operands = self.nodes[stack.pop()]
@@ -38,11 +38,11 @@ class Ranges:
 
     @property
     def unbounded(self) -> bool:
-        """Whether an operation has no range in the table."""
+        """True if the table has no range for one of the operations."""
         return any(self.nodes[i][0] not in self.table and self.nodes[i][0] not in LEAVES for i in self.order)
 
     def values(self, times: Any, mode: Any) -> list[Any]:
-        """The roots at instants, arrays (instants,) or numbers. `mode`: (size,) or (instants, size)."""
+        """Values of the roots at instants, arrays (instants,) or numbers. `mode`: (size,) or (instants, size)."""
         known: dict[int, Any] = {}
         for number in self.order:
             operator, operands = self.nodes[number]
@@ -55,7 +55,7 @@ class Ranges:
         return [known[root] for root in self.roots]
 
     def over(self, low: Any, high: Any, mode: Any) -> list[Interval]:
-        """The ranges of the roots over boxes. `mode`: (size,) or (boxes, size)."""
+        """Ranges of the roots over boxes. `mode`: (size,) or (boxes, size)."""
         known: dict[int, Any] = {}
         for number in self.order:
             operator, operands = self.nodes[number]

@@ -1,8 +1,8 @@
-"""Lowered expressions as power series of time: for what asks for derivatives along a motion, of any order.
+"""Power series of lowered expressions in time, for derivatives of any order along a motion.
 
 The coefficients of a product are a convolution, those of a function f(a) follow from f' = w a' with the compiler's own partial derivative w
 (Griewank and Walther, Evaluating Derivatives, 2008, chapter 13), so each order costs one pass over the graph. Every coefficient is an
-array (1 + d, instants): its value, and its derivatives along d directions; one row where nothing moves with these. None is zero.
+array (1 + d, instants): its value and its derivatives along d directions, or a single row if it does not depend on these. None is zero.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MOST_FACTORS = 16  # of a power that is multiplied out
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A node: `operands` are places of nodes before it, `weights` those of its partial derivatives, anywhere, or -1."""
+    """A node. `operands` are the places of its operands, all before it; `weights` those of its partial derivatives, anywhere, or -1."""
 
     node: Expression
     operator: str
@@ -36,7 +36,7 @@ class _Step:
 
 
 class Series:
-    """Roots in the order in which they are computed. What is no leaf of `moving` roles stands still."""
+    """Roots in the order in which they are computed. Leaves whose role is not in `moving` are constant."""
 
     def __init__(self, roots: Sequence[Expression], moving: frozenset[str] = frozenset({"state", "time"})) -> None:
         self.steps: list[_Step] = []
@@ -60,7 +60,7 @@ class Series:
         return self.places[root]
 
     def _weigh(self, place: int, opened: dict[Expression, Expression], waiting: list[int]) -> None:
-        """The partial derivatives that the series of a function need; none for what has a rule of its own."""
+        """Place the partial derivatives that the series of a function needs. Operators with a rule of their own need none."""
         step = self.steps[place]
         if not step.operator or step.operator in _RULES or step.operator in CONDITIONS:
             return
@@ -76,7 +76,7 @@ class Series:
         self.steps[place] = _Step(step.node, step.operator, step.operands, True, tuple(weights))
 
     def _opened(self, x: Expression, known: dict[Expression, Expression]) -> Expression:
-        """Powers by whole numbers as products, those by what moves as exponentials."""
+        """Rewrite powers by integers as products, and powers with a varying exponent as exponentials."""
         for node in operands_first((x,), known):
             if not isinstance(node, Apply):
                 known[node] = node
@@ -92,12 +92,12 @@ class Series:
         return known[x]
 
     def expand(self, given: Mapping[Leaf, Any]) -> Expansion:
-        """The beginning of an expansion: `given` has the coefficients of order zero of all leaves, (1 + d or 1, instants)."""
+        """Begin an expansion. `given` has the coefficients of order zero of all leaves, (1 + d or 1, instants)."""
         return Expansion(self, given)
 
 
 def _multiplied_out(base: Expression, exponent: Expression) -> Expression | None:
-    """A power by a whole number: it has a series where its base is zero."""
+    """A power by an integer as a product, which has a series where its base is zero."""
     n = exponent.value if isinstance(exponent, Number) else math.nan
     if not math.isfinite(n) or n != int(n) or not 1 <= abs(n) <= MOST_FACTORS:
         return None
@@ -106,7 +106,7 @@ def _multiplied_out(base: Expression, exponent: Expression) -> Expression | None
 
 
 class Expansion:
-    """The coefficients of all nodes, order by order."""
+    """Coefficients of all nodes, order by order."""
 
     def __init__(self, series: Series, given: Mapping[Leaf, Any]) -> None:
         self.series, self.order = series, 0
@@ -118,17 +118,17 @@ class Expansion:
             self.found[place].append(self._first(place, step, given))
 
     def __getitem__(self, root: int) -> Any:
-        """The coefficient of a root that was computed last; None is zero."""
+        """Coefficient of a root of the order computed last; None is zero."""
         return self.found[self.series.roots[root]][-1]
 
     def advance(self, given: Mapping[Leaf, Any]) -> None:
-        """The next order, with the leaves' coefficients of it; those that are left out are zero."""
+        """Compute the next order from its coefficients of the leaves. A leaf without coefficient has zero."""
         self.order += 1
         for place, step in enumerate(self.series.steps):
             self.found[place].append(self._next(place, step, given))
 
     def back(self) -> None:
-        """Forget the last order."""
+        """Drop the last order."""
         self.order -= 1
         for coefficients in self.found:
             coefficients.pop()
@@ -172,7 +172,7 @@ class Expansion:
 
 
 def _value(step: _Step, values: Sequence[Any], given: Mapping[Leaf, Any]) -> Any:
-    """Values alone, (instants,) or a number."""
+    """Value alone, (instants,) or a number."""
     node = step.node
     if isinstance(node, Number):
         return node.value
@@ -191,7 +191,7 @@ def _value(step: _Step, values: Sequence[Any], given: Mapping[Leaf, Any]) -> Any
 
 
 def _solved(operands: Sequence[Any]) -> Any:
-    """The solution of a linear system at all instants, (n, instants)."""
+    """Solution of a linear system at all instants, (n, instants)."""
     n = math.isqrt(len(operands))
     full = np.stack(np.broadcast_arrays(*(np.atleast_1d(np.asarray(o, dtype=float)) for o in operands)))
     matrix = np.moveaxis(full[: n * n].reshape(n, n, -1), -1, 0)
@@ -209,7 +209,7 @@ def _solution(matrix: Any, right: Any) -> Any:
 
 
 def plus(*parts: Any) -> Any:
-    """Their sum; None is zero."""
+    """Sum of coefficients; None is zero."""
     total = None
     for part in parts:
         if part is None:
@@ -227,7 +227,7 @@ def plus(*parts: Any) -> Any:
 
 
 def times(a: Any, b: Any) -> Any:
-    """Their product, derivatives by the rule of products."""
+    """Product of two coefficients, with derivatives by the product rule."""
     if a is None or b is None:
         return None
     if len(a) == 1 or len(b) == 1:
@@ -256,7 +256,7 @@ def minus(a: Any) -> Any:
 
 
 def convolved(a: Sequence[Any], b: Sequence[Any], k: int) -> Any:
-    """The coefficient k of a product."""
+    """Coefficient k of a product."""
     return plus(*(times(a[j], b[k - j]) for j in range(k + 1)))
 
 
@@ -265,7 +265,7 @@ def _added(of: Expansion, step: _Step, place: int) -> Any:
 
 
 def _multiplied(of: Expansion, step: _Step, place: int) -> Any:
-    """Factor by factor; what the first ones give is kept from order to order."""
+    """Product of several factors. The partial products are stored for the next order."""
     first, *others = (of.found[o] for o in step.operands)
     k = of.order
     partials = of.__dict__.setdefault("partials", {}).setdefault(place, [[] for _ in others])
@@ -286,7 +286,7 @@ def _divided(of: Expansion, step: _Step, place: int) -> Any:
 
 
 def _raised(of: Expansion, step: _Step, place: int) -> Any:
-    """a f' = n f a'; the exponent does not move."""
+    """Power, from a f' = n f a'; the exponent is constant."""
     base, exponent = (of.found[o] for o in step.operands)
     n, k, powers = exponent[0][:1], of.order, of.found[place]
     with np.errstate(all="ignore"):
@@ -317,7 +317,7 @@ def _chosen(of: Expansion, step: _Step, place: int) -> Any:
 
 
 def _system(of: Expansion, step: _Step, place: int) -> Any:
-    """A t = r: A0 t_k = r_k - sum of A_j t_(k-j), values first, then along the directions."""
+    """Linear system A t = r: A0 t_k = r_k - sum of A_j t_(k-j), values first, then along the directions."""
     k, operands = of.order, list(step.operands)
     if step.operator == "banded":
         operands = dense(banded_shape([of.values[o] for o in operands[:LEADING]]), operands, -1)

@@ -1,12 +1,12 @@
-"""Equal work found once: the operations behind the values of a function, cut into trees; trees of one shape are one kernel.
+"""Loop rolling: the operations of a function are cut into trees; trees of one shape share one kernel.
 
-A shape is an expression with numbered places in the place of what it reads: an item of an array, or a number. Names, bonds and indices are
-not in it, so sections of a ladder have the same few shapes, whether they were written as an array or one by one. What differs from one
-instance to the next is a row of whole numbers: where its value goes, and where the values lie that it reads. A function is then a
-list of runs over such rows, in an order in which everything is there before it is read.
+A shape is an expression with numbered places for its operands, items of arrays or numbers. It has no names, bonds or indices, so the
+sections of a ladder have the same few shapes, written as an array or one by one. The difference between instances is a row of integers:
+the place of the value, and the places of its operands. A function is then a list of runs over such rows, in an order in which every
+operand is computed before it is read.
 
-Trees are cut where a value is used by several others, at the value of a law once a tree has grown, and at long sums: a sum of a thousand
-terms is one row of a thousand numbers and no code.
+Trees are cut at values with several uses, at the value of a law once a tree has grown, and at long sums: a sum of a thousand terms is
+one row of a thousand numbers and no code.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _PLACES: dict[tuple[str, int], Symbol] = {}
 
 
 def read(array: str, number: int) -> Symbol:
-    """The place with this number in a shape: what stands there is read from the array."""
+    """Symbol of the place with this number in a shape, which is read from the array."""
     found = _PLACES.get((array, number))
     if found is None:
         found = _PLACES[array, number] = Symbol((array, number))
@@ -39,7 +39,7 @@ def read(array: str, number: int) -> Symbol:
 
 @dataclass(eq=False)
 class Kernel:
-    """A shape, and which numbers its instances have. `expression` is None for the kernel of long sums."""
+    """A shape, and the numbers of its instances. `expression` is None for the kernel of long sums."""
 
     number: int
     expression: Expression | None
@@ -49,7 +49,7 @@ class Kernel:
 
 
 class Instance(NamedTuple):
-    """Where the value goes (out, or ~place in work), what is read, the numbers."""
+    """Place of the value (in `out`, or ~place in work), places of its operands, numbers."""
 
     target: int
     places: tuple[int, ...]
@@ -58,14 +58,14 @@ class Instance(NamedTuple):
 
 @dataclass(eq=False)
 class Plan:
-    """What a function does: runs of instances of one kernel each, and how much room it needs for what lies between."""
+    """Sequence of a function: runs of instances of one kernel each, and the size of its working array."""
 
     runs: list[tuple[Kernel, list[Instance]]]
     work: int
 
 
 class Shapes:
-    """The kernels of a module, gathered function by function."""
+    """Kernels of a module, collected function by function."""
 
     def __init__(self, time: Expression, labelled: Mapping[Expression, object]) -> None:
         self.time, self.labelled = time, labelled
@@ -73,11 +73,11 @@ class Shapes:
         self.numbers: dict[float | tuple[str, float], int] = {}
 
     def plan(self, roots: Sequence[Expression], order: Sequence[Apply], known: Mapping[Expression, Place]) -> Plan:
-        """The plan of a function: `order` are the operations behind the roots, operands first, but for those that are known."""
+        """Plan of a function. `order` holds the operations behind the roots, operands first, without those in `known`."""
         return _Planner(self, order, known).plan(roots)
 
     def kernel(self, expression: Expression | None, reads: tuple[str, ...], numbers: Sequence[float], count: int) -> Kernel:  # fmt: skip
-        """The kernel of a shape."""
+        """Kernel of a shape."""
         found = self.kernels.get(expression)
         if found is None:
             found = Kernel(len(self.kernels), expression, reads, count, list(numbers))
@@ -90,15 +90,15 @@ class Shapes:
         return found
 
     def place_of(self, value: float) -> int:
-        """Where a number stands in the table of those that differ from one instance to the next."""
+        """Place of a number in the table of numbers in which instances differ."""
         return self.numbers.setdefault(value or ("zero", math.copysign(1.0, value)), len(self.numbers))
 
     def table(self) -> list[float]:
-        """These numbers."""
+        """The table of these numbers."""
         return [math.copysign(0.0, key[1]) if isinstance(key, tuple) else key for key in self.numbers]
 
     def stream(self, plan: Plan) -> list[int]:
-        """A plan as whole numbers: kernel, how many instances, their rows; -1 ends it."""
+        """A plan as integers: kernel, number of instances, their rows; -1 ends it."""
         found: list[int] = []
         for kernel, instances in plan.runs:
             found += (kernel.number, len(instances))
@@ -115,7 +115,7 @@ class Shapes:
 
 
 def encoded(place: Place, negative: bool) -> int:
-    """A term of a long sum as one number."""
+    """Encode a term of a long sum as one integer."""
     array, index = place
     return index * 16 + ARRAYS.index(array) * 2 + negative
 
@@ -125,20 +125,20 @@ def _same(a: float | None, b: float) -> bool:
 
 
 class _Planner:
-    """Cuts the operations of one function into trees."""
+    """Cutting of the operations of one function into trees."""
 
     def __init__(self, shapes: Shapes, order: Sequence[Apply], known: Mapping[Expression, Place]) -> None:
         self.shapes, self.order, self.known = shapes, order, known
         self.index: dict[Expression, int] = {node: i for i, node in enumerate(order)}
         find = self.index.get
         self.operands = [[find(o, -1) if isinstance(o, Apply) else -1 for o in node.operands] for node in order]
-        self.where: dict[int, Place] = {}  # of what is kept
+        self.where: dict[int, Place] = {}  # of stored values
         self.level: dict[int, int] = {}
         self.runs: dict[tuple[int, int], tuple[Kernel, list[Instance]]] = {}
         self.work = 0
 
     def plan(self, roots: Sequence[Expression]) -> Plan:
-        """The runs in an order in which what is read is there."""
+        """Runs in an order in which operands are computed before they are read."""
         first: dict[int, int] = {}  # operation -> the first value that is it
         others: list[tuple[int, Expression]] = []
         for place, root in enumerate(roots):
@@ -157,7 +157,7 @@ class _Planner:
 
     # ------------------------------------------------------------ where trees end
     def _cut(self, ends: set[int]) -> dict[int, None]:
-        """The operations whose values are kept, operands first."""
+        """Operations whose values are stored, operands first."""
         for number, node in enumerate(self.order):
             if node.operator in SYSTEMS:
                 ends.add(number)
@@ -181,7 +181,7 @@ class _Planner:
         return {number: None for number in range(len(self.order)) if owner[number] == number and self._counts(number)}
 
     def _owners(self, ends: set[int]) -> list[int]:
-        """For each operation the end of the tree that it belongs to: what two trees read is an end of its own."""
+        """For each operation, the root of the tree that it belongs to. An operation that two trees read is a root of its own."""
         unknown, several = -1, -2
         owner = [unknown] * len(self.order)
         for number in range(len(self.order) - 1, -1, -1):
@@ -194,11 +194,11 @@ class _Planner:
         return owner
 
     def _counts(self, number: int) -> bool:
-        """An item of a solution is there with the solution."""
+        """Return False for an item of a solution, which is computed with the solution."""
         return self.order[number].operator != "item"
 
     def _terms(self, number: int) -> list[int]:
-        """The operations that a long sum adds or takes away."""
+        """Operations that a long sum adds or subtracts."""
         found = []
         for node, operand in zip(self.order[number].operands, self.operands[number], strict=True):
             inner = self._negated(node)
@@ -209,7 +209,7 @@ class _Planner:
         return found
 
     def _negated(self, node: Expression) -> Expression | None:
-        """x, where the node is -x and nothing that is kept."""
+        """x, if the node is -x and its value is not stored."""
         if not isinstance(node, Apply) or node.operator != "multiply" or len(node.operands) != 2 or node in self.known:
             return None
         return node.operands[1] if node.operands[0] == MINUS_ONE else None
@@ -219,7 +219,7 @@ class _Planner:
         self.runs.setdefault((level, kernel.number), (kernel, []))[1].append(instance)
 
     def _target(self, number: int, place: int | None, count: int) -> int:
-        """Where a value goes; from now on it is known there."""
+        """Allocate a place for a value, and record it there."""
         if place is not None:
             self.where[number] = ("out", place)
             return place
@@ -228,7 +228,7 @@ class _Planner:
         return ~self.where[number][1]
 
     def _place(self, node: Expression) -> tuple[Place | None, int]:
-        """Where something lies that is there already, and the level from which on it is; None for what is no item of an array."""
+        """Place of a computed value, and the level from which on it is valid; None for a value that is no item of an array."""
         number = self.index.get(node) if isinstance(node, Apply) else None
         if number is None:
             return self.known.get(node), -1
@@ -277,7 +277,7 @@ class _Planner:
         return found, level
 
     def _copy(self, place: int, root: Expression) -> None:
-        """A value that is a number, an item of an array, or computed for another place."""
+        """A copied value: a number, an item of an array, or a value computed for another place."""
         shape = _Shape(self, {})
         expression = shape.leaf(root)
         kernel = self.shapes.kernel(expression, shape.reads, shape.numbers, 1)
@@ -285,7 +285,7 @@ class _Planner:
 
 
 class _Shape:
-    """The shape of one tree, and what stands in its places."""
+    """Shape of one tree, with the operands for its places."""
 
     def __init__(self, planner: _Planner, kept: Mapping[int, None]) -> None:
         self.planner, self.kept = planner, kept
@@ -328,7 +328,7 @@ class _Shape:
         return result
 
     def leaf(self, node: Expression) -> Expression:
-        """What is there already."""
+        """Operand of the tree that is already computed."""
         if isinstance(node, Number):
             self.numbers.append(node.value)
             return read("number", len(self.numbers) - 1)

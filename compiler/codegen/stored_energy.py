@@ -1,7 +1,7 @@
-"""All energy that a model stores, and its slopes by the states: what a method that keeps it asks at each step.
+"""Stored energy of a model and its gradient by the states, which an energy-conserving method evaluates at each step.
 
-A storage says its energy, or its law, which is integrated from the start of its state: exactly where it is a polynomial, else by Gauss's
-quadrature with so many places that a smooth law loses no digit that counts. Slopes are the laws themselves.
+A storage gives its energy, or its law, which is integrated from the start of its state: exactly if it is a polynomial, else by Gauss
+quadrature with enough nodes for full accuracy with a smooth law. The gradient follows from the laws directly.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HIGHEST = 2 * PLACES - 1  # degree that it takes exactly
 
 
 def stored_energy(lowered: Lowered, slopes: Mapping[int, Mapping[int, Expression]]) -> tuple[Expression, ...]:
-    """The energy, then its slope by each state. `slopes`: of variables, by the places of the states."""
+    """Energy, then its derivative by each state. `slopes`: derivatives of variables, by the places of the states."""
     space, values = lowered.space, lowered.values
     energies: list[Expression] = [values[v] for v in space.stored.values()]
     terms: list[list[Expression]] = [[] for _ in space.states]
@@ -48,7 +48,7 @@ def stored_energy(lowered: Lowered, slopes: Mapping[int, Mapping[int, Expression
 def _of_storage(
     lowered: Lowered, storage: Storage, starts: Mapping[int, Expression]
 ) -> tuple[Expression, list[Expression]]:
-    """The energy of a storage, and its efforts."""
+    """Energy of a storage, and its efforts."""
     count = len(storage.stored)
     arguments = [Number(a) if isinstance(a, float) else lowered.values[a] for a in storage.arguments]
     stored = [lowered.values[v] for v in storage.stored]
@@ -76,7 +76,7 @@ def _of_storage(
 
 
 def _gauss(count: int) -> list[tuple[float, float]]:
-    """Places and weights on [0, 1]."""
+    """Gauss nodes and weights on [0, 1]."""
     from numpy.polynomial.legendre import leggauss
 
     places, weights = leggauss(count)
@@ -84,7 +84,7 @@ def _gauss(count: int) -> list[tuple[float, float]]:
 
 
 def _degree(x: Expression, count: int) -> int | None:
-    """The degree of a polynomial in the first so many slots; None if it is none."""
+    """Degree of a polynomial in the first `count` slots; None if it is no polynomial."""
     if isinstance(x, Symbol):
         return int(x.key < count)
     if not isinstance(x, Apply):

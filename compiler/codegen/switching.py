@@ -1,4 +1,4 @@
-"""What jumps or bends: conditions on time and on states become items of the mode; the instants of time are found in closed form."""
+"""Jumps and kinks: conditions on time and on states become items of the mode; instants of time are found in closed form."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from .program import ConditionNote
 if TYPE_CHECKING:
     from .lower import Lowered
 
-# What is narrow where its argument is zero, if it is narrow at all: a bell, a smooth step; or has no slope there, as a root.
+# Functions that may be narrow around a zero of their argument (a bell, a smooth step) or have no derivative there (a root).
 SMOOTH = frozenset(
     {"add", "multiply", "divide", "power", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "exp", "log"}
 )  # fmt: skip
@@ -54,40 +54,43 @@ OF_STATES = (
 
 
 class Switching:
-    """Finds what jumps or bends with time alone.
+    """Search for jumps and kinks in time.
 
-    A condition on time becomes an item of the mode, which holds still between two instants: a solver that evaluates at the
-    end of a step sees the side that it came from. Bends (min, max, abs) only give instants. So does a condition on states
-    behind the rates, but its instants are located in the run; elsewhere, as in an output, it is looked at where it is asked.
+    A condition on time becomes an item of the mode, which is constant between two instants: a solver that evaluates at the
+    end of a step uses the value from before it. Kinks (min, max, abs) only give instants. A condition on states behind the rates is an
+    item of the mode too, but its instants are located in the run. Elsewhere, as in an output, it is evaluated where it is used.
     """
 
     def __init__(self, result: Lowered, first: int) -> None:
         self.result, self.next = result, first  # the next place in the mode
         self.modes: dict[Expression, Expression] = {}
-        self.opened: dict[int, Expression] = {}  # items of the mode as the conditions on time that they stand for
+        self.opened: dict[int, Expression] = {}  # items of the mode -> their conditions on time
         self.bends: set[Expression] = set()
-        self.places: dict[Expression, int] = {}  # of what is looked for, among the crossings
+        self.places: dict[Expression, int] = {}  # of functions among the crossings
         self._quiet: dict[Formula, bool] = {}
-        self.all_quiet = True  # so far: no law that has been looked at jumps or bends
+        self.all_quiet = True  # so far no law has jumps or kinks
         self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
-        self.located = False  # whether conditions on states become items of the mode
+        self.located = False  # True if conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
 
     def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
-        """Whether a law over these arguments, which have been looked at, neither jumps nor bends: then there is nothing to replace."""
+        """Return True if a law and its arguments, which are treated already, have no jump or kink in time: then nothing is replaced."""
         if formula not in self._quiet:
             self._quiet[formula] = all(node.operator in SMOOTH for node in operations(formula.expression))
         self.all_quiet &= self._quiet[formula]
         return self.all_quiet and not any(self.result.dependence(a) & TIME for a in arguments)
 
     def at(self, step: Assignment, behind: bool, pieced: bool) -> None:
-        """What is looked at next: whether the run reads it, so that its conditions on states are located, and whether it is
-        a slope, the derivative of something else, or pieced together smoothly, whose conditions are the author's only if they are known already."""
+        """Set the properties of the next expression.
+
+        `behind`: the run reads it, so its conditions on states are located. `pieced`: it is a derivative of another expression or joined
+        smoothly from pieces; then its conditions are the author's only if they are known already.
+        """
         self.span, self.owner, self.located, self.pieced = step.span, step.owner, behind and not pieced, pieced
         self._done = self._memories.setdefault((self.located, pieced), {})
 
     def replaced(self, x: Expression) -> Expression:
-        """The expression with its conditions on time, and if they are located on states, replaced by items of the mode."""
+        """The expression with conditions on time, and on states if these are located, replaced by items of the mode."""
         done = self._done
         found = done.get(x)
         if found is None:
@@ -109,7 +112,7 @@ class Switching:
             raise CompilationFailed([JumpsWithoutEnd(span, x.operator, *(OF_TIME if alone else OF_STATES))])
         operands = tuple(map(self.replaced, x.operands))
         if alone and is_table(x):
-            for knot in domain(x):  # where the curve or one of its derivatives bends
+            for knot in domain(x):  # kinks of the curve or of one of its derivatives
                 self._instant(self.replaced(x.operands[1] - knot))
             if jumps_at_knots(x):
                 return self._of_segments(x, operands[1])
@@ -126,7 +129,7 @@ class Switching:
         return found
 
     def _bend(self, x: Apply, operands: tuple[Expression, ...]) -> None:
-        """Where a law of states bends but does not jump: no event, but a place at which a step may have to end."""
+        """Record a kink of a law of states: no event, but a point at which a step may have to end."""
         if x.operator == "abs":
             g = operands[0]
         elif x.operator in ("min", "max"):
@@ -168,15 +171,17 @@ class Switching:
         return self.modes[condition]
 
     def _of_segments(self, x: Apply, place: Expression) -> Expression:
-        """The derivative of a curve in time that jumps at knots, by numbers that hold still between two instants: its last derivative, and
-        what is left of it at zero. At a knot itself it is then that of the side that a run comes from."""
+        """Derivative of a curve in time that jumps at knots, from two numbers that are constant between instants.
+
+        The numbers are its last derivative and the remainder at zero. At a knot the value is then that of the side that a run comes from.
+        """
         last = self._item(last_derivative(x))
         if x == last_derivative(x):
             return last
         return add(self._item(x - last_derivative(x) * x.operands[1]), last * place)
 
     def _item(self, number: Expression) -> Expression:
-        """An expression of time alone that does not move between two instants, as an item of the mode."""
+        """An expression of time alone that is constant between two instants, as an item of the mode."""
         if number not in self.modes:
             self.modes[number] = Symbol(Leaf("mode", self.next))
             self.opened[self.next] = number
@@ -186,9 +191,9 @@ class Switching:
         return self.modes[number]
 
     def _centres(self, x: Apply) -> None:
-        """Where an affine argument is zero a step ends: a pulse `exp(-((time - t0)/w)^2)`, however narrow, is not stepped over.
+        """End a step where an affine argument is zero, so that no narrow pulse `exp(-((time - t0)/w)^2)` is stepped over.
 
-        Of a product only that of several such factors counts, as `(time - t0)*(time - t0)`.
+        A product counts only if it has several such factors, as `(time - t0)*(time - t0)`.
         """
         operands = [o for o in x.operands if self.result.dependence(o) & TIME]
         if x.operator == "multiply" and len(operands) < 2:
@@ -198,7 +203,7 @@ class Switching:
                 self._instant(self.replaced(g))
 
     def _is_affine(self, x: Expression, known: dict[Expression, bool]) -> bool:
-        """Whether an expression that depends on time is affine in it, by its form alone."""
+        """Return True if the form of an expression that depends on time shows that it is affine in time."""
         if not isinstance(x, Apply):
             return True
         if x not in known:
@@ -211,14 +216,14 @@ class Switching:
         return known[x]
 
     def _opened(self, symbol: Symbol) -> Expression:
-        """An item of the mode as the condition that it stands for: the mode itself is computed from time alone."""
+        """Condition behind an item of the mode: the mode can then be computed from time alone."""
         leaf: Leaf = symbol.key
         return self.opened[leaf.position] if leaf.role == "mode" else symbol
 
     def _period(self, place: Expression, alone: bool, span: Span) -> None:
-        """No step may pass over more than one whole number of the places that random numbers belong to.
+        """Limit the step to one integer of the argument of a noise.
 
-        Where a place also moves with states, only its own pace in time is known before the run.
+        If the argument also depends on states, only its rate in time is known before the run.
         """
         slope = derivative(place, Symbol(Leaf("time", 0)))
         if self.result.dependence(slope) & ~PARAMETER:
@@ -230,8 +235,10 @@ class Switching:
             self.result.periods.append(period)
 
     def _instant(self, g: Expression, condition: str = "") -> None:
-        """Where a function of time is zero: at once if it is affine, else its zeros are looked for in the run. `condition`: the
-        operator whose truth is another beyond it, so that its owner must know if zeros may be missed."""
+        """Record the zeros of a function of time: in closed form if it is affine, else as a crossing that the run searches for.
+
+        `condition`: operator whose truth changes there; its owner is recorded, for a warning if zeros may be missed.
+        """
         if condition and g in self.places:
             self.result.crossing_places[self.places[g]] = self.owner, self.span, condition
         if g in self.bends or not self.result.dependence(g) & TIME:
@@ -240,7 +247,7 @@ class Switching:
         time = Symbol(Leaf("time", 0))
         slope = derivative(g, time)
         formula = not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE)
-        if formula and condition != "equal":  # an event on that is told of
+        if formula and condition != "equal":  # an event on equality is reported
             if slope != ZERO:
                 at_zero = substitute(g, lambda s: ZERO if s == time else s)
                 self.result.instants.append(negate(divide(at_zero, slope)))

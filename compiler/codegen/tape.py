@@ -1,9 +1,9 @@
-"""Lowered expressions evaluated as they are, without code: for what is asked once, or where second derivatives are.
+"""Lowered expressions evaluated without code, for single evaluations and for second derivatives.
 
 Values and derivatives along any number of directions at once, by forward accumulation with the compiler's own rules of
 differentiation (Griewank and Walther, Evaluating Derivatives, 2008, chapter 3). The derivatives of a Jacobian's entries along the
-directions in which an equilibrium moves are the second derivatives that eigenvalues need. Nodes are numbered once, so that many points
-cost a list of steps each.
+directions in which an equilibrium moves are the second derivatives that eigenvalues need. Nodes are numbered once, so that each of
+many points costs one pass over a list of steps.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from .limits import Leaf
 
 Lookup = Callable[[Leaf], float]
-Step = tuple[int, Callable[[Any], Any], tuple[int, ...]]  # where a value goes, from which function of which values
+Step = tuple[int, Callable[[Any], Any], tuple[int, ...]]  # place of a value, function, places of its operands
 STILL = frozenset({"less", "less_equal", "equal", "and", "or", "not"})  # operators whose values do not move
 
 
 class Tape:
-    """Roots in the order in which they are computed. `values` and `slopes` may be asked at as many points as needed."""
+    """Roots in the order in which they are computed. `values` and `slopes` may be called at as many points as needed."""
 
     def __init__(self, roots: Sequence[Expression]) -> None:
         self.roots = tuple(roots)
@@ -38,14 +38,14 @@ class Tape:
         self._between: list[Step] = []  # to the slopes of operators, whatever directions asked for them first
 
     def values(self, lookup: Lookup) -> list[float]:
-        """The roots at a point; NaN where one has no value there."""
+        """Values of the roots at a point; NaN for a root without a value there."""
         known = self._known(lookup)
         return [known[place] for place in self._places]
 
     def slopes(self, lookup: Lookup, directions: Mapping[Leaf, Any], count: int) -> tuple[list[float], list[Any]]:
-        """The roots, and their derivatives along `count` directions, each an array (count,) or None where nothing moves.
+        """The roots, and their derivatives along `count` directions, each an array (count,) or None if it is constant.
 
-        `directions`: how each leaf moves along all of them, an array (count,); what is left out stands still.
+        `directions`: derivative of each leaf along all of them, an array (count,). A leaf that is missing is constant.
         """
         forward = self._forward.get(key := frozenset(directions))
         if forward is None:
@@ -60,7 +60,7 @@ class Tape:
         return [known[place] for place in self._places], [moved[place] for place in self._places]
 
     def _known(self, lookup: Lookup) -> list[Any]:
-        """The values of all nodes; room for those that only slopes ask for."""
+        """Values of all nodes, with room for those that only derivatives need."""
         known: list[Any] = [node.value if isinstance(node, Number) else None for node in self._nodes]
         for slot, leaf in self._leaves:
             known[slot] = float(lookup(leaf))
@@ -68,7 +68,7 @@ class Tape:
         return known
 
     def _appended(self, roots: Sequence[Expression]) -> list[Step]:
-        """The steps that lead to some roots from what is known already."""
+        """Steps that compute some roots from nodes that have steps already."""
         steps: list[Step] = []
         for node in operands_first(roots, self._slots):
             slot = self._slots[node] = len(self._nodes)
@@ -80,7 +80,7 @@ class Tape:
         return steps
 
     def _moving(self, leaves: frozenset[Leaf]) -> list[_Moved]:
-        """How everything that moves with some leaves does so, operands first."""
+        """Derivative rules of all nodes that depend on some leaves, operands first."""
         moving = {slot for slot, leaf in self._leaves if leaf in leaves}
         steps: list[_Moved] = []
         for slot in range(self._count):
@@ -95,7 +95,7 @@ class Tape:
         return steps
 
     def _factors(self, node: Apply, along: Sequence[int]) -> list[tuple[list[Step], int]]:
-        """For each operand that moves, the steps to the derivative by it, and where that stands."""
+        """For each operand that varies, the steps to the partial derivative by it, and the place of that."""
         if node.operator in ("add", "multiply", "select", "item") or node.operator in SYSTEMS:
             return []
         slopes = [partial(node, i) for i in along]
@@ -105,7 +105,7 @@ class Tape:
 
 
 class _Moved:
-    """How one node moves with its operands."""
+    """Derivative rule of one node."""
 
     __slots__ = ("along", "factors", "operands", "operator", "slot")
 
@@ -115,7 +115,7 @@ class _Moved:
         self.slot, self.operator, self.operands, self.along, self.factors = slot, operator, operands, along, factors
 
     def moved(self, known: list[Any], moved: list[Any], count: int) -> Any:
-        """An array (count,), of a solution (n, count); None if it stands still at this point."""
+        """Derivative along the directions: an array (count,), for a solution (n, count); None if it is constant at this point."""
         operands = self.operands
         match self.operator:
             case "select":
@@ -138,7 +138,7 @@ class _Moved:
         return result
 
     def _factor(self, number: int, i: int, known: list[Any]) -> float:
-        """The derivative of the operator by its operand i."""
+        """Partial derivative of the operator by its operand i."""
         if self.operator == "multiply":
             return float(math.prod(known[o] for j, o in enumerate(self.operands) if j != i))
         steps, place = self.factors[number]
@@ -147,7 +147,7 @@ class _Moved:
 
 
 def _taken(steps: Sequence[Step], known: list[Any]) -> None:
-    """Fill in the values that steps lead to; NaN where one has none."""
+    """Fill in the values that the steps compute; NaN where there is none."""
     for slot, function, operands in steps:
         try:
             known[slot] = function([known[o] for o in operands])
@@ -156,7 +156,7 @@ def _taken(steps: Sequence[Step], known: list[Any]) -> None:
 
 
 def operands_first(roots: Sequence[Expression], known: Mapping[Expression, Any]) -> list[Expression]:
-    """All nodes behind the roots that are not known, operands first."""
+    """All nodes behind the roots that are not in `known`, operands first."""
     order: list[Expression] = []
     done: set[Expression] = set()
     for root in roots:
@@ -174,7 +174,7 @@ def operands_first(roots: Sequence[Expression], known: Mapping[Expression, Any])
 
 
 def _function(operator: str) -> Callable[[Any], Any]:
-    """What an operator makes of the list of its operands."""
+    """Function from the list of its operands to the value of an operator."""
     match operator:
         case "add":
             return math.fsum
@@ -200,7 +200,7 @@ def _selected(values: Sequence[Any]) -> Any:
 
 
 def _solved(values: Sequence[float]) -> Any:
-    """The solution of a linear system: matrix by rows, then right side."""
+    """Solution of a linear system: matrix by rows, then right side."""
     import numpy as np
 
     n = math.isqrt(len(values))
@@ -214,7 +214,7 @@ def _solved(values: Sequence[float]) -> Any:
 def _system_moved(
     operands: Sequence[int], solution: Any, known: Sequence[Any], moved: Sequence[Any], count: int
 ) -> Any:
-    """A t = r, so A dt = dr - dA t; an array (n, count)."""
+    """Derivative of the solution of A t = r: A dt = dr - dA t; an array (n, count)."""
     import numpy as np
 
     n = math.isqrt(len(operands))

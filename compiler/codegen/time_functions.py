@@ -1,7 +1,7 @@
-"""Functions of time as plain data: what a search for instants needs beside a program.
+"""Functions of time as plain data, for the search for instants beside a program.
 
-The functions whose zeros are instants, their derivatives by time and what may be narrow of the signals go into one list of operations, which is
-kept with a program of any target; `ranges.py` evaluates it.
+The functions whose zeros are instants, their derivatives by time and the possibly narrow parts of the signals form one list of
+operations, which is stored with a program of any target; `ranges.py` evaluates it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TABLED = frozenset({
 
 
 def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
-    """The functions of time whose zeros are instants, each followed by its derivative, by itself where it has none."""
+    """Functions of time whose zeros are instants, each followed by its derivative, or by itself if it has none."""
     time = Symbol(Leaf("time", 0))
     roots: list[Expression] = []
     for root in crossings:
@@ -42,7 +42,7 @@ def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
 
 
 def narrow_operations(signals: Iterable[Expression], moves: Callable[[Expression], bool]) -> tuple[Expression, ...]:
-    """The operations behind signals that may have narrow peaks. `moves`: whether an expression changes with time."""
+    """Operations behind signals that may have narrow peaks. `moves` returns True for an expression that changes with time."""
     found: dict[Expression, None] = {}
     for signal in signals:
         nodes = operations(signal)
@@ -51,7 +51,7 @@ def narrow_operations(signals: Iterable[Expression], moves: Callable[[Expression
 
 
 def _is_broad(node: Apply) -> bool:
-    """Whether it is a power of low degree, a quotient by a number of the run, or of the operations that are never narrow."""
+    """Return True for an operation that is never narrow, a power of low degree, or a quotient by a number of the run."""
     if node.operator in BROAD:
         return True
     if node.operator == "power":
@@ -61,7 +61,7 @@ def _is_broad(node: Apply) -> bool:
 
 
 def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> TimeFunctions | None:
-    """The functions of time of a program whose constants are these expressions; None if it has none."""
+    """Functions of time of a program whose constants are these expressions; None if it has none."""
     if not lowered.time_roots:
         return None
     leaves: dict[Expression, int] = {node: number for number, node in enumerate(constants)}

@@ -1,7 +1,7 @@
 """Expressions to C: one function without branches for each function of a program, over arrays of the caller.
 
-Every function is `void NAME_derivative(double time, state, inputs, constants, mode, out)`; nothing is allocated, nothing is global. Needs a
-compiler for C11 and its mathematical library.
+Every function is `void NAME_derivative(double time, state, inputs, constants, mode, out)`. Nothing is allocated, nothing is global.
+The code needs a compiler for C11 and its mathematical library.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0
 
 
 def write_c(lowered: Lowered) -> str:
-    """The text of a file."""
+    """Return the text of a file."""
     return _File(lowered).text()
 
 
 class _File:
-    """Writes the file."""
+    """Writer of the file."""
 
     def __init__(self, lowered: Lowered) -> None:
         self.lowered, self.writer = lowered, Writer(lowered)
@@ -55,7 +55,7 @@ class _File:
         self.arrays: dict[tuple[float, ...], str] = {}
 
     def text(self) -> str:
-        """Everything."""
+        """The whole text."""
         constants = self.writer.constants
         parameters = range(len(self.lowered.parameters))
         leaves: dict[Expression, str] = {Symbol(Leaf("parameter", i)): f"constants[{i}]" for i in parameters}
@@ -135,7 +135,7 @@ class _Body:
         self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
 
     def write(self, roots: Sequence[Expression]) -> list[str]:
-        """Everything behind the roots, then the roots into `out`."""
+        """Write the operations behind the roots, then the roots into `out`."""
         for node in operations_in_order(roots, self.known):
             text = self._operation(node)
             if node.operator in SYSTEMS:
@@ -257,11 +257,11 @@ def _order(node: Apply) -> int:
 
 
 def _string(text: str) -> str:
-    """A string literal: bytes of UTF-8, with what C or a terminal would take for something else as octal numbers."""
+    """A string literal in UTF-8. Bytes that C or a terminal would interpret are written as octal numbers."""
     plain = "".join(chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in text.encode("utf-8"))
     return f'"{plain}"'
 
 
 def _comment(text: str) -> str:
-    """A text that cannot end its comment."""
+    """A text that cannot end the comment around it."""
     return printable(text).replace("*/", "* /").replace("/*", "/ *")

@@ -1,4 +1,4 @@
-"""A program as plain data beside its object code: what is kept, and bound to arrays again without compiling anything."""
+"""A program as plain data beside its object code: both can be cached, and bound to arrays again without compilation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..program import HYBRID, HybridNote, LimitNote, Names, Native, Program, Tim
 
 
 class Rows(NamedTuple):
-    """What the kernels of a module go through: rows of whole numbers (32 bits), and numbers in which instances differ."""
+    """Data that the kernels of a module read: rows of 32-bit integers, and the numbers in which instances differ."""
 
     suffix: str
     streams: bytes
@@ -21,7 +21,7 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """All of a program but its functions: plain data, which can be kept beside the object code."""
+    """All of a program except its functions: plain data that can be cached beside the object code."""
 
     name: str
     source: str
@@ -38,17 +38,17 @@ class Described:
     operations: int
     differentiated: int
     functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
-    rows: tuple[Rows, ...] = ()  # what kernels go through
+    rows: tuple[Rows, ...] = ()  # data that the kernels read
     hybrid: HybridNote | None = None
     time_functions: TimeFunctions | None = None
 
     def without_source(self) -> Described:
-        """The same without the text that people may read: it is the largest part."""
+        """The same without the readable text, which is its largest part."""
         return replace(self, source="")
 
 
 def bind(described: Described, codes: Sequence[bytes]) -> Program:
-    """The program of data and object code."""
+    """Program from its data and object code."""
     import numpy as np
 
     from .evaluate import dense, functions, hand_over, mode_at

@@ -1,4 +1,4 @@
-"""Machine code as functions of numpy arrays with leading axes, as every target has them. Calls run outside of the interpreter's lock."""
+"""Machine code as functions of numpy arrays with leading axes, as in every target. Calls release the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _POINTER = ctypes.c_void_p
 _One = ctypes.CFUNCTYPE(None, ctypes.c_double, *([_POINTER] * 5))
 _Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, *([_POINTER] * 6), *([ctypes.c_int64] * 6))
 _NONE = np.zeros(1)
-_NOWHERE = address_of(_NONE)  # where an array without items may lie
+_NOWHERE = address_of(_NONE)  # address of an array without items
 _DOUBLE = np.dtype(float)
 
 Function = Callable[..., Any]
@@ -27,7 +27,7 @@ Function = Callable[..., Any]
 def functions(
     described: Sequence[tuple[str, tuple[str, ...], int]], addresses: Mapping[str, int], code: MachineCode
 ) -> dict[str, Function]:
-    """The functions of a program by name."""
+    """Functions of a program by name."""
     many = _Many(code.address("batch"))
     found = {name: _function(addresses[name], many, arguments, size, code) for name, arguments, size in described}
     whole = [(name, size) for name, arguments, size in described if arguments == ROLES]
@@ -35,7 +35,7 @@ def functions(
 
 
 def hand_over(code: MachineCode, rows: Rows) -> None:
-    """Put the rows that kernels go through where the code finds them; they live as long as it."""
+    """Write the addresses of the rows that kernels read into the code. The rows live as long as the code."""
     arrays = np.frombuffer(rows.streams, dtype=np.int32), np.frombuffer(rows.numbers + bytes(8), dtype=float)
     ctypes.CFUNCTYPE(None, _POINTER, _POINTER)(code.address(f"bind_{rows.suffix}"))(*map(address_of, arrays))
     code.keep(arrays)
@@ -54,7 +54,7 @@ def dense(entries: Function, pattern: Any, count: int) -> Function:
 
 
 def mode_at(note: HybridNote, found: Mapping[str, Function]) -> Function:
-    """The mode from the conditions on time and on states, with what only events change as it starts."""
+    """Function that returns the mode from the conditions on time and on states, with discrete variables at their start."""
     places = [condition.position for condition in note.conditions]
     strict = np.array([condition.strict for condition in note.conditions], dtype=bool)
 
@@ -63,7 +63,7 @@ def mode_at(note: HybridNote, found: Mapping[str, Function]) -> Function:
         mode = np.zeros((*leading, note.size))
         mode[..., : len(note.modes.names)] = found["mode_start"](constants)
         mode[..., list(note.timed)] = found["switches"](time, constants)
-        for _ in places:  # one may be asked under another
+        for _ in places:  # a condition may depend on another
             roots = found["roots"](time, state, inputs, constants, mode)
             mode[..., places] = (roots < 0) | ((roots == 0) & ~strict)
         return mode
@@ -72,7 +72,7 @@ def mode_at(note: HybridNote, found: Mapping[str, Function]) -> Function:
 
 
 def _function(address: int, many: Any, arguments: Sequence[str], size: int, code: MachineCode) -> Function:
-    """One function; what it does not take is handed a zero."""
+    """One function. An argument that it does not take is passed as zero."""
     one = _One(address)
     places = [ROLES.index("constants" if a == "parameters" else a) for a in arguments]
     timed, count = 0 in places, len(places)
@@ -117,7 +117,7 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
 
 
 def _at_once(address: int, many: Any, otherwise: Function, size: int) -> Function:
-    """A function of everything, quickly for one instant, and for several with a state each; `otherwise` is the same for anything else."""
+    """Function of all arguments, fast for one instant and for several instants with a state each. `otherwise` does all other calls."""
     one, at = _One(address), ctypes.addressof
     view: Callable[[Any], Any] = ctypes.c_char.from_buffer
 
@@ -146,12 +146,12 @@ def _at_once(address: int, many: Any, otherwise: Function, size: int) -> Functio
 
 
 def _is_plain(time: Any) -> bool:
-    """Whether these are instants, one after the other."""
+    """Return True for a non-empty 1-D array of times in doubles."""
     return type(time) is np.ndarray and time.ndim == 1 and time.dtype is _DOUBLE and time.size > 0
 
 
 def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
-    """The function at every point of the leading axes."""
+    """Evaluate the function at every point of the leading axes."""
     if arrays[0] is not _NONE:
         arrays[0] = arrays[0][..., None]
     shapes = {a.shape[:-1] for a in arrays if a.ndim > 1}

@@ -1,4 +1,4 @@
-"""A lowered state space to a program in machine code: written as LLVM IR, compiled, and bound to arrays of numpy."""
+"""A lowered state space to a program in machine code: written as LLVM IR, compiled, and bound to numpy arrays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def generate_program(lowered: Lowered) -> Program:
 
 
 def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[Described, tuple[bytes, ...]]:
-    """A program as data and object code; `compile_` makes the latter of a module's text and a level."""
+    """A program as data and object code; `compile_` makes object code from the text of a module and an optimization level."""
     writer = Writer(lowered)
     modules = Module(writer, True), Module(writer, False)
     texts = [module.text() for module in modules]
@@ -37,7 +37,7 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[De
 
 
 def _level(module: Module) -> int:
-    """How much is made of a module. Loops over kernels wait for memory: of these LLVM's passes make nothing but longer code."""
+    """Optimization level of a module. Loops over kernels are limited by memory: LLVM's passes only make their code longer."""
     level = next((level for most, level in LEVELS if module.operations <= most), 0)
     return AS_WRITTEN if level and module.rows is not None and not module.called else level
 

@@ -1,6 +1,6 @@
-"""Kernels as LLVM IR: a loop for each shape over rows of whole numbers, and functions that go through their runs.
+"""Kernels as LLVM IR: a loop for each shape over rows of integers, and functions that call them in order.
 
-Code is as long as there are shapes, however many instances they have; the rows are data, handed over when the code is loaded (`bind_…`).
+The length of the code depends on the number of shapes, not of instances. The rows are data, passed when the code is loaded (`bind_…`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _READ_ONLY = ", ".join(
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """What a function needs before it is written."""
+    """Input for the writing of one function."""
 
     name: str
     roots: Sequence[Expression]
@@ -39,7 +39,7 @@ class Function:
 
 
 class Kernels:
-    """The functions of a module over kernels that they share."""
+    """Functions of a module, over shared kernels."""
 
     def __init__(self, lowered: Lowered, functions: Sequence[Function]) -> None:
         self.shapes = Shapes(Symbol(Leaf("time", 0)), lowered.labels)
@@ -57,11 +57,11 @@ class Kernels:
         return sum(_size(k.expression) for k in self.shapes.kernels.values())
 
     def rows(self, suffix: str) -> Rows:
-        """What the kernels go through."""
+        """Rows and numbers that the kernels read."""
         return Rows(suffix, array("i", self.streams).tobytes(), array("d", self.shapes.table()).tobytes())
 
     def text(self, module: Module, suffix: str) -> tuple[list[str], int]:
-        """The kernels, the functions over them, what binds their rows; and how many lines the kernels have."""
+        """Text of the kernels, of the functions that call them and of the function that binds the rows; and the number of lines of the kernels."""
         kernels = list(self.shapes.kernels.values())
         written = [self._kernel(module, kernel) for kernel in kernels]
         functions = [self._function(name, suffix) for name in self.plans]
@@ -174,7 +174,7 @@ class Kernels:
 
 
 def _run(number: int) -> list[str]:
-    """One case of the choice between kernels."""
+    """One case of the switch between kernels."""
     call = f"call ptr @kernel.{number}(ptr %rows, i64 %count.w, double %time, {_HANDED})"
     return [
         f"run.{number}:",
@@ -186,7 +186,7 @@ def _run(number: int) -> list[str]:
 
 
 def _sum_kernel(number: int) -> str:
-    """Long sums, in the order of their terms: each row says where the sum goes, how many terms there are, and which."""
+    """Kernel of long sums, in the order of their terms. Each row holds the place of the sum, the number of terms, and the terms."""
     bases = [
         line
         for place, name in enumerate(ARRAYS)

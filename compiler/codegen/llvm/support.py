@@ -1,6 +1,7 @@
-"""What generated code calls: linear systems, curves through points, random numbers; in the subset that `native.translate` compiles.
+"""Runtime functions that generated code calls: linear systems, curves through points, random numbers.
 
-They compute what the functions of the same names compute that a numpy module begins with (`numpy/beginning.py`).
+They are written in the subset that `native.translate` compiles, and compute the same as the functions of the same names at the
+beginning of a numpy module (`numpy/beginning.py`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def batch(
     by_mode: int,
     size: int,
 ) -> None:
-    """A function at `count` points; the last numbers say how far two points lie apart in each array (0: all have the same)."""
+    """Call a function at `count` points. The last arguments are the strides between points in each array (0: the same for all)."""
     for i in range(count):
         function(
             times[i * by_time],
@@ -54,7 +55,7 @@ def batch(
 
 
 def solve(count: int, entries: Floats, work: Floats, out: Floats) -> None:
-    """The solution of a linear system; the matrix by rows, then the right side. Without one solution it is not a number.
+    """Solve a linear system: the matrix by rows, then the right side. If it has no unique solution, the result is NaN.
 
     `work` has room for 2 count^2 + 6 count numbers.
     """
@@ -81,7 +82,7 @@ def solve(count: int, entries: Floats, work: Floats, out: Floats) -> None:
 
 
 def balance(count: int, entries: Floats, out: Floats) -> None:
-    """Powers of two that bring rows and columns to like magnitudes; they follow count^2 numbers of `out`."""
+    """Scale factors, powers of two, that bring rows and columns to similar magnitudes. They follow count^2 numbers of `out`."""
     rows = out[count * count :]
     columns = out[count * count + count :]
     for i in range(count):
@@ -112,7 +113,7 @@ def balance(count: int, entries: Floats, out: Floats) -> None:
 
 
 def solution(count: int, matrix: Floats, right: Floats, work: Floats, out: Floats) -> float:
-    """The solution, and how far that of 1 … 1 is missed: that tells how nearly singular the matrix is. Partial pivoting."""
+    """Solve by partial pivoting; return the error of a second solution, known to be 1 … 1, which indicates a nearly singular matrix."""
     columns = work[count * count :]
     ones = columns[count:]
     for i in range(count):
@@ -170,12 +171,12 @@ def solution(count: int, matrix: Floats, right: Floats, work: Floats, out: Float
 
 
 def room(count: int, lower: int, upper: int) -> int:
-    """How many numbers `banded` works with."""
+    """Number of doubles that `banded` needs in `work`."""
     return count * (3 * lower + 2 * upper + 2) + 5 * count
 
 
 def banded(count: int, lower: int, upper: int, entries: Floats, work: Floats, out: Floats) -> None:
-    """As `solve`, for a matrix with `lower` diagonals below the main one and `upper` above it, given by rows; `work` as `room` says."""
+    """The same as `solve` for a matrix given by rows, with `lower` diagonals below and `upper` above the main one; size of `work`: `room`."""
     width = lower + upper + 1
     missed = banded_solution(count, lower, upper, entries, entries[count * width :], work, out)
     if not missed < WELL:
@@ -200,7 +201,7 @@ def banded(count: int, lower: int, upper: int, entries: Floats, work: Floats, ou
 
 
 def banded_balance(count: int, lower: int, upper: int, entries: Floats, out: Floats) -> None:
-    """As `balance`; the powers of two follow the entries in `out`."""
+    """The same as `balance` for a banded matrix. The powers of two follow the entries in `out`."""
     width = lower + upper + 1
     rows = out[count * width :]
     columns = rows[count:]
@@ -234,7 +235,7 @@ def banded_balance(count: int, lower: int, upper: int, entries: Floats, out: Flo
 def banded_solution(
     count: int, lower: int, upper: int, matrix: Floats, right: Floats, work: Floats, out: Floats
 ) -> float:
-    """As `solution`. What pivoting fills in lies in `lower` more diagonals above the others."""
+    """The same as `solution` for a banded matrix. The fill-in of pivoting is stored in `lower` more diagonals above the others."""
     width = lower + upper + 1
     wide = width + lower
     columns = work[count * wide :]
@@ -304,7 +305,7 @@ def banded_solution(
 
 
 def segment(x: float, knots: Floats, count: int) -> int:
-    """The number of the interval that x lies in; the first or last one where it lies outside."""
+    """Number of the interval that contains x; the first or last one if x is outside."""
     sign = -1.0 if knots[count - 1] < knots[0] else 1.0
     low = 0
     high = count - 1
@@ -318,14 +319,14 @@ def segment(x: float, knots: Floats, count: int) -> int:
 
 
 def linear(order: int, x: float, knots: Floats, values: Floats, count: int) -> float:
-    """Straight lines between points, continued beyond the ends; `order` counts derivatives."""
+    """Straight lines between points, continued beyond the ends. `order` is the order of the derivative."""
     i = segment(x, knots, count)
     slope = (values[i + 1] - values[i]) / (knots[i + 1] - knots[i])
     return slope if order > 0 else values[i] + slope * (x - knots[i])
 
 
 def hermite(order: int, x: float, knots: Floats, values: Floats, slopes: Floats, count: int) -> float:
-    """A curve of the third degree through points with slopes, straight beyond the ends; `order` counts derivatives."""
+    """Cubic Hermite curve through points with slopes, straight beyond the ends. `order` is the order of the derivative."""
     i = segment(x, knots, count)
     a = knots[i]
     m = slopes[i]
@@ -351,7 +352,7 @@ def hermite(order: int, x: float, knots: Floats, values: Floats, slopes: Floats,
 
 
 def inverse(y: float, knots: Floats, values: Floats, slopes: Floats, count: int) -> float:
-    """Where a rising or falling curve has the value y: Newton's method, held between two places."""
+    """Argument at which a monotone curve has the value y, by Newton's method with bisection as safeguard."""
     sign = 1.0 if values[count - 1] > values[0] else -1.0
     i = segment(y, values, count)
     low = knots[i]
@@ -378,7 +379,7 @@ def inverse(y: float, knots: Floats, values: Floats, slopes: Floats, count: int)
 
 
 def natural_slope(count: int, knots: Floats, values: Floats, work: Floats, out: Floats) -> None:
-    """The slopes of the natural cubic spline, by elimination; `work` has room for `count` numbers."""
+    """Slopes of the natural cubic spline, by elimination. `work` has room for `count` numbers."""
     above = 0.0
     right = 0.0
     for i in range(count):
@@ -407,7 +408,7 @@ def natural_slope(count: int, knots: Floats, values: Floats, work: Floats, out: 
 
 
 def end_slope(near: float, far: float, first: float, second: float) -> float:
-    """The slope at an end from its two intervals, cut so that the curve does not turn back."""
+    """Slope at an end from its two intervals, limited so that the curve stays monotone."""
     slope = ((2.0 * near + far) * first - near * second) / (near + far)
     if slope * first <= 0.0:
         return 0.0
@@ -415,7 +416,7 @@ def end_slope(near: float, far: float, first: float, second: float) -> float:
 
 
 def monotone_slope(count: int, knots: Floats, values: Floats, work: Floats, out: Floats) -> None:
-    """Slopes that keep the curve monotone wherever the points are (Fritsch and Butland 1984)."""
+    """Slopes that keep the curve monotone where the points are (Fritsch and Butland 1984)."""
     for i in range(count - 1):
         work[i] = (values[i + 1] - values[i]) / (knots[i + 1] - knots[i])
     last = count - 1
@@ -439,7 +440,7 @@ def monotone_slope(count: int, knots: Floats, values: Floats, work: Floats, out:
 
 
 def noise(order: int, place: float, seed: float, steps: Floats, count: int) -> float:
-    """A random number at each whole number, joined by smooth steps, whose coefficients by rising powers are `steps`."""
+    """A random number at each integer, joined by smooth steps. `steps` are the coefficients of the step by rising powers."""
     if not abs(place) < 4611686018427387904.0:  # 2^62
         return nan
     whole = int(floor(place))  # noqa: RUF046 - a float in machine code
@@ -453,7 +454,7 @@ def noise(order: int, place: float, seed: float, steps: Floats, count: int) -> f
 
 
 def root(x: float, n: float) -> float:
-    """The one real number whose power n is x; none for an even n."""
+    """The real n-th root of x for odd n; not defined for even n."""
     whole = isfinite(n) and n == floor(n)
     if whole and n == 2.0 * floor(n / 2.0):
         return nan

@@ -1,7 +1,7 @@
 """Expressions to LLVM IR: one function without branches for each function of a program, over arrays of the caller.
 
-Operations stand in the order in which the numpy target has them, so both compute the same but for the last bits of powers and of the
-functions of the mathematical library. The text is written as such: it is the largest part of a model's compilation.
+Operations have the same order as in the numpy target, so both agree except for the last bits of powers and of library functions.
+The IR is written as text directly: it is the largest part of a model's compilation time.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ HOT = frozenset(
         "stored_energy",
         "roots",
     }
-)  # what the steps of a run call again and again
+)  # called at every step of a run
 
 
 def mode_size(lowered: Lowered) -> int:
-    """How many items the mode has: conditions on time, and what events change."""
+    """Length of the mode: truth values of conditions, and discrete variables."""
     return max(len(lowered.switches), lowered.events.size if lowered.events.present else 0)
 
 
 class Module:
-    """Writes a module with some functions of a program. `functions` says of each: name, its arguments in Python, how many values."""
+    """Writer of a module with some functions of a program. `functions` gives for each: name, arguments in Python, number of values."""
 
     def __init__(self, writer: Writer, hot: bool) -> None:
         self.lowered, self.writer, self.hot = writer.lowered, writer, hot
@@ -76,10 +76,10 @@ class Module:
         self.arrays: dict[tuple[float, ...], str] = {}
         self.functions: list[tuple[str, tuple[str, ...], int]] = []
         self.operations = 0
-        self.rows: Rows | None = None  # what kernels go through, if there are any
+        self.rows: Rows | None = None  # data of the kernels, if there are any
 
     def text(self) -> str:
-        """The whole module: the functions that are called again and again, or the others."""
+        """The whole module: either the functions that are called at every step, or the others."""
         constants = self.writer.constants
         self.functions, self.operations = [], 0
         known: dict[Expression, tuple[str, int]] = {node: ("constants", i) for i, node in enumerate(constants)}
@@ -112,7 +112,7 @@ class Module:
         return _ordered("constants", nodes, leaves)
 
     def _parts(self, functions: Sequence[Function]) -> list[str]:
-        """The functions: one line after the other where they are short, or have little that is equal; else over kernels."""
+        """Text of the functions: straight-line code if it is short or has few equal parts, else over kernels."""
         if sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
             kernels = Kernels(self.lowered, functions)
             if SAVING * kernels.size() < sum(len(f.order) + len(f.roots) for f in functions):
@@ -123,7 +123,7 @@ class Module:
         return [self._function(f) for f in functions]
 
     def array(self, values: tuple[float, ...]) -> str:
-        """The name of a list of numbers, written once for the module."""
+        """Name of a list of numbers, which is written once per module."""
         return self.arrays.setdefault(values, f"@points.{len(self.arrays) + 1}")
 
     def _function(self, function: Function) -> str:
@@ -139,7 +139,7 @@ def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tup
 
 
 class _Body:
-    """The lines of one function. Values are doubles, but for conditions, which are truths."""
+    """Lines of one function. Values are doubles, except conditions, which are `i1`."""
 
     def __init__(self, module: Module, known: Mapping[Expression, tuple[str, int]]) -> None:
         self.module, self.known = module, known
@@ -151,7 +151,7 @@ class _Body:
         self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
 
     def compute(self, expression: Expression, count: int) -> list[str]:
-        """One value, or the several of a linear system, to where `%target` points."""
+        """Write one value, or the values of a linear system, to `%target`."""
         for node in operations_in_order([expression], {}):
             self.names[node] = self._operation(node)
         if isinstance(expression, Apply) and expression.operator in SYSTEMS:
@@ -163,7 +163,7 @@ class _Body:
         return self.lines
 
     def write(self, order: Sequence[Apply], roots: Sequence[Expression]) -> list[str]:
-        """The operations in their order, then the roots into `out`."""
+        """Write the operations in their order, then the roots into `out`."""
         for node in order:
             self.names[node] = self._operation(node)
         for place, root in enumerate(roots):
@@ -205,13 +205,13 @@ class _Body:
         return [self._double(n) for n in nodes]
 
     def _room(self, count: int) -> str:
-        """Room for some numbers, for the time of a call."""
+        """Stack space for some numbers, for the time of a call."""
         name = f"%room{len(self.opening)}"
         self.opening.append(f"  {name} = alloca [{max(1, count)} x double], align 16")
         return name
 
     def _points(self, nodes: Sequence[Expression]) -> str:
-        """A list as an array: of the module if it is of numbers alone."""
+        """A list as an array: a constant of the module if it holds numbers alone."""
         numbers = tuple(x.value for x in nodes if isinstance(x, Number))
         if len(numbers) == len(nodes):
             return self.module.array(numbers)
@@ -298,7 +298,7 @@ class _Body:
         return self._call("pow", [x, self._double(exponent)])
 
     def _extreme(self, operator: str, a: str, b: str) -> str:
-        """As numpy has it: the first of two that are equal, not a number if one is not."""
+        """Minimum or maximum as in numpy: the first of two equal values, NaN if one is NaN."""
         better = self._emit(f"fcmp {'ole' if operator == 'min' else 'oge'} double {a}, {b}", True)
         none = self._emit(f"fcmp uno double {a}, {a}", True)
         first = self._emit(f"or i1 {better}, {none}", True)
@@ -346,7 +346,7 @@ class _Body:
         )
 
     def _slope(self, node: Apply) -> str:
-        """A slope of a curve: all those of one curve are computed at once."""
+        """One slope of a curve. All slopes of a curve are computed together."""
         number, points = node.operands[0], node.operands[1:]
         assert isinstance(number, Number)
         key = (node.operator, points)

@@ -1,4 +1,4 @@
-"""What a generated module begins with: the functions that its lines call, only those that it needs."""
+"""Beginning of a generated module: the functions that its lines call, only those that it needs."""
 
 from __future__ import annotations
 
@@ -269,5 +269,5 @@ NEEDED = (
 
 
 def beginning(operators: Set[str]) -> str:
-    """The functions for these operators."""
+    """Text of the functions for these operators."""
     return "\n\n".join([BEGINNING, *(text for needs, text in NEEDED if needs & operators)])

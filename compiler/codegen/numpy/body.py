@@ -1,4 +1,4 @@
-"""The lines of one function: expressions as numpy writes them, one assignment a line where that is better to read."""
+"""Lines of one function: expressions in numpy notation, with an assignment for each part that is clearer on its own line."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CURVES = {"linear": "_linear", "cubic": "_hermite", "monotone": "_hermite", "in
 
 
 class Body:
-    """The lines of one function."""
+    """Lines of one function."""
 
     def __init__(self, writer: Writer, known: dict[Expression, str], taken: set[str]) -> None:
         self.writer, self.known = writer, known
@@ -39,7 +39,7 @@ class Body:
         self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
 
     def write(self, roots: Sequence[Expression], names: dict[Expression, str]) -> list[str]:
-        """Lines for all that the roots need; returns the text of each root. `names` are names that are already given."""
+        """Write lines for all operations that the roots need, and return the text of each root. `names` are names that are given already."""
         order, uses = in_order(roots, self.known)
         labels = self.writer.lowered.labels
         for node in order:
@@ -59,7 +59,7 @@ class Body:
         return [self._text(root, 0) for root in roots]
 
     def _text(self, node: Expression, strength: int) -> str:
-        """The node as Python; `strength` is that of the operator around it (1 sum, 2 product, 3 power)."""
+        """The node as Python. `strength` is the precedence of the operator around it (1 sum, 2 product, 3 power)."""
         if isinstance(node, Number):
             text = number(node.value)
             return f"({text})" if node.value < 0 and strength > 1 else text
@@ -89,9 +89,7 @@ class Body:
                 return _bracketed(" * ".join(self._text(o, 2) for o in operands), strength > 2)
             case "divide":
                 bottom = self._text(operands[1], 4)
-                if isinstance(
-                    operands[1], Number
-                ):  # numpy's division by zero is told by the run; Python's would end it
+                if isinstance(operands[1], Number):  # a run reports numpy's division by zero; Python's would end it
                     bottom = f"np.float64({bottom})" if operands[1].value == 0.0 else bottom
                 return _bracketed(f"{self._text(operands[0], 2)} / {bottom}", strength > 2)
             case "power" if isinstance(operands[1], Number) and operands[1].value == int(operands[1].value):
@@ -124,7 +122,7 @@ class Body:
         return f"({', '.join(self._text(x, 0) for x in items)})"
 
     def _slope(self, node: Apply) -> str:
-        """A slope of a curve: all those of one curve are computed at once, on a line of their own."""
+        """One slope of a curve. All slopes of a curve are computed together, on a line of their own."""
         number, points = node.operands[0], node.operands[1:]
         assert isinstance(number, Number)
         key = (node.operator, points)
@@ -149,7 +147,7 @@ class Body:
 
 
 def _long(node: Apply) -> bool:
-    """Whether it is better on a line of its own: deep nests of unnamed operations are hard to read and to parse."""
+    """Return True for a deep nest of unnamed operations, which is hard to read and to parse: it gets a line of its own."""
     depth, layer = 0, [node]
     while layer and depth < 6:
         layer = [o for n in layer for o in n.operands if isinstance(o, Apply)][:12]

@@ -1,4 +1,4 @@
-"""A lowered state space to a numpy program: written and loaded as a module of its own."""
+"""A lowered state space to a numpy program: written and loaded as a Python module."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def generate_program(lowered: Lowered) -> Program:
 
 
 def hybrid_note(lowered: Lowered) -> HybridNote | None:
-    """What happens at instants that depend on states; None if nothing does."""
+    """Data of the events that depend on states; None if there are none."""
     events = lowered.events
     if not events.present:
         return None
@@ -57,8 +57,10 @@ def hybrid_note(lowered: Lowered) -> HybridNote | None:
 
 
 def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """For each gap: its multiplier among the unknowns, its rate among the invariants, its part among the parameters; or -1. Then
-    the unknowns that are solved for in place."""
+    """For each constraint: index of its multiplier among the unknowns, of its rate among the invariants, of its part among the parameters.
+
+    The index is -1 if there is none. A fourth tuple holds the unknowns that the program solves for.
+    """
     invariants = lowered.space.invariants
     unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
     parameters = {v: i for i, v in enumerate(lowered.parameters)}
@@ -75,7 +77,7 @@ def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], t
 
 
 def write_module(lowered: Lowered) -> str:
-    """The text of the module."""
+    """Text of the module."""
     return _text(Writer(lowered))
 
 
@@ -92,7 +94,7 @@ def _text(writer: Writer) -> str:
 
 
 def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Heading, then names and units, of each kind of thing that a program has an array of."""
+    """Heading, names and units of each array of a program."""
     variables = lowered.space.variables
 
     def rows(numbers: object) -> list[tuple[str, str]]:
@@ -115,7 +117,7 @@ def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 class _Generated(InspectLoader):
-    """Loads a module from the text that we wrote."""
+    """Loader of a module from its generated text."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -125,7 +127,7 @@ class _Generated(InspectLoader):
 
 
 def load_module(name: str, source: str) -> ModuleType:
-    """The module of a generated text."""
+    """Module of a generated text."""
     full = f"bondgraph_program_{name}"
     spec = importlib.machinery.ModuleSpec(full, _Generated(source), origin=f"<{name}>")
     module = importlib.util.module_from_spec(spec)

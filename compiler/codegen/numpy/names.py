@@ -13,7 +13,7 @@ RESERVED = frozenset(
 
 
 class Identifiers:
-    """Gives every name an identifier of its own."""
+    """Unique identifiers for names."""
 
     def __init__(self) -> None:
         self.taken: set[str] = set()
@@ -22,7 +22,7 @@ class Identifiers:
         ] = {}  # of the names that were asked for, so that the thousandth costs no thousand tries
 
     def of(self, name: str) -> str:
-        """A new identifier that looks like the name."""
+        """A new identifier similar to the name."""
         word = re.sub(r"[^A-Za-z0-9_]+", "_", name.replace("]", "")).strip("_") or "value"
         if word[0].isdigit() or word in RESERVED or word.startswith("_"):
             word = f"v_{word}"

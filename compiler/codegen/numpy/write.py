@@ -1,7 +1,7 @@
 """Expressions to the source of a Python module that needs numpy alone.
 
-One assignment a line, under the author's name, with the line of the text that it comes from. The functions take single
-states and batches: every array is turned so that its last axis comes first, and back at the end.
+Each assignment has its own line, with the author's name and the line of the text that it comes from. The functions take single
+states and batches: every array is transposed so that its last axis comes first, and back at the end.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Written = tuple[str, str, str, Sequence[Expression]]  # a function's name, argum
 
 
 class Writer:
-    """Writes the module."""
+    """Writer of the module."""
 
     def __init__(self, lowered: Lowered) -> None:
         self.lowered = lowered
@@ -82,7 +82,7 @@ class Writer:
         ]
 
     def _constant_nodes(self) -> list[Expression]:
-        """The largest expressions of parameters alone that anything else reads."""
+        """Largest expressions of parameters alone that another expression reads."""
         found: dict[Expression, None] = {}
         seen: set[int] = set()  # by identity: to compare equal nodes costs more than to look at some twice
         changing = TIME | INPUT | STATE | MODE
@@ -150,7 +150,7 @@ class Writer:
         return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
 
     def functions(self) -> Iterator[Written]:
-        """Name, arguments, what it is, and what it returns."""
+        """Name, arguments, description and result of each function."""
         yield from self._equations()
         yield from self._stored_and_held()
         yield from self._limits_and_instants()
@@ -158,7 +158,7 @@ class Writer:
             yield from self._event_functions()
 
     def _equations(self) -> Iterator[Written]:
-        """What a run begins with, and what it solves."""
+        """Functions for the start of a run and for the equations that it solves."""
         lowered, zero = self.lowered, Number(0.0)
         unknowns = ", then what the unknowns make vanish" * bool(lowered.space.unknowns)
         nominals = [x or zero for x in lowered.nominals]
@@ -182,7 +182,7 @@ class Writer:
             yield "solved", FULL, "The rates with the multipliers solved for, and then these.", roots
 
     def _stored_and_held(self) -> Iterator[Written]:
-        """Energies, constraints, and what a step must follow."""
+        """Functions for energies, constraints, and signals that a step must follow."""
         lowered = self.lowered
         if lowered.energy:
             yield "stored_energy", FULL, "All energy that is stored, and its slopes by the states.", lowered.energy
@@ -196,7 +196,7 @@ class Writer:
         yield "powers", FULL, words, self._power_nodes()
 
     def _limits_and_instants(self) -> Iterator[Written]:
-        """Where something happens in time, and what must hold."""
+        """Functions for the instants of time events and for the validity limits."""
         lowered = self.lowered
         limits = lowered.limits
         words = "Known instants at which an expression of time jumps or bends."
@@ -214,7 +214,7 @@ class Writer:
             yield "delayed", FULL, "What delayed signals will be.", lowered.delayed
 
     def _event_functions(self) -> Iterator[Written]:
-        """The functions of a program in which something happens at instants that depend on its states."""
+        """Functions for events that depend on states."""
         events = self.lowered.events
         yield "mode_start", FIXED, "What only events change, at the start.", events.starts
         roots = [item.root for item in events.located]
@@ -229,7 +229,7 @@ class Writer:
         yield "conjugates", FULL, words, events.conjugates
 
     def array(self, values: tuple[float, ...]) -> str:
-        """The name of a list of numbers, written once for the module."""
+        """Name of a list of numbers, which is written once per module."""
         return self.arrays.setdefault(values, f"_list_{len(self.arrays) + 1}")
 
     def _constants(self) -> str:
@@ -267,7 +267,7 @@ class Writer:
         return "\n" + "\n".join(lines) + "\n"
 
     def _prelude(self, used: set[str], arguments: str) -> list[str]:
-        """Give the arrays' items their names; only those that the function reads."""
+        """Give names to the items of the arrays that the function reads."""
         arrays = [a for a in ("state", "inputs", "constants") if a in arguments]
         lines = [f"batch = _leading({'time' if 'time' in arguments else '0.0'}, {', '.join(arrays)})"]
         if "state" in arguments and self.state_names:
@@ -295,7 +295,7 @@ def _pattern(name: str, places: Sequence[tuple[int, int]], what: str) -> str:
 
 
 def _jacobian(places: Sequence[tuple[int, int]], n: int) -> str:
-    """The pattern of the Jacobian, and the dense matrix from its entries."""
+    """Pattern of the Jacobian, and the dense matrix from its entries."""
     return f'''{_pattern("PATTERN", places, "rows, columns")}
 
 def jacobian(time, state, inputs, constants, mode):
