@@ -1,4 +1,4 @@
-"""What the rooms write equations with: variables, assignments, references of the text, and what is known to be the same."""
+"""Builder of equations: variables, assignments, references of the text, and aliases (variables that are known to be equal)."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ from .system import (
     Variable,
 )
 
-_Row = tuple[Iterator[Reference], Callable[[], None]]  # what a quantity reads, and what is to do when that is there
+_Row = tuple[Iterator[Reference], Callable[[], None]]  # references of a quantity, and the action after them
 
 
 class EquationBuilder:
-    """Collects variables and assignments; `derive` adds the nodes' and `multibody` a mechanism's through the same methods."""
+    """Collection of variables and assignments. `derive` adds those of the nodes and `multibody` those of a mechanism."""
 
     def __init__(self, graph: BondGraph, zeros: frozenset[str], free: frozenset[str]) -> None:
         self.graph, self.zeros, self.free = graph, zeros, free
@@ -85,7 +85,7 @@ class EquationBuilder:
         self._bond_variables = {*self.efforts, *self.flows}
 
     def system(self) -> EquationSystem:
-        """Everything that was collected, with one number for what has several names."""
+        """All collected equations, with one number for each set of aliases."""
         outputs = {
             name: self._output(named.name, named.definition, named.unit, named.span)
             for name, named in self.graph.outputs.items()
@@ -104,7 +104,7 @@ class EquationBuilder:
         )  # fmt: skip
 
     def _limit(self, required: Requirement) -> Validity:
-        """A condition as a variable that is 1 where it holds."""
+        """A condition as a variable that is 1 if it holds."""
         condition = self.variable(f"{required.words} of {required.name}".removesuffix(" of "), "computed", "1")
         self.apply(condition, required.condition, required.span, required.name)
         values = tuple((words, self.reference(reference), unit) for words, reference, unit in required.readings)
@@ -118,12 +118,12 @@ class EquationBuilder:
 
     # ------------------------------------------------------------ what rooms write with
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int:
-        """A new variable; returns its number."""
+        """Add a variable and return its number."""
         self.variables.append(Variable(name, role, unit, value))
         return len(self.variables) - 1
 
     def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None:
-        """`target := expression` (over variable numbers); a plain copy becomes another name of the same variable."""
+        """`target := expression` (over variable numbers). A plain copy makes the target an alias."""
         if isinstance(expression, Symbol) and self.same_unit(target, expression.key):
             self.join(target, expression.key, span, owner)
             return
@@ -131,7 +131,7 @@ class EquationBuilder:
         self.add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner))
 
     def apply(self, target: int, bound: Bound, span: Span, owner: str) -> None:
-        """`target := formula(references)`, for what the text bound."""
+        """`target := formula(references)`, for a bound expression of the text."""
         arguments = tuple(self.reference(a) for a in bound.arguments)
         expression = bound.formula.expression
         if isinstance(expression, Symbol) and isinstance(arguments[0], int) and self.same_unit(target, arguments[0]):
@@ -140,32 +140,35 @@ class EquationBuilder:
         self.add(Assignment(target, bound.formula, arguments, span, owner))
 
     def join(self, target: int, source: int, span: Span, owner: str) -> None:
-        """Two names for one variable; if they already were, nothing decides it."""
+        """Make two variables aliases. If they already were, no equation determines them: an error."""
         if self.root(target) == self.root(source):
             self.diagnostics.append(Undetermined(span, owner, self.variables[target].name))
             return
         self.alias[target] = source
 
     def same_unit(self, target: int, source: int) -> bool:
-        """Whether one name can serve both: u = 1 ohm*i has equal numbers in different units."""
+        """Return True if two variables can be aliases: in u = 1 ohm*i the numbers are equal, but the units are not."""
         units = {self.variables[target].unit, self.variables[source].unit}
         return len(units - {""}) < 2
 
     def add(self, assignment: Assignment) -> None:
-        """An assignment as it is."""
+        """Add an assignment without changes."""
         self.assignments.append(assignment)
         self.assigned[assignment.target] = assignment
 
     def state(
         self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True, drawn: Expression | None = None
     ) -> None:  # fmt: skip
-        """A state with its rate, its start over parameters (`given` if the author said it) and, of a coordinate, its value in the drawing."""
+        """Add a state with its rate and its start over parameters.
+
+        `given`: the author gave the start. `drawn`: value of a coordinate in the drawing.
+        """
         begins = self.static(start, f"{name} at the start", span)
         rest = None if drawn is None else begins if drawn == start else self.static(drawn, f"{name} drawn", span)
         self.states.append(State(variable, rate, begins, None, span, given, None, rest))
 
     def claim(self, value: Expression, start: Expression, name: str, span: Span) -> None:
-        """A start that the author gives to what is computed from states."""
+        """Add a start that the author gives to a variable computed from states."""
         variable = self.held(value, name, "", span)
         self.claims.append(Claim(variable, self.static(start, f"{name} at the start", span), name, span))
 
@@ -174,7 +177,7 @@ class EquationBuilder:
         self.derivatives.append(Derivative(target, of, span, owner))
 
     def definition(self, variable: int) -> Expression | float | None:
-        """What computes a variable explicitly, or the value of a parameter; None for what is neither."""
+        """Expression that computes a variable explicitly, or the value of a parameter; None otherwise."""
         variable = self.root(variable)
         assignment = self._explicit(variable)
         if assignment is not None:
@@ -183,26 +186,26 @@ class EquationBuilder:
         return found.value if found.role == "parameter" else None
 
     def smoothly(self, target: int) -> None:
-        """What computes the target does so in pieces that join smoothly: none of their conditions is an event."""
+        """Declare that the pieces of a target's expression join smoothly: none of its conditions is an event."""
         self.pieced.add(target)
 
     def vanishing(self, target: int, expression: Expression, span: Span, owner: str) -> None:
-        """The target is what makes the expression vanish."""
+        """Add an implicit assignment: the target makes the expression zero."""
         bound = bind(expression)
         self.add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner, True))
 
     def invariant(
         self, position: int, velocity: int | None, name: str, span: Span, multiplier: int | None = None, part: int | None = None
     ) -> None:  # fmt: skip
-        """What every state of a run keeps at zero, its rate too; `multiplier` and `part` as in `Invariant`."""
+        """Add an invariant: every state of a run keeps it at zero, and its rate. `multiplier` and `part` as in `Invariant`."""
         self.invariants.append(Invariant(position, velocity, name, span, multiplier, part))
 
     def balance(self, variable: int, told: Diagnostic) -> None:
-        """An implicit unknown that is solved with the multipliers, see `Balance`."""
+        """Add an implicit unknown that is solved with the multipliers, see `Balance`."""
         self.balances.append(Balance(variable, told))
 
     def folded(self, bound: Bound) -> Expression:
-        """What the text bound, over variable numbers, with known zeros put in."""
+        """A bound expression of the text over variable numbers, with known zeros put in."""
 
         def put(symbol: Symbol) -> Expression:
             argument = self.reference(bound.arguments[symbol.key])
@@ -211,14 +214,14 @@ class EquationBuilder:
         return substitute(bound.formula.expression, put)
 
     def root(self, variable: int) -> int:
-        """The variable that an alias stands for."""
+        """Variable that an alias is equal to."""
         while variable in self.alias:
             variable = self.alias[variable]
         return variable
 
     # ------------------------------------------------------------ references
     def reference(self, reference: Reference) -> Argument:
-        """The variable (or number) that a reference of the text stands for."""
+        """Variable (or number) of a reference in the text."""
         if isinstance(reference, float):
             return reference
         if isinstance(reference, Quantity):
@@ -226,7 +229,7 @@ class EquationBuilder:
         return self.reading(reference)
 
     def quantity(self, name: str) -> Argument:
-        """The variable of a named quantity, with its definition on first use; zero if it is known to be zero."""
+        """Variable of a named quantity, with its definition on first use; zero if it is known to be zero."""
         if not self._is_new(name):
             return self.quantities.get(name, 0.0)
         rows = [self._opened(name)]
@@ -241,7 +244,7 @@ class EquationBuilder:
         return self.quantities[name]
 
     def _next_new(self, reads: Iterator[Reference]) -> str | None:
-        """The next quantity among references that has no variable yet; readings are made on the way."""
+        """Next quantity among the references that has no variable yet. Readings before it are made on the way."""
         for reference in reads:
             if isinstance(reference, Reading):
                 self.reading(reference)
@@ -253,7 +256,7 @@ class EquationBuilder:
         return name not in self.quantities and name not in self.zeros
 
     def _opened(self, name: str) -> _Row:
-        """A new quantity with its variable: what it reads, and what writes its definition when all of that is there."""
+        """Add the variable of a new quantity. Returns its references, and a function that writes its definition after them."""
         if name == TIME.name and name not in self.graph.quantities:
             self.quantities[name] = self.variable("time", "time", "s")
             return iter(()), _nothing
@@ -274,7 +277,7 @@ class EquationBuilder:
         return iter(definition.arguments), lambda: self.apply(number, definition, named.span, name)
 
     def _integral(self, integral: Integral) -> _Row:
-        """A signal with memory is a state. It may depend on itself: it is known before its rate is read."""
+        """Add a signal with memory as a state. It gets its variable before its rate is read, as it may depend on itself."""
         unit = self.graph.quantities[integral.name].unit
         self.quantities[integral.name] = variable = self.variable(integral.name, "state", unit)
         rate = self.variable(f"rate of {integral.name}", "computed")
@@ -286,7 +289,7 @@ class EquationBuilder:
         return iter(integral.rate.arguments), finish
 
     def _delay(self, delay: Delay) -> _Row:
-        """A delayed signal is known from before: what it reads may depend on it."""
+        """Add a delayed signal. It gets its variable before its argument is read, as the argument may depend on it."""
         unit = self.graph.quantities[delay.name].unit
         self.quantities[delay.name] = variable = self.variable(delay.name, "delayed", unit)
         value = self.variable(f"what {delay.name} will be", "computed", unit)
@@ -299,7 +302,7 @@ class EquationBuilder:
         return iter(delay.value.arguments), finish
 
     def _discrete(self, named: Named) -> _Row:
-        """What only events change; its definition is its start."""
+        """Add a discrete variable. Its definition is its start."""
         self.quantities[named.name] = variable = self.variable(named.name, "mode", named.unit)
         definition = named.definition
         assert definition is not None
@@ -311,7 +314,7 @@ class EquationBuilder:
         return iter(definition.arguments), finish
 
     def reading(self, reading: Reading) -> int:
-        """The variable that a reading of a node's port stands for."""
+        """Variable of a reading at a node's port."""
         found = self.readings.get(reading)
         if found is not None:
             return found
@@ -336,7 +339,7 @@ class EquationBuilder:
         return variable
 
     def _at_junction(self, number: int, node: Junction, reading: Reading) -> int:
-        """Of its first bond; zeros may have left none."""
+        """Variable of the first bond of a junction. Without bonds, which may all be zero and removed: an error."""
         bonds = self.graph.incident[number]
         if bonds:
             return (self.efforts if reading.variable == "e" else self.flows)[bonds[0]]
@@ -352,13 +355,13 @@ class EquationBuilder:
             return argument
         variable = self.variable(name, "computed", unit)
         if definition is None:
-            definition = Bound(Formula(0, ZERO), ())  # a quantity that is known to be zero
+            definition = Bound(Formula(0, ZERO), ())  # a quantity known to be zero
         self.apply(variable, definition, span, name)
         return variable
 
     # ------------------------------------------------------------ nodes
     def static(self, expression: Expression, name: str, span: Span) -> Argument:
-        """A number or variable that holds an expression of parameters."""
+        """A number, or a variable with the value of an expression of parameters."""
         if isinstance(expression, Number):
             return expression.value
         if isinstance(expression, Symbol):
@@ -369,7 +372,7 @@ class EquationBuilder:
         return variable
 
     def integral(self, flow: int) -> int | None:
-        """A variable whose rate is the given flow, known from coordinates of a mechanism; None if there is none."""
+        """Variable whose rate is the given flow, from the coordinates of a mechanism; None if there is none."""
         flow = self.root(flow)
         rows = [] if flow in self._integrals else [(flow, self._moving(flow))]
         while rows:  # not by recursion: a row of transformers may be longer than Python nests calls
@@ -385,7 +388,7 @@ class EquationBuilder:
         return self._integrals[flow]
 
     def _moving(self, flow: int) -> list[int]:
-        """What a flow is computed from, last first, without what stands still. Until more is known it has no integral."""
+        """Varying variables that a flow is computed from, last first. The flow is entered without integral until one is found."""
         self._integrals[flow] = None
         assignment = self._explicit(flow)
         read = [] if assignment is None else [self.root(v) for v in _read_by(assignment)]
@@ -396,11 +399,11 @@ class EquationBuilder:
         return None if assignment is None or assignment.implicit else assignment
 
     def knows_integral(self, flow: int, displacement: int) -> None:
-        """A mechanism tells that a displacement (zero in the reference) has this flow as its rate."""
+        """Record that the rate of a displacement (zero in the drawing) is this flow."""
         self._integrals[flow] = displacement
 
     def _linear_integral(self, flow: int) -> int | None:
-        """The same sum over integrals, if the flow is a sum of flows that have one with constant factors."""
+        """Integral of a flow that is a sum of integrable flows with constant factors: the same sum over their integrals."""
         assignment = self.assigned[flow]
         rest = assignment.expression
         parts = []
@@ -419,7 +422,7 @@ class EquationBuilder:
         return variable
 
     def _is_static(self, variable: int) -> bool:
-        """Whether it is computed from parameters alone."""
+        """Return True for a variable computed from parameters alone."""
         waiting, seen = [variable], set[int]()
         while waiting:
             variable = self.root(waiting.pop())
@@ -433,7 +436,7 @@ class EquationBuilder:
         return True
 
     def held(self, expression: Expression, name: str, unit: str, span: Span) -> int:
-        """The variable that holds an expression: a new one, unless it is one already, which then has this unit if it had none."""
+        """Variable with the value of an expression: the expression itself, if it is one (it gets this unit if it has none), or a new one."""
         if isinstance(expression, Symbol):
             assert isinstance(expression.key, int)
             old = self.variables[expression.key]
@@ -445,7 +448,7 @@ class EquationBuilder:
         return variable
 
     def _resolved(self) -> list[Assignment]:
-        """The assignments with aliases replaced by what they stand for; everything else too."""
+        """Assignments with aliases replaced by the variables that they are equal to. Replaces them in everything else too."""
         root, through = self.root, self._through
         self.states = [
             replace(
@@ -485,7 +488,7 @@ class EquationBuilder:
 
 
 def _read_by(assignment: Assignment) -> list[int]:
-    """The variables that an assignment reads. A number among its arguments may be a zero, with which others vanish."""
+    """Variables that an assignment reads. A number among its arguments may be zero and remove others."""
     if any(isinstance(a, float) for a in assignment.arguments):
         return [s.key for s in symbols(assignment.expression)]
     return list(dict.fromkeys(a for a in assignment.arguments if not isinstance(a, float)))
@@ -498,4 +501,4 @@ def _number(definition: Bound | None) -> float | None:
 
 
 def _nothing() -> None:
-    """What is to do for what has no definition."""
+    """No action, for a quantity without definition."""

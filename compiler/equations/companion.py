@@ -1,11 +1,11 @@
-"""The companion network: what a network is over one short step of the implicit Euler method, with a port for each ideal valve.
+"""Companion network: a network over one short step of the implicit Euler method, with a port for each ideal valve.
 
-Each one-port storage becomes a resistor in line with what it holds: a capacitor e = e_0 + h (de/dq) f, an inertia f = f_0 + h (df/dp) e. What
-it stores stands beside it and does not move. Each valve, and each other two-terminal switch, becomes a matched source,
-e = a + z f, so that no node floats and no loop is without
-a loss, whatever the valves do: the network then has one solution for each row of waves a. From it follow, as h goes to zero, which valves
-conduct just after an instant (the rational complementarity problem: Heemels, Schumacher and Weiland, Linear complementarity systems, SIAM
-J. Appl. Math. 60, 2000) and the impulses that pass (h times what grows as 1/h).
+Each one-port storage becomes a resistor in series with its content: a capacitor e = e_0 + h (de/dq) f, an inertia f = f_0 + h (df/dp) e.
+Its content is a constant beside the network. Each valve, and each other two-terminal switch, becomes a matched source,
+e = a + z f. So in every position of the valves no node floats and no loop is without a loss: the network has one solution for each
+row of waves a. Its limit for h to zero determines which valves conduct just after an instant (the rational complementarity problem:
+Heemels, Schumacher and Weiland, Linear complementarity systems, SIAM J. Appl. Math. 60, 2000) and the impulses that pass (h times the
+terms that grow as 1/h).
 """
 
 from __future__ import annotations
@@ -37,18 +37,20 @@ STEP, IMPEDANCE = "step of the companion", "impedance of the valves"
 
 
 def wave(port: str) -> str:
-    """The input that is the wave into the network from a port."""
+    """Name of the input for the wave into the network from a port."""
     return f"wave of {port}"
 
 
 def companion_inputs(ports: Sequence[str]) -> tuple[str, ...]:
-    """Step, impedance, and the waves: inputs of the companion."""
+    """Inputs of the companion: step, impedance, and the waves."""
     return (STEP, IMPEDANCE, *map(wave, ports))
 
 
 def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
-    """The companion of a graph whose other switched junctions are off already. `ports`: its valves and other two-terminal switches.
-    Outputs: effort, then flow of each port, then the rates of all integrals."""
+    """Return the companion of a graph in which other switched junctions are off already.
+
+    `ports`: its valves and other two-terminal switches. Outputs: effort, then flow of each port, then the rates of all integrals.
+    """
     nodes, bonds = list(graph.nodes), list(graph.bonds)
     renamed: dict[str, str] = {}
     for number, node in enumerate(graph.nodes):
@@ -82,7 +84,7 @@ def _reading(node: str, variable: str, graph: BondGraph) -> Named:
 
 
 def _port(node: Junction) -> Element:
-    """A matched source in the place of a two-terminal switch."""
+    """A matched source in place of a two-terminal switch."""
     law = Law(((Symbol(Own(0, "e")), Symbol(0) + Symbol(1) * Symbol(Own(0, "f"))),), None, 2)
     arguments = (Quantity(wave(node.name)), Quantity(IMPEDANCE))
     ports = (Port("", node.domain),)
@@ -92,7 +94,7 @@ def _port(node: Junction) -> Element:
 
 
 def _resistor(node: Element) -> Element | None:
-    """A storage with one port over one step; None for what is no such storage, or has no law in integral form."""
+    """Resistor of a one-port storage over one step; None for any other node, or if its law has no integral form."""
     if len(node.ports) > 1 or node.kind not in (Kind.CAPACITOR, Kind.INERTIA):
         return None
     stored = node.stored[0]
@@ -118,7 +120,7 @@ def _resistor(node: Element) -> Element | None:
 
 
 def _keep(node: Element, nodes: list[Node], bonds: list[Bond]) -> None:
-    """What a storage holds stands beside the network."""
+    """Keep the content of a storage as a constant beside the network."""
     given = GIVEN[node.stored[0]]
     kind, variable = (Kind.FLOW_SOURCE, "f") if given == "e" else (Kind.EFFORT_SOURCE, "e")
     law = Law(((Symbol(Own(0, variable)), Number(0.0)),), None, 0)
@@ -131,7 +133,7 @@ def _keep(node: Element, nodes: list[Node], bonds: list[Bond]) -> None:
 
 
 def _reread(graph: BondGraph, renamed: Mapping[str, str]) -> BondGraph:
-    """The same with the efforts and flows of storages read where they are now; what the companion itself reads stays."""
+    """Return the graph with readings of storages redirected to their resistors. Readings inside the companion are left unchanged."""
 
     def moved(argument: object) -> object:
         if isinstance(argument, Reading) and argument.node in renamed and argument.variable in "ef":

@@ -1,4 +1,4 @@
-"""Causal graph to equations: each stroke says which side computes, each node contributes its assignments."""
+"""Causal graph to equations: each causal stroke determines which side computes; each node contributes its assignments."""
 
 from __future__ import annotations
 
@@ -43,25 +43,27 @@ from .naming import letter_of, port_name, unit_of
 from .sharing import share_states
 from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
-INTEGRATED = {"q": "f", "p": "e"}  # what a storage integrates
+INTEGRATED = {"q": "f", "p": "e"}  # the variable that a storage integrates
 
 
 def derive_equations(
     causal: CausalGraph, zeros: frozenset[str], free: frozenset[str], apart: frozenset[str] = frozenset()
 ) -> EquationSystem:
-    """The assignments of all nodes; the storages `apart` share no state. Raises `CompilationFailed` where a law does not hold in
-    the direction asked for."""
+    """Return the assignments of all nodes. The storages `apart` share no state.
+
+    Raises `CompilationFailed` if a law cannot be solved in the direction that causality needs.
+    """
     return _Nodes(causal, EquationBuilder(causal.graph, zeros, free)).equations(apart)
 
 
 @cache
 def _balance(signs: tuple[int, ...]) -> Formula:
-    """What a junction's last bond carries: the others, with these signs. Equal junctions have one formula."""
+    """Formula of a junction's last bond: the sum of the others with these signs. Equal junctions have one formula."""
     return Formula(len(signs), add(*(multiply(Number(float(s)), Symbol(i)) for i, s in enumerate(signs))))
 
 
 def _energy(law: Law, stored: tuple[str, ...]) -> tuple[Expression | None, tuple[Expression, ...]] | None:
-    """An energy, or a law in integral form, over what is stored and the arguments behind; None where a law has no such form."""
+    """An energy, or a law in integral form, over the stored quantities and then the arguments; None if a law has no such form."""
     slots: dict[object, Symbol] = {Own(p, s): Symbol(p) for p, s in enumerate(stored)}
     slots |= {i: Symbol(len(stored) + i) for i in range(law.arity)}
 
@@ -75,7 +77,7 @@ def _energy(law: Law, stored: tuple[str, ...]) -> tuple[Expression | None, tuple
 
 
 class _Nodes:
-    """Goes over the nodes and writes what each contributes."""
+    """Traversal of the nodes that writes the assignments of each."""
 
     def __init__(self, causal: CausalGraph, to: EquationBuilder) -> None:
         self.causal, self.graph, self.to = causal, causal.graph, to
@@ -95,7 +97,7 @@ class _Nodes:
         for number, node in elements:  # after the mechanisms, whose poses may modulate them
             if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
                 self._transducer(number, node)
-        for number, node in elements:  # after all that a displacement may be known from
+        for number, node in elements:  # after the nodes that may determine a displacement
             if node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR):
                 self._element(number, node)
         event_equations(self.graph, self.to)
@@ -106,7 +108,7 @@ class _Nodes:
         return share_states(system, frozenset(signals), apart)
 
     def _junction(self, number: int, node: Junction) -> None:
-        """What all bonds share is one variable; what they split is a sum."""
+        """Write a junction: one variable for the effort (0) or flow (1) that all bonds share, and a sum for the other."""
         if not self.graph.incident[number]:  # all that hung on it gives nothing
             return
         zero = node.kind is Kind.ZERO
@@ -145,7 +147,7 @@ class _Nodes:
                 self.to.assign(self.flows[here], value, node.span, node.name)
 
     def _instance(self, bound: Bound, node: Element, own: Mapping[Own, Expression]) -> Expression:
-        """A law's expression with this element's variables and arguments put in."""
+        """A law's expression with the variables and arguments of this element."""
 
         def put(symbol: Symbol) -> Expression:
             key = bound.arguments[symbol.key]
@@ -174,8 +176,8 @@ class _Nodes:
     def _apply_law(self, node: Element, wanted: tuple[Own, ...], own: Mapping[Own, int], targets: list[int]) -> bool:
         """Assign the wanted variables by the element's law, solved once for all elements that share it.
 
-        A law that cannot be solved for them stays as it is: an implicit assignment for each. Of one whose solution ends somewhere the
-        form that does not is kept beside it.
+        A law that cannot be solved for them gives an implicit assignment for each. If the solution is not defined everywhere, the form
+        that is gets stored beside it.
         """
         key = (node.law, wanted)
         if key not in self.formulas:
@@ -220,8 +222,11 @@ class _Nodes:
 
     # ------------------------------------------------------------ storage
     def _storage(self, number: int, node: Element, bonds: list[int]) -> None:
-        """Port by port: in integral form the law gives the effort (or flow) and the rest is a state; in derivative form the
-        law gives what is stored, and its rate is the flow (or effort)."""
+        """Write the ports of a storage.
+
+        In integral form the law gives the effort (or flow), and the stored quantity is a state. In derivative form the law gives the stored
+        quantity, and its rate is the flow (or effort).
+        """
         problem = without_energy(node, self.graph)
         if problem is not None:
             self.to.diagnostics.append(problem)
@@ -249,7 +254,7 @@ class _Nodes:
         self._energy_of(node, quantities)
 
     def _is_zero(self, bound: Bound) -> bool:
-        """Whether a start is zero, with the values that its parameters have."""
+        """Return True if a start is zero with the values of its parameters."""
         definitions = self.graph.quantities
         try:
             values = [a if isinstance(a, float) else definitions[a.name].value for a in bound.arguments]
@@ -262,9 +267,9 @@ class _Nodes:
         return self.to.reading(Reading(node.name, node.ports[port].name, node.stored[port]))
 
     def _state(self, node: Element, port: int, quantity: int, rate: int, own: Mapping[Own, int]) -> None:
-        """A state; or, if the geometry already knows the displacement, a sum of coordinates."""
+        """Add a state; if the geometry determines the displacement already, a sum of coordinates instead."""
         start, given = self._start(node, port, own)
-        if node.stored[port] == "q" and not self.graph.switches:  # what is tied now may have been free before
+        if node.stored[port] == "q" and not self.graph.switches:  # tied now, perhaps free before
             known = self.to.integral(rate)
             if known is not None:
                 offset = Number(start) if isinstance(start, float) else Symbol(start)
@@ -279,9 +284,9 @@ class _Nodes:
         self.to.states.append(State(quantity, rate, start, nominal, node.span, given, conjugate))
 
     def _start(self, node: Element, port: int, own: Mapping[Own, int]) -> tuple[Argument, bool]:
-        """The start of what a port stores, and whether the author gave it (a zero says nothing: parts have it as a default).
+        """Start of a port's stored quantity, and True if the author gave it. A zero does not count: it is the default of parts.
 
-        A start given for another variable is taken through the law where it can be solved, else it is a claim.
+        A start of another variable is converted by the law if that can be solved, else it is a claim.
         """
         if port not in node.starts:
             return 0.0, False
@@ -298,7 +303,7 @@ class _Nodes:
         return start, not self._is_zero(bound)
 
     def _stored_by(self, node: Element, wanted: Own) -> Bound | None:
-        """What a storage of one port stores, by its law; None if the law cannot be solved for it."""
+        """Stored quantity of a one-port storage from its law; None if the law cannot be solved for it."""
         key = node.law, wanted
         if key not in self.starting:
             found = solved(node.law, (wanted,)) if len(node.ports) == 1 else None
@@ -306,14 +311,14 @@ class _Nodes:
         return self.starting[key]
 
     def _claim(self, node: Element, port: int, own: Mapping[Own, int]) -> None:
-        """A start of what is computed: the states start so that it holds."""
+        """Add a claim for the start of a computed variable: the states then start such that it holds."""
         variable, bound = node.starts[port]
         name = f"{port_name(node, port, variable)} at the start"
         start = self.to.static(self.to.folded(bound), name, node.span)
         self.to.claims.append(Claim(own[Own(port, variable)], start, node.name, node.span))
 
     def _energy_of(self, node: Element, quantities: list[int]) -> None:
-        """The element's energy, or its law in integral form, over what it stores; nothing where the law has no such form."""
+        """Energy of the element, or its law in integral form, over its stored quantities; empty if the law has no such form."""
         key = node.law, node.stored
         if key not in self.energies:
             self.energies[key] = _energy(*key)
@@ -363,7 +368,7 @@ class _Nodes:
             self.to.stored[node.name] = result.energy
 
     def _readings_of_port(self, node: MechanismNode, port: str, motion: Motion, effort: Expression) -> None:
-        """What expressions may read of a mechanism's port: pose, rate and effort."""
+        """Add the readings of a mechanism's port: pose, rate and effort."""
         domain = domain_of(port)
         full = f"{node.name}.{port}"
         for variable, expression, suffix in (

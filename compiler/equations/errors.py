@@ -1,4 +1,4 @@
-"""What can be wrong with laws in the direction that causality asks for: BG4xx."""
+"""Errors of laws in the direction that causality needs: BG4xx."""
 
 from __future__ import annotations
 

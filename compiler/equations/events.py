@@ -1,7 +1,7 @@
-"""Events as equations: a condition that is 1 or 0, and for each thing that is set a variable with its new value.
+"""Events as equations: a condition that is 1 or 0, and for each target a variable with its new value.
 
-What is set for a storage by another variable than the stored one (`mass.v = …`) is taken through its law where that can be
-solved; else, and for what is computed from states, the variable itself is the target, and the states follow at the instant.
+If a storage is set by another variable than the stored one (`mass.v = …`), its law converts the value if it can be solved. Otherwise,
+and for variables computed from states, the variable is the target, and the states follow at the event.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .system import EventRow, Setting, Switch
 
 
 def event_equations(graph: BondGraph, to: EquationBuilder) -> None:
-    """Write the conditions and values of all events, and when junctions are on."""
+    """Write the conditions and values of all events, and the conditions of switched junctions."""
     elements = {n.name: n for n in graph.nodes if isinstance(n, Element)}
     for event in graph.events:
         to.events.append(_event(event, elements, to))
@@ -51,7 +51,7 @@ def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) 
 
 
 def _through_law(element: Element, given: str, value: int, to: EquationBuilder) -> Expression | None:
-    """What a one-port stores where its other variable has a value; None if its law cannot be solved for it."""
+    """Stored quantity of a one-port storage from the value of its other variable; None if its law cannot be solved for it."""
     found = solved(element.law, (Own(0, element.stored[0]),))
     if found is None:
         return None

@@ -1,9 +1,9 @@
-"""What an author cannot see in laws given by equations: whether a storage gives back what it took, and a resistor only takes.
+"""Hidden properties of laws given by equations: a storage must return the energy that it took, a resistor should only take it.
 
-A storage field has an energy exactly if its slopes are symmetric (Maxwell): with x what is stored and y what its law gives
-(effort of a displacement, flow of a momentum), dH = y dx for every port, so dy_i/dx_j = dy_j/dx_i with equal signs for both
+A storage field has an energy exactly if its Jacobian is symmetric (Maxwell): with x the stored quantities and y the variables that its
+law gives (effort of a displacement, flow of a momentum), dH = y dx for every port, so dy_i/dx_j = dy_j/dx_i with equal signs for both
 kinds of ports, as all bonds point into it. Without an energy it is no storage: an error. A resistor that gives energy may be
-meant (an amplifier, a tunnel diode): a note.
+intended (an amplifier, a tunnel diode): a note.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ WITNESSES = 2  # points that must agree on what is wrong
 
 
 def without_energy(element: Element, graph: BondGraph) -> Diagnostic | None:
-    """What is wrong with a storage field given by equations: that no energy has these slopes."""
+    """Error for a storage field given by equations that has no energy with these derivatives; None if it has one."""
     values = decisive_values(element, graph) if _by_equations(element) else None
     if values is None:
         return None
@@ -48,12 +48,12 @@ def without_energy(element: Element, graph: BondGraph) -> Diagnostic | None:
 
 
 def _by_equations(element: Element) -> bool:
-    """Whether a storage is a field whose energy, if it has one, is not written."""
+    """Return True for a field of several ports whose law gives no energy."""
     return element.law.energy is None and len(element.ports) > 1
 
 
 def _sides(stored: tuple[str, ...]) -> tuple[tuple[Own, ...], tuple[Own, ...]]:
-    """What is stored, and what the law gives for it."""
+    """Stored variables, and the variables that the law gives for them."""
     return tuple(Own(p, s) for p, s in enumerate(stored)), tuple(Own(p, GIVEN[s]) for p, s in enumerate(stored))
 
 
@@ -61,7 +61,7 @@ def _sides(stored: tuple[str, ...]) -> tuple[tuple[Own, ...], tuple[Own, ...]]:
 def _asymmetry(
     law: Law, values: tuple[float, ...], stored: tuple[str, ...], base: tuple[tuple[Own, float], ...]
 ) -> tuple[Relation, Point, Vector, Vector] | None:
-    """A point at which two directions of a law are not reciprocal; found once for all elements with this law and values."""
+    """A point at which two directions of a law are not reciprocal, computed once for all elements with this law and values."""
     known = relation(law, values, *_sides(stored))
     if known is None:
         return None
@@ -77,7 +77,7 @@ def _asymmetry(
 
 
 def _reciprocal(a: Vector, b: Vector) -> bool:
-    """Whether dx_a dy_b = dx_b dy_a, summed over the ports, up to round-off and rounded numbers."""
+    """Return True if dx_a dy_b = dx_b dy_a, summed over the ports, up to round-off and rounded numbers."""
     one = [x * y for x, y in zip(a.x, b.y, strict=True)]
     other = [x * y for x, y in zip(b.x, a.y, strict=True)]
     difference = abs(math.fsum((*one, *(-v for v in other))))
@@ -87,10 +87,10 @@ def _reciprocal(a: Vector, b: Vector) -> bool:
 
 
 def _told(element: Element, law: Relation, point: Point, a: Vector, b: Vector) -> NotConservative:
-    """The two slopes that should be equal, under their names."""
+    """Error with the two derivatives that should be equal, under their names."""
 
     def dual(of: Vector, over: tuple[int, bool]) -> tuple[str, float]:
-        """The partner of a variable in the energy, and how it changes along a direction."""
+        """Partner of a variable in the energy, and its change along a direction."""
         port, stored = over
         if stored:
             return port_name(element, port, law.y[port].variable), of.y[port]
@@ -108,7 +108,7 @@ def _told(element: Element, law: Relation, point: Point, a: Vector, b: Vector) -
 
 
 def _magnitudes(element: Element, graph: BondGraph) -> tuple[tuple[Own, float], ...]:
-    """The sizes that the author gave, as nominal or start, where they are known."""
+    """Magnitudes that the author gave as nominal or start, if they are known."""
     found: dict[Own, float] = {}
     for given in (element.starts, element.nominals):
         for port, (variable, bound) in given.items():
@@ -130,8 +130,10 @@ def _size(bound: Bound, graph: BondGraph) -> float | None:
 
 
 def notes(graph: BondGraph) -> tuple[str, ...]:
-    """What laws do that one may not expect: resistors that create energy or turn it between ports, fields not checked,
-    tensors of inertia that no body has."""
+    """Notes on unexpected properties of laws.
+
+    Resistors that create energy or pass it between ports, fields that are not checked, tensors of inertia that no body can have.
+    """
     found: list[str] = []
     for node in graph.nodes:
         if isinstance(node, Element) and node.kind is Kind.RESISTOR:
@@ -144,7 +146,7 @@ def notes(graph: BondGraph) -> tuple[str, ...]:
 
 
 def _checked(element: Element, graph: BondGraph) -> bool:
-    """Whether a storage has an energy for certain, or points at which its slopes were compared."""
+    """Return True if a storage has an energy for certain, or points at which its derivatives were compared."""
     values = decisive_values(element, graph) if _by_equations(element) else None
     if values is None:
         return True
@@ -164,7 +166,7 @@ def _notes(element: Element, graph: BondGraph) -> Iterator[str]:
 
 @lru_cache(maxsize=1024)
 def _findings(law: Law, values: tuple[float, ...], count: int) -> tuple[tuple[str, tuple[tuple[Own, float], ...]], ...]:
-    """What a resistor of this law does, with a point where it needs one; found once for all elements with it."""
+    """Unexpected properties of a resistor's law, with a point if needed, computed once for all elements with it."""
     flows, efforts = (tuple(Own(p, v) for p in range(count)) for v in "fe")
     known = relation(law, values, flows, efforts)
     if known is None:
@@ -185,7 +187,7 @@ def _findings(law: Law, values: tuple[float, ...], count: int) -> tuple[tuple[st
 
 
 def _heats(element: Element) -> bool:
-    """Whether the last port takes what the others lose, as in an RS."""
+    """Return True if the last port gives the power that the others lose, as in an RS."""
     last = len(element.ports) - 1
     if not last:
         return False
@@ -194,7 +196,7 @@ def _heats(element: Element) -> bool:
 
 
 def _at_rest(law: Relation) -> Iterator[bool]:
-    """Whether nothing comes of nothing, equation by equation."""
+    """For each equation: True if it holds with all variables zero."""
     for rest in law.rests:
         try:
             yield evaluate(rest, lambda _: 0.0) == 0.0
@@ -203,14 +205,14 @@ def _at_rest(law: Relation) -> Iterator[bool]:
 
 
 def _power(a: Vector, b: Vector) -> float:
-    """The bilinear form whose value for a = b is the power; zero where nothing but round-off is left."""
+    """Bilinear form whose value for a = b is the power; zero if only round-off is left."""
     terms = [*(x * y for x, y in zip(a.x, b.y, strict=True)), *(x * y for x, y in zip(b.x, a.y, strict=True))]
     total = math.fsum(terms)
     return 0.5 * total if abs(total) > ROUND_OFF * math.fsum(map(abs, terms)) else 0.0
 
 
 def _positive(form: list[list[float]]) -> bool:
-    """Whether a symmetric form is positive semidefinite: elimination with the largest pivot, scaled to a unit diagonal."""
+    """Return True if a symmetric form is positive semidefinite: elimination with the largest pivot, scaled to a unit diagonal."""
     left = [i for i in range(len(form)) if any(form[i])]
     if any(form[i][i] <= 0 for i in left):  # a zero on the diagonal beside anything else makes the form indefinite
         return False

@@ -1,4 +1,4 @@
-"""A law in the direction that causality asks for: solved once per law and direction, then shared by all its elements."""
+"""A law in the direction that causality needs: solved once per law and direction, then shared by all its elements."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ..algebra.invert import solve_nonlinear
 from ..graph.network import Kind, Law, Own
 
 Equations = tuple[tuple[Expression, Expression], ...]
-STORED = {"e": "q", "f": "p"}  # what a storage gives, and what it stores then
-GIVEN = {"q": "e", "p": "f"}  # what it stores, and what its law gives in integral form
+STORED = {"e": "q", "f": "p"}  # variable that a storage gives -> its stored quantity
+GIVEN = {"q": "e", "p": "f"}  # stored quantity -> variable that its law gives in integral form
 
 
 @lru_cache(maxsize=4096)
 def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
-    """Each wanted own variable as an expression of the others; None if the law cannot be solved for them.
+    """Solve a law: each wanted variable as an expression of the others, or None if it cannot be solved for them.
 
-    Explicit equations are taken as they are, affine ones are solved, others are inverted where they have one inverse. A
-    field of which some ports are asked for what they store is thereby transformed as by Legendre: its energy gives as many
-    equations as it has ports, whatever is known of them.
+    Explicit equations are taken as they are, affine ones are solved, others are inverted if the inverse is unique. Solving a
+    field for the stored quantities of some ports is a Legendre transformation: its energy gives as many equations as it has
+    ports, in every choice of known variables.
     """
     equations = _equations(law, wanted)
     return _one(equations, wanted[0]) if len(wanted) == len(equations) == 1 else _several(equations, wanted)
@@ -31,9 +31,9 @@ def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
 
 @lru_cache(maxsize=4096)
 def paired(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
-    """For each wanted variable an expression that vanishes and in which it occurs; None if there are not enough of them.
+    """For each wanted variable an expression that is zero and contains it; None if there are not enough of them.
 
-    For laws that `solved` gives up: the run solves them by Newton's method. Which equation goes with which variable is a
+    For laws that `solved` cannot solve: the run solves them by Newton's method. The pairing of equations and variables is a
     matching in a bipartite graph (Kuhn's augmenting paths).
     """
     rests = [left - right for left, right in _equations(law, wanted)]
@@ -56,10 +56,10 @@ def paired(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
 
 @lru_cache(maxsize=4096)
 def total_residual(law: Law, wanted: Own) -> Expression | None:
-    """An expression that vanishes where the law holds and has a value everywhere, for a law whose solution for the wanted variable has not.
+    """Residual of a law that is defined everywhere, for a law whose solution for the wanted variable is not.
 
-    None if the solution itself has a value everywhere, or no form of the law has. A diode's voltage is a logarithm that ends at its
-    saturation current; its current is defined for every voltage, whichever of the two the author wrote.
+    None if the solution itself is defined everywhere, or no form of the law is. A diode's voltage is a logarithm that ends at its
+    saturation current; its current is defined for every voltage, and the author may have written either form.
     """
     found = solved(law, (wanted,))
     if found is None or law.energy is not None or is_total(found[0], _is_own):
@@ -77,7 +77,7 @@ def _is_own(symbol: Symbol) -> bool:
 
 
 def _equations(law: Law, wanted: tuple[Own, ...]) -> Equations:
-    """The law as equations; of an energy the efforts of displacements and the flows of momenta are the slopes."""
+    """The law as equations. The partial derivatives of an energy are efforts of displacements and flows of momenta."""
     if law.energy is None:
         return law.equations
     stored = [Own(w.port, STORED.get(w.variable, w.variable)) for w in wanted]
@@ -93,7 +93,7 @@ def _one(equations: Equations, wanted: Own) -> tuple[Expression, ...] | None:
 
 
 def _several(given: Equations, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
-    """Elimination: each equation gives one wanted variable, put into the others."""
+    """Elimination: each equation gives one wanted variable, which is substituted into the others."""
     unknown = [Symbol(w) for w in wanted]
     equations = list(given)
     result: dict[Symbol, Expression] = {}

@@ -1,4 +1,4 @@
-"""What the variables of bonds and ports are called: after the element at one end, in the letters of its domain."""
+"""Names of the variables of bonds and ports: after the element at one end, in the letters of its domain."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _rank(graph: BondGraph, end: End) -> int:
 
 
 def port_name(node: Element | MechanismNode, port: int, variable: str) -> str:
-    """The name of a variable of a port: `mass.p`, `gear.omega1`, `spring.phi`, `spring.x.F`."""
+    """Name of a variable of a port: `mass.p`, `gear.omega1`, `spring.phi`, `spring.x.F`."""
     name, domain = node.ports[port].name, node.ports[port].domain
     letter = letter_of(domain, variable)
     if isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
@@ -44,11 +44,11 @@ def port_name(node: Element | MechanismNode, port: int, variable: str) -> str:
 
 
 def letter_of(domain: str, variable: str) -> str:
-    """A domain's letter for `e`, `f`, `q` or `p`."""
+    """Letter of a domain for `e`, `f`, `q` or `p`."""
     return DOMAINS[domain].letter(variable)
 
 
 @cache
 def unit_of(domain: str, variable: str) -> str:
-    """The SI unit of `e`, `f`, `q` or `p` in a domain."""
+    """SI unit of `e`, `f`, `q` or `p` in a domain."""
     return str(DOMAINS[domain].dimension(variable))

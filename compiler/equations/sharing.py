@@ -1,12 +1,12 @@
-"""One state for one displacement: storages and `integral` signals whose rates are proportional share a state.
+"""Shared states: storages and `integral` signals with proportional rates share one state.
 
 Two springs on one junction, inertias that share an effort, a capacitor behind a transformer of constant ratio: their rates are one flow
-times constants, so that what they store differs by constants of the run, which the starts decide. One of them stays a state (the
-leader), the others follow it: `b.x := factor*a.x + (b's start - factor*a's start)`. A displacement that the geometry of a mechanism knows
-follows in the same way (`derive.py`).
+times constants, so their contents differ by constants of the run, which follow from the starts. One of them stays a state (the
+leader), the others follow it: `b.x := factor*a.x + (b's start - factor*a's start)`. A displacement that the geometry of a mechanism
+determines follows in the same way (`derive.py`).
 
-Those that an event or a claim moves by itself stay apart, and all where junctions switch. Sums of three and more rates that cancel are
-left: a stiff spring between two masses would become the difference of two large displacements. Analyses hold such sums
+States that an event or a claim sets separately are not shared; no states are shared where junctions switch. Sums of three and more rates
+that cancel are left: a stiff spring between two masses would become the difference of two large displacements. Analyses keep such sums
 at their start (`conserved`).
 """
 
@@ -43,7 +43,7 @@ Row = dict[int, Expression]  # variable -> constant coefficient
 class Rates:
     """Variables as sums of flows with constant coefficients, through junctions, transducers and signals.
 
-    A law of an element ends the sum: its variable is a flow of its own, as is one in a loop.
+    A law of an element ends the sum: its variable is a flow of its own, and so is a variable in a loop.
     """
 
     def __init__(self, system: EquationSystem) -> None:
@@ -57,7 +57,7 @@ class Rates:
         self._laws: dict[Expression, tuple[int, Expression]] = {}
 
     def sum_of(self, variable: int) -> Row:
-        """The flows that a variable is the sum of, with their coefficients; itself if it is none."""
+        """Flows in the sum of a variable, with their coefficients; the variable alone if it is no sum."""
         stack = {} if variable in self._known else {variable: None}
         while stack:  # not by recursion: a row of transformers may be longer than Python nests calls
             here = next(reversed(stack))
@@ -80,7 +80,7 @@ class Rates:
         return {target: ONE} if target in summed or len(summed) > MOST else summed
 
     def _own(self, variable: int) -> Row:
-        """A flow of its own; or a constant times another that has the same law, as those of a reaction do."""
+        """A flow of its own, or a constant times another with the same law, as for the flows of a reaction."""
         assignment = self.assigned.get(variable)
         law = None if assignment is None or len(assignment.arguments) > MOST else assignment.expression
         if not isinstance(law, Apply) or law.operator != "multiply":
@@ -92,7 +92,7 @@ class Rates:
         return {first: ONE if own == factor else divide(own, factor)}
 
     def _row(self, variable: int) -> Row | None:
-        """The terms of what assigns a variable; None if it is no sum with constant coefficients."""
+        """Terms of the assignment of a variable; None if it is no sum with constant coefficients."""
         if variable not in self._rows:
             self._rows[variable] = self._terms(self.assigned.get(variable))
         return self._rows[variable]
@@ -117,7 +117,7 @@ class Rates:
         return row if rest == ZERO else None
 
     def is_static(self, variable: int) -> bool:
-        """Whether a variable is computed from parameters alone, and is not on a bond."""
+        """Return True if a variable is computed from parameters alone, and is not on a bond."""
         stack, opened = [variable], set[int]()
         while stack:
             here = stack[-1]
@@ -141,7 +141,7 @@ class Rates:
 
 @cache
 def _factors(formula: Formula) -> tuple[Expression, ...] | None:
-    """Of a sum of numbers times its slots, the numbers: junctions have one formula for many assignments."""
+    """Numbers of a sum of numbers times its slots. Junctions have one formula for many assignments."""
     rest, found = formula.expression, list[Expression]()
     for slot in range(formula.arity):
         parts = affine_parts(rest, Symbol(slot))
@@ -153,11 +153,11 @@ def _factors(formula: Formula) -> tuple[Expression, ...] | None:
 
 
 def share_states(system: EquationSystem, signals: frozenset[int], elements: frozenset[str]) -> EquationSystem:
-    """The same system with one state for each set of proportional rates; `signals` are the states of `integral`.
+    """Return the same system with one state for each set of proportional rates. `signals` are the states of `integral`.
 
-    `elements` are left: they became states in the middle of a run, and may never have had their starts.
+    `elements` are left out: they became states in the middle of a run, and may never have had their starts.
     """
-    if system.switches or len(system.states) < 2:  # what is tied now may have been free before
+    if system.switches or len(system.states) < 2:  # a rate that is tied now may have been free before a switching
         return system
     apart = _moved_apart(system) | {v for s in system.storages if s.element in elements for v in s.stored}
     rates, groups = Rates(system), dict[tuple[object, ...], list[tuple[State, Expression]]]()
@@ -175,8 +175,10 @@ def share_states(system: EquationSystem, signals: frozenset[int], elements: froz
 
 
 def dependent_rates(system: EquationSystem, states: Sequence[State]) -> dict[int, Row]:
-    """Rates of states (by their places) whose sums may hang together: each of their flows is one of another's as well. Only sums
-    of states among these, with constant factors, can be conserved whatever the laws are."""
+    """Rates of states (by their places) whose sums may be dependent: each of their flows is also one of another's.
+
+    Only sums of these states, with constant factors, can be conserved for every form of the laws.
+    """
     rates = Rates(system)
     rows = {place: rates.sum_of(state.rate) for place, state in enumerate(states)}
     users: dict[int, set[int]] = {}
@@ -195,7 +197,7 @@ def dependent_rates(system: EquationSystem, states: Sequence[State]) -> dict[int
 
 
 def _direction(row: Row, first: Expression) -> tuple[object, ...]:
-    """What rows have in common that are multiples of each other."""
+    """Key that is equal for rows that are multiples of each other."""
     return tuple((flow, 1.0 if row[flow] == first else _rounded(divide(row[flow], first))) for flow in sorted(row))
 
 
@@ -204,7 +206,7 @@ def _rounded(x: Expression) -> Expression | float:
 
 
 def _moved_apart(system: EquationSystem) -> set[int]:
-    """States that an event sets or a claim moves, by themselves or through what is computed from them."""
+    """States that an event or a claim changes, directly or through variables computed from them."""
     assigned = {a.target: a for a in system.assignments}
     waiting = [s.target for e in system.events for s in e.settings] + [c.variable for c in system.claims]
     found = set(waiting)
@@ -219,7 +221,7 @@ def _moved_apart(system: EquationSystem) -> set[int]:
 
 
 class _Writer:
-    """Puts followers in the place of states."""
+    """Replacement of states by followers."""
 
     def __init__(self, system: EquationSystem, signals: frozenset[int]) -> None:
         self.old, self.signals = system, signals
@@ -231,7 +233,7 @@ class _Writer:
         self.computed = {a.target: a for a in system.assignments if not a.implicit}
 
     def share(self, group: list[tuple[State, Expression]]) -> None:
-        """One state for all in a group, of which each has its rate as a factor times the same flow."""
+        """Make one state for a group, in which each rate is a factor times the same flow."""
         leader, own = min(group, key=lambda member: self._rank(*member))
         taken, left = leader, list[tuple[State, Expression]]()
         for state, factor in group:
@@ -248,8 +250,11 @@ class _Writer:
             self.share(left)
 
     def _is_safe(self, state: State, leader: State, ratio: Expression) -> bool:
-        """Whether a follower keeps its digits: what one storage gives to another is the small rest of a large sum where it runs empty,
-        so that of opposite rates only displacements that are both zero at the start share a state."""
+        """Return True if a follower keeps its digits.
+
+        The content that passes from one storage to another is the small rest of a large sum when the first runs empty. So with
+        opposite rates, only displacements that are both zero at the start share a state.
+        """
         try:
             rising = evaluate(ratio, self._value) > 0
         except (ArithmeticError, ValueError):
@@ -258,13 +263,16 @@ class _Writer:
         return rising or (state.start == 0.0 and leader.start == 0.0 and not moments)
 
     def _rank(self, state: State, factor: Expression) -> tuple[bool, bool, bool, float]:
-        """Storages before signals; then those with a number as factor, with a nominal, and nearest to zero at the start: a small
-        displacement that is told by a large one loses digits."""
+        """Rank for the leader of a group.
+
+        Storages before signals; then those with a number as factor, with a nominal, and nearest to zero at the start: a small
+        displacement computed from a large one loses digits.
+        """
         start = state.start if isinstance(state.start, float) else self._value(state.start)
         return state.variable in self.signals, not isinstance(factor, Number), state.nominal is None, abs(start)
 
     def _value(self, variable: int) -> float:
-        """The value that the author gave to what is computed from parameters; 1 where that has none."""
+        """Default value of a variable computed from parameters; 1 if it has none."""
         value = self.variables[variable].value
         if value is None and variable in self.computed:
             try:
@@ -302,7 +310,7 @@ class _Writer:
         return self.old.variables[state.variable].name
 
     def system(self) -> EquationSystem:
-        """With what was written."""
+        """The system with the new assignments."""
         if not self.following:
             return self.old
         gone = {f.variable for f in self.following}

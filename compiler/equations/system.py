@@ -1,4 +1,4 @@
-"""The noun of this room: variables and assignments, each an application of a shared formula, never substituted into one another."""
+"""Equation system: variables and assignments, each an application of a shared formula, never substituted into one another."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Argument = int | float  # a variable by number, or a number
 class Variable:
     """One scalar of the model.
 
-    role: parameter, input, time, state, unknown (of an algebraic loop), mode (events set it), delayed (what another
-    was), or computed (by an assignment).
+    role: parameter, input, time, state, unknown (of an algebraic loop), mode (set by events), delayed (value of another
+    at an earlier time), or computed (by an assignment).
     """
 
     name: str
@@ -29,11 +29,11 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """`target := formula(arguments)`, because of a line of the text.
+    """`target := formula(arguments)`, with the line of the text that it comes from.
 
-    An implicit one says `0 = formula(arguments)`, and the target, which is among the arguments, is what makes it so. `residual` is the
-    implicit form of an explicit one whose formula has no value everywhere (a diode's voltage as a logarithm of its current), over
-    variables: inside of a loop, where an iteration may lead anywhere, it stands for the explicit one.
+    An implicit one means `0 = formula(arguments)`, with the target among the arguments. `residual` is the implicit form, over variables, of
+    an explicit assignment whose formula is not defined everywhere (a diode's voltage as a logarithm of its current): it replaces the explicit
+    form inside a loop, where an iteration may lead anywhere.
     """
 
     target: int
@@ -46,7 +46,7 @@ class Assignment:
 
     @property
     def expression(self) -> Expression:
-        """The right side over variable numbers."""
+        """Right side over variable numbers."""
 
         def put(symbol: Symbol) -> Expression:
             argument = self.arguments[symbol.key]
@@ -75,16 +75,16 @@ class State:
     start: Argument
     nominal: Argument | None
     span: Span
-    given: bool = False  # whether the author said the start
+    given: bool = False  # True if the author gave the start
     conjugate: int | None = None  # of a storage, the effort for a displacement, the flow for a momentum
     drawn: Argument | None = None  # of a coordinate of a mechanism: its value in the drawing
 
 
 @dataclass(frozen=True, slots=True)
 class Following:
-    """What a storage or an `integral` holds that is `factor` times a state plus a constant of the run.
+    """Content of a storage or an `integral` that is `factor` times a state plus a constant of the run.
 
-    `factor` is None where parameters decide it; `start` is what it holds at the start.
+    `factor` is None if it depends on parameters; `start` is the content at the start.
     """
 
     variable: int
@@ -95,7 +95,7 @@ class Following:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A start that the author gives to what is computed from states: they must start so that it holds."""
+    """Start that the author gives to a variable computed from states: the states must start such that it holds."""
 
     variable: int
     start: Argument
@@ -106,10 +106,10 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Invariant:
-    """What every state of a run must keep at zero: a constraint's gap (and its rate), or the norm of a quaternion less one.
+    """Function of the state that a run must keep at zero: a constraint residual (and its rate), or the norm of a quaternion minus one.
 
-    A constraint has a multiplier, which the vanishing acceleration of the gap decides, and a parameter that is 1 where it takes
-    part and 0 where it follows from others.
+    A constraint has a multiplier, which makes the acceleration of the residual zero, and a parameter that is 1 if it is active
+    and 0 if it depends on others.
     """
 
     position: int
@@ -122,10 +122,10 @@ class Invariant:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """An implicit unknown that is solved with the multipliers, after these: with them gone, its residual falls by up to 1 where it rises by 1.
+    """An implicit unknown that is solved with the multipliers, after them: once they are eliminated, its residual has a slope from -1 to 0.
 
-    It stands for a coordinate of a mechanism that moves no inertia but through closing joints; where it does not even so, the residual
-    does not change: that is told.
+    It belongs to a coordinate of a mechanism that moves inertia only through closing joints. If it moves none even so, the slope is zero,
+    and `told` is reported.
     """
 
     variable: int
@@ -134,7 +134,7 @@ class Balance:
 
 @dataclass(frozen=True, slots=True)
 class PowerPort:
-    """The bond of an element's port: power into the element = sign * effort * flow."""
+    """Bond of an element's port: power into the element = sign * effort * flow."""
 
     element: str
     kind: str
@@ -145,7 +145,7 @@ class PowerPort:
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """What is needed to know the energy in a storage: stored quantities, and its energy or its law in integral form.
+    """Data for the energy in a storage: stored quantities, and its energy or its law in integral form.
 
     `energy` or `laws` are over slots: first the stored quantities, then the `arguments`.
     """
@@ -160,7 +160,7 @@ class Storage:
 
 @dataclass(frozen=True, slots=True)
 class Validity:
-    """What an instance requires: a variable that is 1 where it holds, and the values that it is told with."""
+    """Requirement of an instance: a variable that is 1 if it holds, and the values to report with a violation."""
 
     owner: str  # the instance, "" for the model itself
     words: str  # the condition as written
@@ -181,7 +181,7 @@ class Discrete:
 
 @dataclass(frozen=True, slots=True)
 class Delayed:
-    """A variable that is what another was some time ago."""
+    """A variable with the value of another at an earlier time."""
 
     variable: int
     value: int
@@ -191,7 +191,7 @@ class Delayed:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What an event sets: a state, a discrete variable or what is computed from states, and the variable of its new value."""
+    """Assignment of an event: its target (a state, a discrete variable, or one computed from states) and the variable of its new value."""
 
     target: int
     value: int
@@ -201,7 +201,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class EventRow:
-    """`when`: a variable that is 1 where the condition holds, and what is set at the instant it becomes so; or `every`."""
+    """`when`: a variable that is 1 if the condition holds, and the assignments at the instant of its rise; or `every`."""
 
     condition: int
     settings: tuple[Setting, ...]
@@ -213,7 +213,7 @@ class EventRow:
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A junction that is on where a variable is 1."""
+    """A junction that is on if a variable is 1."""
 
     junction: str
     condition: int
@@ -222,7 +222,7 @@ class Switch:
 
 @dataclass(frozen=True, eq=False)
 class EquationSystem:
-    """All equations of a model, causal but not yet ordered."""
+    """All equations of a model, with causality but not yet in order."""
 
     name: str
     variables: tuple[Variable, ...]

@@ -1,7 +1,7 @@
-"""What a law allows to change: its tangent space at a point, from which symmetry and passivity are read.
+"""Tangent space of a law at a point, from which symmetry and passivity are computed.
 
-A law of n ports is n equations in 2n variables, given y and integrated (or other) x. Its tangent space holds the n directions
-(dx, dy) that keep it; which variable stands alone on which side does not matter.
+A law of n ports is n equations in 2n variables: y, which the law gives, and x, integrated or other. Its tangent space has the n
+directions (dx, dy) that satisfy the linearized law; it does not depend on the form in which the law is written.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Point = Mapping[Own, float]
 
 
 class Vector(NamedTuple):
-    """A direction (dx, dy) that keeps the law; `free` is the variable that moves it: a port, and whether its x."""
+    """A direction (dx, dy) of the tangent space. `free` is the variable that generates it: a port, and True for its x."""
 
     x: list[float]
     y: list[float]
@@ -35,7 +35,7 @@ class Vector(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """A law with its parameters put in: expressions that vanish, over x and y of each port, and their slopes."""
+    """A law with its parameters put in: residuals over x and y of each port, and their partial derivatives."""
 
     rests: tuple[Expression, ...]
     x: tuple[Own, ...]
@@ -44,13 +44,13 @@ class Relation:
 
     @property
     def linear(self) -> bool:
-        """Whether all slopes are numbers."""
+        """True if all partial derivatives are numbers."""
         return all(isinstance(s, Number) for side in self.slopes for row in side for s in row)
 
 
 @lru_cache(maxsize=1024)
 def relation(law: Law, values: tuple[float, ...], x: tuple[Own, ...], y: tuple[Own, ...]) -> Relation | None:
-    """As many equations of a law as there are ports given; None if they read more than these."""
+    """Relation with as many equations of a law as ports are given; None if they read other variables."""
     put = _numbers(values)
     own = {*x, *y}
     rests = tuple(substitute(left - right, put) for left, right in law.equations[: len(x)])
@@ -61,12 +61,12 @@ def relation(law: Law, values: tuple[float, ...], x: tuple[Own, ...], y: tuple[O
 
 
 def parameter_values(element: Element, graph: BondGraph) -> tuple[float, ...] | None:
-    """The values in a law's slots; None if something in it moves with the rest of the model."""
+    """Values of a law's slots; None if one of them changes with the rest of the model."""
     return known_values(element.arguments, graph)
 
 
 def decisive_values(element: Element, graph: BondGraph) -> tuple[float, ...] | None:
-    """The same where something is refused by them. Raises `ValuesNeeded` for those that only a run would know."""
+    """The same for values that decide about an error. Raises `ValuesNeeded` for those that only a run knows."""
     found = parameter_values(element, graph)
     if found is None:
         waiting = [a.name for a in element.arguments if isinstance(a, Quantity)]
@@ -77,12 +77,12 @@ def decisive_values(element: Element, graph: BondGraph) -> tuple[float, ...] | N
 
 
 def _is_later(named: Named) -> bool:
-    """Whether a parameter has a value only when a run begins."""
+    """Return True if a parameter gets its value only when a run begins."""
     return named.role == "parameter" and named.value is None and named.definition is None
 
 
 def known_values(arguments: Sequence[Reference], graph: BondGraph) -> tuple[float, ...] | None:
-    """The values of references; None if one is not known before the run."""
+    """Values of references; None if one is not known before the run."""
     values: list[float] = []
     for argument in arguments:
         if isinstance(argument, float):
@@ -96,7 +96,7 @@ def known_values(arguments: Sequence[Reference], graph: BondGraph) -> tuple[floa
 
 
 def points(law: Law, known: Relation, values: tuple[float, ...], base: Mapping[Own, float]) -> Iterator[Point]:
-    """Points that fulfil the law, over decades around the base magnitudes (1 where there is none); the same in every run."""
+    """Points that satisfy the law, over decades around the base magnitudes (default 1); the same in every run."""
     choose = random.Random(0)
     compute, given, wanted = _explicit(law, known, values)
     if compute is None:
@@ -113,7 +113,7 @@ def points(law: Law, known: Relation, values: tuple[float, ...], base: Mapping[O
 def _explicit(
     law: Law, relation: Relation, values: tuple[float, ...]
 ) -> tuple[Callable[[Point], list[float]] | None, tuple[Own, ...], tuple[Own, ...]]:
-    """One side computed from the other, whichever the law allows."""
+    """One side of the law as a function of the other, in a direction in which it can be solved."""
     for given, wanted in ((relation.x, relation.y), (relation.y, relation.x)):
         shorter = Law(law.equations[: len(wanted)], None, law.arity)
         found = solved(shorter, wanted)
@@ -124,7 +124,7 @@ def _explicit(
 
 
 def tangents(law: Relation, point: Point) -> list[Vector] | None:
-    """A basis of the tangent space at a point, with dx as free as it can be; None if the equations are not independent."""
+    """Basis of the tangent space at a point, with dx as free as possible; None if the equations are dependent."""
     n = len(law.x)
     try:
         table = [[evaluate(s, point.__getitem__) for s in (*law.slopes[0][i], *law.slopes[1][i])] for i in range(n)]
@@ -135,7 +135,7 @@ def tangents(law: Relation, point: Point) -> list[Vector] | None:
 
 
 def _kernel(table: list[list[float]]) -> dict[int, list[float]] | None:
-    """The null space of n rows of 2n columns by free column (Gauss and Jordan), pivots in the first columns where possible.
+    """Null space of n rows of 2n columns by free column (Gauss-Jordan), with pivots in the first columns if possible.
 
     Columns are scaled to one first: their units differ by many orders of magnitude.
     """
