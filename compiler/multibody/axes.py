@@ -1,10 +1,10 @@
-"""In which axes each link is computed.
+"""Choice of the axes in which each link is computed.
 
-A branch (what hangs on the ground by one joint) that only turns about one axis and slides across it, or only slides, is
+A branch (the links on one joint of the ground) that only turns about one axis and slides across it, or only slides, is
 computed in axes that do not turn: there inertia about the axis is a constant and angles add up. So planar mechanisms are
-recognised, in whatever plane they are drawn; the axis of the turn is always the third. Everything else is computed in axes that turn
-with each link: constant inertia tensors, constant arms, one hinge to turn vectors by. These axes are the world's in the
-drawing, unless a hinge is along none of them: then those of its link are turned by constant angles, so that it is.
+recognised in any plane of the drawing; the axis of the turn is always the third. All other branches are computed in axes that turn
+with each link: constant inertia tensors, constant arms, one hinge to rotate vectors by. These axes are parallel to the world's in the
+drawing. If a hinge is parallel to none of them, those of its link are turned by constant angles until one is.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ ROUNDING = 2e-15  # of a vector's length, after it was turned
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """How the links of one branch are computed: `still` axes do not turn; those are turned from the world's by `basis`.
+    """Axes of the links of one branch. `still`: they do not turn; `basis`: constant rotation from the world's axes.
 
-    `active`: which of the six components (torques or spins, then forces or velocities) can matter there.
+    `active`: the components (of six: torques or angular velocities, then forces or velocities) that can be non-zero.
     """
 
     still: bool
@@ -42,7 +42,7 @@ IN_PLANE = (2, 3, 4)
 
 
 def to_own(basis: Basis, v: Vector) -> Vector:
-    """A vector of the world in other axes; what is zero there but for rounding is zero."""
+    """Components in other axes of a vector given in world axes. Components that are zero up to rounding become zero."""
     if basis is WORLD:
         return v
     turned = _product(tuple(zip(*basis, strict=True)), v)
@@ -55,7 +55,7 @@ def to_own(basis: Basis, v: Vector) -> Vector:
 
 
 def to_world(basis: Basis, v: Vector) -> Vector:
-    """And back."""
+    """World components of a vector given in other axes."""
     return v if basis is WORLD else _product(basis, v)
 
 
@@ -65,14 +65,14 @@ def _product(rows: Sequence[Sequence[float]], v: Vector) -> Vector:
 
 
 def numbers(v: Vector) -> tuple[float, float, float] | None:
-    """The components, if they are all known."""
+    """The components, if all are numbers; else None."""
     if isinstance(v[0], Number) and isinstance(v[1], Number) and isinstance(v[2], Number):
         return v[0].value, v[1].value, v[2].value
     return None
 
 
 def branches(links: Sequence[Link], directions: Sequence[Vector]) -> list[Branch]:
-    """For each link how its branch is computed; `directions` are unit vectors, in the drawing."""
+    """Branch of each link. `directions` are unit vectors in the drawing."""
     roots: list[int] = []
     for number, link in enumerate(links):
         roots.append(number if link.parent is None else roots[link.parent])
@@ -108,7 +108,7 @@ def _is_along(a: tuple[float, float, float], b: tuple[float, float, float]) -> b
 
 
 def _with_third(axis: tuple[float, float, float]) -> Basis:
-    """Axes of which the third is (or is against) a given one: the world's where they can be."""
+    """Axes with the third parallel or antiparallel to a given direction: the world's axes if possible."""
     for k in range(3):
         if abs(abs(axis[k]) - 1.0) < NEARLY:
             if k == 2:
@@ -124,8 +124,10 @@ def _columns(columns: Sequence[Sequence[float]]) -> Basis:
 
 
 def turned_to(axis: tuple[float, float, float], basis: Basis) -> tuple[tuple[AxialTurn, ...], int, Basis]:
-    """Constant turns after which one of the axes lies along a given one (in the axes of the basis), which of them that is,
-    and the turned basis."""
+    """Constant rotations that make one axis of the basis parallel to a given direction (in the axes of the basis).
+
+    Returns the rotations, the number of that axis, and the rotated basis.
+    """
     zero = [k for k in range(3) if abs(axis[k]) < NEARLY]
     if zero:
         about = zero[0]
@@ -151,7 +153,7 @@ def _times_turn(basis: Basis, about: int, angle: float) -> Basis:
 
 
 def snapped(v: Vector) -> Vector:
-    """What is zero or one but for rounding."""
+    """The vector with components rounded to zero or one if they differ only by rounding."""
     x, y, z = (_snapped(c) for c in v)
     return x, y, z
 

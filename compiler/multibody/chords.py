@@ -1,9 +1,9 @@
-"""What constrains nothing: `free` joints and distances, explicit functions of the poses that they join.
+"""Chords: `free` joints and distances, which constrain nothing and are explicit functions of the poses of their bodies.
 
-A free joint measures the gap between the two places of its point (in the drawing there is none) along axes that turn with
-the first body, with the second, by half of the turn between them, or not at all, and the rotation vector of the second body seen from the
-first. Its efforts are dual to the rates of these, so the wrench of an energy in them follows from power, for all motions: forces
-F on the second and -F on the first body, and a moment gap x F, which the axes leave to the bodies that they turn with.
+A free joint measures the gap between the two places of its point (which is zero in the drawing) along axes that turn with
+the first body, with the second, by half of the rotation between them, or not at all, and the rotation vector of the second body
+relative to the first. Its efforts are dual to the rates of these, so the wrench of an energy in them follows from power, for all motions:
+forces F on the second and -F on the first body, and a moment gap x F, split between the bodies according to the motion of the axes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, plus, scale
 
 @dataclass(frozen=True, slots=True)
 class _Ends:
-    """Both sides of a free joint, its axes on each of them and as drawn, and what is between."""
+    """Both sides of a free joint, its axes on each of them and in the drawing, and the relative motion."""
 
     first: Placed
     second: Placed
@@ -36,7 +36,7 @@ class _Ends:
 
 @dataclass(frozen=True, slots=True)
 class _Relative:
-    """The turn of the second body against the first: quaternion, rotation vector and its spin, in the axes `inside`."""
+    """Rotation of the second body relative to the first: quaternion, rotation vector and angular velocity, in the axes `inside`."""
 
     parts: Quaternion
     vector: Vector
@@ -48,7 +48,7 @@ class _Relative:
 
 @dataclass(frozen=True, slots=True)
 class _Axes:
-    """In which the gap is measured, and their spin. `follow`: the part of a moment that they leave to the second body."""
+    """Axes in which the gap is measured, and their angular velocity. `follow`: the part of a moment that acts on the second body."""
 
     turn: Turn
     spin: Vector
@@ -56,7 +56,7 @@ class _Axes:
 
 
 class Chords:
-    """Writes chords; efforts are on their coordinates."""
+    """Writer of chords. The efforts act on their coordinates."""
 
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics, self.script = kinematics, kinematics.script
@@ -73,7 +73,7 @@ class Chords:
 
     # ------------------------------------------------------------ free joints
     def free(self, joint: Joint, efforts: Mapping[str, Expression]) -> dict[str, Motion]:
-        """The motions of a free joint's ports; its wrench is put on the bodies."""
+        """Motions of a free joint's ports. Its wrench acts on the bodies."""
         script, name = self.script, joint.name
         ends = self._ends(joint)
         relative = self._relative(joint, ends)
@@ -123,8 +123,10 @@ class Chords:
         return _Relative(p, rotation_vector(script, p, f"{name}.vector"), spin, base)
 
     def _seen_from_world(self, joint: Joint, ends: _Ends, first: Quaternion, second: Quaternion) -> _Relative:
-        """The turn S that leads from the first body to the second, in world axes as the joint was drawn in them: its spin is that
-        of the second body less S times that of the first."""
+        """Rotation S from the first body to the second, in world axes, relative to the drawing.
+
+        Its angular velocity is that of the second body minus S times that of the first.
+        """
         script, name = self.script, joint.name
         drawn = ends.drawn.quaternion(script, f"{name}.drawn")
         across = quaternion_product(second, conjugate(first))
@@ -150,8 +152,11 @@ class Chords:
         return _Axes(ends.base, ends.first.spin, lambda moment: NULL)
 
     def _middle(self, joint: Joint, ends: _Ends, relative: _Relative) -> _Axes:
-        """Half of the turn. With R its matrix, its spin against the first body is (1 + R)^-1 of the whole one w, that is
-        1/2 (w - t x w) with t along the axis, tan(a/4) long."""
+        """Half of the rotation.
+
+        With R its matrix, its angular velocity relative to the first body is (1 + R)^-1 of the whole one w, that is
+        1/2 (w - t x w), with t along the axis and of length tan(a/4).
+        """
         script, name = self.script, joint.name
         if relative.axial is not None:
             angle = script.let(f"{name}.half turn", multiply(HALF, relative.axial.angle), "1")
@@ -184,7 +189,7 @@ class Chords:
 
     # ------------------------------------------------------------ distances
     def distance(self, joint: Joint, points: tuple[Vector, Vector], efforts: Mapping[str, Expression]) -> dict[str, Motion]:  # fmt: skip
-        """The distance between two points, and the force that drives them apart."""
+        """Distance between two points. Its effort pushes them apart."""
         script, name = self.script, joint.name
         first, second = self.sides(joint, points)
         drawn = minus(points[1], points[0])

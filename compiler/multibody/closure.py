@@ -1,9 +1,9 @@
 """Joints that close a loop: constraint equations with multipliers.
 
-Each row of a closing joint says that some part of its gap (a length, an angle) stays zero. It is written three times: the gap
-and its rate, which the run holds at zero (`Invariant`), and its acceleration, whose vanishing decides the row's multiplier. The
-multiplier acts on both bodies by the transpose of the row's slopes, as any applied force does, so that the matrix of the multipliers
-is symmetric and no energy comes in.
+Each row of a closing joint states that one constraint residual (a length, an angle) is zero. It is written three times: the residual
+and its rate, which the run keeps at zero (`Invariant`), and its acceleration, which determines the row's multiplier. The
+multiplier acts on both bodies by the transpose of the row's Jacobian, like any applied force, so that the matrix of the multipliers
+is symmetric and no energy is added.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Closure:
-    """The closing joints of one mechanism. `begin` before the recursion, `end` after it."""
+    """Closing joints of one mechanism. Call `begin` before the recursion, `end` after it."""
 
     def __init__(self, mechanics: Mechanics) -> None:
         self.mechanics, self.script = mechanics, mechanics.script
@@ -34,7 +34,7 @@ class Closure:
         self.left: dict[str, dict[str, Coordinate]] = {}  # joint -> the coordinates that it leaves
 
     def begin(self) -> None:
-        """Ports of the closing joints, their rows, and the multipliers as forces."""
+        """Write the ports of the closing joints, their rows, and the multipliers as forces."""
         for joint in self.mechanics.tree.closing:
             if joint.locked and joint.starts:
                 loop = " - ".join(loop_of(self.mechanics.tree, joint, self.mechanics.mechanism))
@@ -71,13 +71,13 @@ class Closure:
                 coordinate.push(effort)
 
     def _coordinates(self, joint: Joint, sides: Sides | None = None) -> dict[str, Coordinate]:
-        """What a closing joint leaves, written once: an angle may be a state."""
+        """Coordinates that a closing joint leaves free, written once, as an angle may be a state."""
         if joint.name not in self.left:
             self.left[joint.name] = Leaves(Sides(self, joint) if sides is None else sides).coordinates()
         return self.left[joint.name]
 
     def end(self) -> None:
-        """The accelerations of the gaps, whose vanishing decides the multipliers; reactions that are read."""
+        """Write the accelerations of the residuals, which determine the multipliers, and the reactions that are read."""
         for row, multiplier, part, joint in self.rows:
             closing = self.script.let(f"{row.name} gap acceleration", row.acceleration())
             rest = add(multiply(part, closing), multiply(ONE - part, Symbol(multiplier)))
@@ -91,7 +91,7 @@ class Closure:
 
     # ------------------------------------------------------------ couplings
     def _coupled(self, joint: Joint) -> list[Row]:
-        """The second coordinate is `ratio` times the first."""
+        """Row of a gear or rack: the second coordinate is `ratio` times the first."""
         ratio = self.script.constant(joint.ratio, f"{joint.name}.ratio")
         first, second = self._coordinate(joint.first), self._coordinate(joint.second)
         letter = "phi" if joint.kind == "gear" else "x"
@@ -112,7 +112,7 @@ class Closure:
         ]  # fmt: skip
 
     def _coordinate(self, name: str) -> Coordinate:
-        """Of a hinge or slide, in the tree or closing; from where it was drawn."""
+        """Coordinate of a hinge or slide, of the tree or closing, relative to the drawing."""
         joint = next(j for j in self.mechanics.mechanism.joints if j.name == name)
         port = f"{name}.{joint.freedoms[0]}"
         found = self.mechanics.kinematics.states.scalars.get(port)

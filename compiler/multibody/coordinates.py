@@ -1,6 +1,6 @@
-"""The states of a mechanism: coordinates and their rates, with starts; what is driven, and what is locked.
+"""States of a mechanism: coordinates and their rates, with starts; driven and locked coordinates.
 
-A turn in space is a unit quaternion with the angular velocity in the axes of what turns: no pose is singular. The equations
+A rotation in space is a unit quaternion with the angular velocity in body axes, so no pose is singular. The equations
 hold for a quaternion of any length; its length is an invariant of them.
 """
 
@@ -20,9 +20,9 @@ from .vectors import Vector, negated
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """One coordinate of a link. `value` is what it reads, `moved` how far it is from the drawing.
+    """One coordinate of a link. `value` is its reading, `moved` the displacement from the drawing.
 
-    `target`: the variable of its second rate (None if locked); `driven`: the network decides its rate.
+    `target`: variable of its second derivative (None if locked); `driven`: the network determines its rate.
     """
 
     name: str
@@ -34,13 +34,13 @@ class Coordinate:
 
     @property
     def acceleration(self) -> Expression:
-        """Its second rate."""
+        """Second derivative of the coordinate."""
         return ZERO if self.target is None else Symbol(self.target)
 
 
 @dataclass(frozen=True, slots=True)
 class Attitude:
-    """A turn in space: quaternion from the drawing, spin in own axes, and the variables of the spin's rates."""
+    """A rotation in space: quaternion relative to the drawing, angular velocity in body axes, and the variables of its derivatives."""
 
     parts: Quaternion
     spin: Vector
@@ -48,12 +48,12 @@ class Attitude:
 
 
 def is_turning(letter: str) -> bool:
-    """Whether a coordinate is an angle: phi, phi1, rx."""
+    """Return True if a coordinate is an angle: phi, phi1, rx."""
     return letter.startswith(("phi", "r"))
 
 
 class Coordinates:
-    """Makes the states of links; `flows` are those that the network decides, by port."""
+    """Builder of the states of links. `flows` are those that the network determines, by port."""
 
     def __init__(self, script: Script, flows: Mapping[str, Expression]) -> None:
         self.script, self.flows = script, flows
@@ -61,7 +61,7 @@ class Coordinates:
         self.attitudes: dict[str, Attitude] = {}
 
     def scalar(self, link: Link, name: str) -> Coordinate:
-        """A coordinate that is one number."""
+        """Add a coordinate that is one number."""
         letter = name.rpartition(".")[2]
         rest = self.rest(link.part, letter)
         if link.fixed:
@@ -97,7 +97,7 @@ class Coordinates:
         return self.script.let(f"{name} moved", value - rest)
 
     def rest(self, part: Joint | Body, letter: str) -> Expression:
-        """What a coordinate reads in the drawing."""
+        """Reading of a coordinate in the drawing."""
         if isinstance(part, Joint):
             return (
                 self.script.constant(part.rest[letter], f"{part.name}.{letter} rest") if letter in part.rest else ZERO
@@ -110,13 +110,13 @@ class Coordinates:
         return self.script.builder.folded(part.starts[key]) if key in part.starts else otherwise
 
     def _state(self, state: int, rate: int, part: Joint | Body, key: str, reference: Expression, name: str) -> None:
-        """A state where the author starts it, else as it was drawn: then claims may move it."""
+        """Add a state. Without a start of the author it starts as drawn, and claims may change it."""
         start, drawn = self._start(part, key, reference), None if key.endswith(".f") else reference
         self.script.builder.state(state, rate, start, name, part.span, key in part.starts, drawn)
 
     # ------------------------------------------------------------ turns in space
     def attitude(self, link: Link) -> Attitude:
-        """A quaternion and a spin."""
+        """Add a quaternion and an angular velocity."""
         part, script = link.part, self.script
         start, spin_start = self._attitude_start(link)
         given = any(k.partition(".")[0] in ("rx", "ry", "rz", "attitude") and not k.endswith(".f") for k in part.starts)
@@ -146,7 +146,7 @@ class Coordinates:
         return made
 
     def _attitude_start(self, link: Link) -> tuple[Sequence[Expression], Vector]:
-        """Where a turn in space starts, from the drawing, and its spin in own axes."""
+        """Start of a rotation in space relative to the drawing, and its angular velocity in body axes."""
         part, script = link.part, self.script
         zeros: Vector = (ZERO, ZERO, ZERO)
         rests = [self.rest(part, r) if isinstance(part, Joint) else ZERO for r in ("rx", "ry", "rz")]
@@ -178,7 +178,7 @@ class Coordinates:
 
 
 def quaternion_rates(p: Quaternion, spin: Vector) -> Quaternion:
-    """Half of p times the spin in own axes."""
+    """Half of p times the angular velocity in body axes."""
     w, x, y, z = quaternion_product(p, (ZERO, *spin))
     return multiply(HALF, w), multiply(HALF, x), multiply(HALF, y), multiply(HALF, z)
 

@@ -1,11 +1,11 @@
-"""Whether something with mass moves along every coordinate: by numbers, in some pose, with the values of this scene.
+"""Numerical check that every coordinate moves some inertia, in one pose, with the values of this scene.
 
-The articulated inertia along a coordinate (all that hangs on it free) against that with all joints outside of it held. Where the
-first is nothing but rounding, the motion is made up by others: two hinges in line with nothing between, a body without inertia about
-the axis that it turns about. Zeros that fold show earlier (`recursion.py`).
+It compares the articulated inertia along a coordinate (with all joints further outwards free) to the inertia with these joints fixed.
+If the first is only rounding, other coordinates make the same motion: two hinges in line with nothing between, a body without inertia
+about its axis of rotation. Zeros that fold are found earlier (`recursion.py`).
 
-Within a closed loop that is no mistake: what the coordinate does not move itself, it moves through the closing joint. There the coordinate
-is lent an inertia, and an unknown effort takes it back (`massless.py`).
+Within a closed loop this is no error: such a coordinate moves inertia through the closing joint. It then gets a fictitious inertia, which
+an unknown effort cancels (`massless.py`).
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from .script import Script
 from .values import Values
 from .vectors import UNIT
 
-NOTHING = 1e-13  # of the inertia with the rest held
+NOTHING = 1e-13  # relative to the inertia with the joints outwards fixed
 Square = list[list[float]]
 Place = tuple[int, int]  # a link, and the number of one of its coordinates
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """The coordinates that are lent an inertia, with that, and the first along which nothing moves."""
+    """Coordinates with a fictitious inertia, its value, and the first coordinate that moves no inertia."""
 
     lent: Mapping[Place, float]
     lost: tuple[Moving, int] | None
 
 
 def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, Lent]) -> Survey:
-    """What moves along the coordinates. `around`: for each link within a closed loop, the inertias to be lent there."""
+    """Check the inertia along all coordinates. `around`: for each link within a closed loop, its fictitious inertias."""
     values = Values(kinematics.script)
     count = len(kinematics.moving)
     free = [[[values.of(x) for x in row] for row in recursion.inertias[i].matrix(m.branch.active)] for i, m in enumerate(kinematics.moving)]  # fmt: skip
@@ -79,7 +79,7 @@ def _times(rows: Square, v: Sequence[float]) -> list[float]:
 
 
 def _carried(values: Values, moving: Moving) -> Square:
-    """The motion of a link that each of its parent's six motions gives it; columns."""
+    """Motion of a link for each of the six motions of its parent; columns."""
     script = _Unwritten(values.script)
     arm = [values.of(x) for x in moving.shift]
     back = [[values.of(x) for x in moving.back(script, axis, "")] for axis in UNIT]  # the parent's axes, in own ones
@@ -99,7 +99,7 @@ def _add(to: Square, rows: Square, columns: Square) -> None:
 
 
 class _Unwritten(Script):
-    """Expressions without names: nothing of this comes into the equations."""
+    """Expressions without names: they are not part of the equations."""
 
     def __init__(self, script: Script) -> None:
         self.builder, self.owner, self.span = script.builder, script.owner, script.span

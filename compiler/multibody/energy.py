@@ -1,4 +1,4 @@
-"""Kinetic energy and that of gravity, for the energy balance; vanishes from a program that does not ask for it."""
+"""Kinetic and gravitational energy, for the energy balance. Programs that do not read it do not compute it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .vectors import applied, cross, dot, is_null, minus, plus
 
 
 def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
-    """Of all bodies, J."""
+    """Energy of all bodies, J."""
     terms = []
     for index, moving in enumerate(kinematics.moving):
         if not moving.link.bodies:
@@ -26,7 +26,7 @@ def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
 
 
 def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: Moving, index: int) -> Expression:
-    """1/2 m v.v + v.(spin x moment) + 1/2 spin.J spin, v of the point of reference."""
+    """1/2 m v.v + v.(w x moment) + 1/2 w.J w, with v of the point of reference and w the angular velocity."""
     inertia, spin = recursion.inertias[index], moving.spin
     floats = moving.link.step.kind == "float"
     v = tuple(c.rate for c in moving.coordinates) if floats else kinematics.velocity(index)

@@ -1,4 +1,4 @@
-"""What can be wrong with a mechanism as a whole: BG2xx."""
+"""Errors of a mechanism as a whole: BG2xx."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inertia of a link: of all bodies that it carries, in its own axes about its point of reference."""
+"""Inertia of a link: all bodies that it carries, in its own axes about its point of reference."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Square = list[list[Expression]]  # 6 x 6: torque and force by the rates of spin 
 
 @dataclass(frozen=True, slots=True)
 class LinkInertia:
-    """Mass (kg), mass times the centre's arm (kg m), and the tensor about the point of reference (kg m^2)."""
+    """Mass (kg), mass times the vector to the centre of mass (kg m), and the tensor about the point of reference (kg m^2)."""
 
     mass: Expression
     moment: Vector
     tensor: Matrix
 
     def matrix(self, active: tuple[int, ...]) -> Square:
-        """As one matrix over the components that matter."""
+        """Spatial inertia matrix over the active components."""
         x, y, z = self.moment
         coupling = ((ZERO, negate(z), y), (z, ZERO, negate(x)), (negate(y), x, ZERO))
         full = [[*self.tensor[r], *coupling[r]] for r in range(3)]
@@ -32,7 +32,7 @@ class LinkInertia:
 
 
 def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
-    """The sum over the bodies of a link."""
+    """Sum over the bodies of a link."""
     script, link = kinematics.script, moving.link
     mass: Expression = ZERO
     moment, tensor = NULL, NO_MATRIX
@@ -56,7 +56,7 @@ def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
 
 
 def _own_tensor(kinematics: Kinematics, body: Body, moving: Moving) -> Matrix:
-    """About the centre of mass, in the axes of the link, as drawn."""
+    """Inertia tensor about the centre of mass, in the axes of the link, as drawn."""
     script = kinematics.script
     i = body.inertia
     parts = (("xx", i.xx), ("yy", i.yy), ("zz", i.zz), ("xy", i.xy), ("xz", i.xz), ("yz", i.yz))
@@ -72,7 +72,7 @@ def _own_tensor(kinematics: Kinematics, body: Body, moving: Moving) -> Matrix:
 
 
 def _steiner(m: Expression, arm: Vector) -> Matrix:
-    """m (a.a - a a^T)."""
+    """Parallel-axis term m (a.a - a a^T)."""
     if is_null(arm):
         return NO_MATRIX
     square = dot(arm, arm)

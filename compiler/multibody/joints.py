@@ -1,7 +1,7 @@
-"""Outwards, link by link: its own axes and point of reference, its motion in them, and the acceleration that rates alone cause.
+"""Forward kinematics in link axes: axes and point of reference of each link, its motion, and its velocity-dependent acceleration.
 
-In turning axes the point is where the link turns, so that arms between such points are constant; in still axes it is the centre of mass, so
-that inertia is.
+In turning axes the point is on the axis of rotation, so that arms between such points are constant. In still axes it is the centre of
+mass, so that the inertia is constant.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Links:
     """All links of a mechanism, each in its own axes."""
 
     def __init__(self, mechanism: Mechanism, tree: Tree, script: Script, flows: Mapping[str, Expression], whole: bool = False) -> None:  # fmt: skip
-        """`whole`: with what acts out of a plane in which all moves, too (reactions are asked)."""
+        """`whole`: include forces and torques out of the plane of a planar motion, which reactions need."""
         self.mechanism, self.tree, self.script = mechanism, tree, script
         self.states = Coordinates(script, flows)
         self.on = ends_of(mechanism)
@@ -42,7 +42,7 @@ class Links:
 
     # ------------------------------------------------------------ the drawing
     def _direction(self, link: Link) -> Vector:
-        """Of a link's freedom, a unit vector in the drawing; against it if the joint was drawn from the link."""
+        """Unit vector of a link's freedom in the drawing; reversed if the joint was drawn from the link."""
         way, part = link.step.direction, link.part
         if not way:
             return NULL
@@ -58,21 +58,21 @@ class Links:
         return negated(v) if link.reverse else v
 
     def joint_turn(self, joint: Joint) -> Turn:
-        """How the axes of a joint were drawn."""
+        """Rotation of a joint's axes in the drawing."""
         if joint.name not in self.drawn:
             v = self.script.place(joint.turn, f"{joint.name} turn", "1")
             self.drawn[joint.name] = of_rotation_vector(self.script, v, f"{joint.name} axes")
         return self.drawn[joint.name]
 
     def pin(self, link: Link) -> Vector:
-        """Where a link's joint is in the drawing; a floating body's in its centre of mass."""
+        """Point of a link's joint in the drawing; the centre of mass for a floating body."""
         if isinstance(link.part, Joint):
             return self.script.place(link.part.position, f"{link.part.name} at")
         return self.centres[link.part.name]
 
     # ------------------------------------------------------------ link by link
     def parent_of(self, moving: Moving) -> Moving:
-        """Its parent, or the ground in the branch's axes."""
+        """Parent of a link, or the ground in the axes of the branch."""
         if moving.parent is not None:
             return self.moving[moving.parent]
         return self.ground(moving.branch)
@@ -137,7 +137,7 @@ class Links:
         moving.bias = (NULL, script.vector(f"{name}.bias", bias, "m/s^2"))
 
     def _weld(self, moving: Moving) -> None:
-        """What a parent carries, as a link of its own."""
+        """The bodies that a parent carries, as a link of its own."""
         script, link, parent = self.script, moving.link, self.parent_of(moving)
         own_point = moving.branch.still or moving.parent is None
         moving.origin = self.centres[link.bodies[0].name] if own_point else parent.origin
@@ -148,7 +148,7 @@ class Links:
         moving.bias = (NULL, script.vector(f"{link.name}.bias", bias, "m/s^2"))
 
     def _turning(self, moving: Moving) -> None:
-        """A hinge, screw or slide, in axes that turn with what moves."""
+        """A hinge, screw or slide, in axes that turn with the link."""
         script, link = self.script, moving.link
         name = link.part.name if not link.bodies else link.bodies[0].name
         parent, q = self.parent_of(moving), self._scalar(moving)
@@ -179,7 +179,7 @@ class Links:
         moving.bias = (script.vector(f"{name}.bias turn", angular), script.vector(f"{name}.bias", linear, "m/s^2"))
 
     def _hinge_axes(self, moving: Moving, way: Vector, q: Coordinate) -> Vector:
-        """Axes of a link of which one lies along its hinge, if its direction is known; the direction in these."""
+        """Choose axes of a link with one parallel to its hinge, if its direction is known. Returns the direction in these axes."""
         known = numbers(way)
         if known is None:
             moving.passage = (about(self.script, way, q.moved, f"{q.name} turned"),)
@@ -197,7 +197,7 @@ class Links:
         return scaled(sign, UNIT[k])
 
     def _lead(self, link: Link) -> Expression:
-        """How far a screw goes with each radian."""
+        """Displacement of a screw per radian."""
         if link.step.kind != "screw":
             return ZERO
         assert isinstance(link.part, Joint)
@@ -205,7 +205,7 @@ class Links:
         return self.script.let(f"{link.part.name} lead per radian", multiply(Number(0.15915494309189535), per_turn))
 
     def _ball(self, moving: Moving) -> None:
-        """A turn in space about a point that the parent carries."""
+        """A rotation in space about a point of the parent."""
         script, link = self.script, moving.link
         name, parent = link.part.name, self.parent_of(moving)
         moving.origin = self.pin(link)
@@ -217,7 +217,7 @@ class Links:
         moving.columns = [(axis, NULL) for axis in UNIT] if not link.fixed else []
 
     def _float(self, moving: Moving) -> None:
-        """A body with its own pose: its place in world axes, its spin in own ones."""
+        """A body with its own pose: its position in world axes, its angular velocity in body axes."""
         link = moving.link
         moving.origin = self.pin(link)
         moving.coordinates = [self.states.scalar(link, name) for name in link.coordinates[:3]]
@@ -236,7 +236,7 @@ class Links:
 
     # ------------------------------------------------------------ accelerations that rates cause
     def squares(self, moving: Moving) -> tuple[Expression, ...]:
-        """Products of the spin's components: xx, yy, zz, xy, xz, yz."""
+        """Products of the components of the angular velocity: xx, yy, zz, xy, xz, yz."""
         name = moving.link.name
         if not moving.squares:
             x, y, z = moving.spin
@@ -245,7 +245,7 @@ class Links:
         return moving.squares
 
     def centripetal(self, moving: Moving, arm: Vector) -> Vector:
-        """spin x (spin x arm)."""
+        """w x (w x arm), with w the angular velocity."""
         if moving.index < 0 or is_null(moving.spin) or is_null(arm):
             return NULL
         xx, yy, zz, xy, xz, yz = self.squares(moving)
@@ -255,7 +255,7 @@ class Links:
 
 
 def _constant(basis: Basis) -> AnyTurn:
-    """From the world's axes to those of a basis, as a turn."""
+    """Rotation from the world's axes to those of a basis."""
     rows = tuple(zip(*basis, strict=True))
     less = tuple(tuple(Number(rows[r][c] - float(r == c)) for c in range(3)) for r in range(3))
     return AnyTurn(less, (ONE, ZERO, ZERO, ZERO))  # type: ignore[arg-type]

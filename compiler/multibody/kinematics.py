@@ -1,4 +1,4 @@
-"""How links stand and move, seen from the world: turns, displacements, velocities. What nobody asks for is not written."""
+"""Poses and velocities of links in world axes: rotations, displacements, velocities. Each is written only if it is needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Kinematics(Links):
         self.velocities: dict[int, Vector] = {}
 
     def turn(self, index: int) -> Turn:
-        """How a link is turned from the drawing, in world axes."""
+        """Rotation of a link relative to the drawing, in world axes."""
         found = self.turns.get(index)
         if found is None:
             found = self.turns[index] = self._turn(self.moving[index], index)
@@ -48,7 +48,7 @@ class Kinematics(Links):
         return composed(script, parent, own, name)
 
     def displacement(self, index: int) -> Vector:
-        """Of a link's point of reference from the drawing, world axes."""
+        """Displacement of a link's point of reference from the drawing, world axes."""
         found = self.displacements.get(index)
         if found is None:
             name = f"{self.tree.links[index].name} displaced"
@@ -77,7 +77,7 @@ class Kinematics(Links):
         return plus(there, self.turn(index).swing(script, minus(moving.origin, pin), f"{name} swing"))
 
     def moved(self, index: int | None, point: Vector, name: str) -> Vector:
-        """The displacement from the drawing of a point that is fixed to a link, world axes."""
+        """Displacement from the drawing of a point that is fixed to a link, world axes."""
         if index is None:
             return NULL
         arm = minus(point, self.moving[index].origin)
@@ -86,7 +86,7 @@ class Kinematics(Links):
         return plus(self.displacement(index), self.turn(index).swing(self.script, arm, name))
 
     def velocity(self, index: int) -> Vector:
-        """Of a link's point of reference, in own axes."""
+        """Velocity of a link's point of reference, in link axes."""
         found = self.velocities.get(index)
         if found is not None:
             return found
@@ -112,19 +112,19 @@ class Kinematics(Links):
         return x, y, z
 
     def world(self, index: int, v: Vector, name: str) -> Vector:
-        """From a link's own axes to the world's."""
+        """Transform a vector from link axes to world axes."""
         moving = self.moving[index]
         there = to_world(moving.basis, v)
         return there if moving.branch.still else self.turn(index).apply(self.script, there, name)
 
     def own(self, index: int, v: Vector, name: str) -> Vector:
-        """From the world's axes to a link's own."""
+        """Transform a vector from world axes to link axes."""
         moving = self.moving[index]
         there = v if moving.branch.still else self.turn(index).back(self.script, v, name)
         return to_own(moving.basis, there)
 
     def placed(self, body: str, point: Vector, name: str) -> Placed:
-        """A point of a body and how it moves; in the drawing it is at `point`."""
+        """Marker: a point of a body with its motion. In the drawing it is at `point`."""
         index = None if body == GROUND else self.tree.place[body]
         if index is None:
             return Placed(body, point, NULL, NO_TURN, NULL, NULL, NULL)
@@ -145,7 +145,7 @@ class Kinematics(Links):
         return Placed(body, point, shift, self.turn(index), velocity, spin, arm)
 
     def push(self, placed: Placed, force: Vector, torque: Vector, name: str) -> None:
-        """A force at a placed point and a torque on its body, world axes; before the recursion."""
+        """Apply a force at a marker and a torque on its body, world axes. Only before the recursion."""
         index = None if placed.body == GROUND else self.tree.place[placed.body]
         if index is None or (is_null(force) and is_null(torque)):
             return

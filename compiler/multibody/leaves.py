@@ -1,8 +1,8 @@
-"""The coordinates that a closing joint leaves, read off the poses of its two bodies: each with its rate and what an effort on it does.
+"""Coordinates that a closing joint leaves free, computed from the poses of its two bodies: values, rates, and action of an effort.
 
-They read as those of the same joint in the tree. An angle in space is known from poses only up to whole turns. So where it is asked
-for it is a state, whose rate is that of the angle and which the run holds at the pose: it counts turns, and does not drift. A screw's angle follows from
-its way.
+They have the same values as those of the same joint in the tree. An angle in space follows from poses only up to whole turns. So an angle
+that is read is a state with the rate of the angle, and the run keeps it on the pose: it counts turns, and does not drift. The angle of a
+screw follows from its displacement.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, scaled
 
 
 class Leaves:
-    """Of one closing joint."""
+    """Coordinates of one closing joint."""
 
     def __init__(self, sides: Sides) -> None:
         self.sides, self.joint, self.script = sides, sides.joint, sides.script
 
     def coordinates(self) -> dict[str, Coordinate]:
-        """By letter."""
+        """Coordinates by letter."""
         sides, kind = self.sides, self.joint.kind
         if self.joint.planar:
             return (
@@ -52,11 +52,11 @@ class Leaves:
     # ------------------------------------------------------------ one axis
     @staticmethod
     def _way(row: Row) -> Coordinate:
-        """A row that nothing keeps closed."""
+        """Row for a direction that is free."""
         return Coordinate(row.gap, row.rate, row.acceleration, row.push)
 
     def _turns_about(self) -> Coordinate:
-        """An angle about the joint's axis, the third of a planar joint."""
+        """An angle about the joint's axis, the third one for a planar joint."""
         sides = self.sides
         a, b, c = sides.axes()
         if self.joint.kind == "planar":
@@ -75,7 +75,7 @@ class Leaves:
         return Coordinate(value, rate, acceleration, lambda torque: self._twist(scaled(torque, axis)))
 
     def _plainly(self, axis: Vector) -> Expression | None:
-        """The angle, where both bodies turn about the joint's axis alone."""
+        """The angle, if both bodies turn about the joint's axis alone."""
         near, far = self.sides.first.turn, self.sides.second.turn
         if not (isinstance(near, AxialTurn) and isinstance(far, AxialTurn)):
             return None
@@ -86,7 +86,7 @@ class Leaves:
         return value if axis == third else negate(value)
 
     def _threaded(self) -> Coordinate:
-        """Of a screw: its way tells the turns."""
+        """Angle of a screw, from its displacement, which counts the turns."""
         sides = self.sides
         way, lead = sides.slid(), sides.lead()
         axis = sides.on(sides.first, sides.axes()[0], "a")
@@ -98,7 +98,7 @@ class Leaves:
 
     # ------------------------------------------------------------ several axes
     def _crossed(self) -> dict[str, Coordinate]:
-        """Of a universal joint: about its first axis, which the first body carries, and its second, which the second does."""
+        """Angles of a universal joint: about its first axis, fixed to the first body, and its second, fixed to the second body."""
         sides, script, name = self.sides, self.script, self.joint.name
         a, o = sides.direction(self.joint.axis, "axis"), sides.direction(self.joint.other_axis, "other_axis")
         near, other = sides.on(sides.first, a, "a"), sides.on(sides.second, o, "o")
@@ -118,7 +118,7 @@ class Leaves:
         return found
 
     def _turned(self) -> dict[str, Coordinate]:
-        """Of a ball: the rotation vector of the second body seen from the first, up to 2 pi."""
+        """Rotation vector of a ball: of the second body relative to the first, up to 2 pi."""
         sides, script, name = self.sides, self.script, self.joint.name
         near = sides.first.turn
         first, second = near.quaternion(script, f"{name}.base"), sides.second.turn.quaternion(script, f"{name}.far")
@@ -136,7 +136,7 @@ class Leaves:
         return found
 
     def _plain(self, value: Expression, rate: Expression, dual: Vector) -> Coordinate:
-        """A coordinate that no gear ties: nobody asks for its acceleration."""
+        """A coordinate that no gear couples: its acceleration is not needed."""
 
         def acceleration() -> Expression:
             raise InternalError(
@@ -151,7 +151,7 @@ class Leaves:
 
     # ------------------------------------------------------------ whole turns
     def _counted(self, letter: str, sine: Expression, cosine: Expression, rate: Expression) -> Expression:
-        """An angle as a state, held where its sine and cosine (both times the same positive number) say."""
+        """An angle as a state, kept where its sine and cosine (both times the same positive number) are."""
         script, joint = self.script, self.joint
         name = script.named(f"{joint.name}.{letter}")
         angle = script.builder.variable(f"{name} turned", "state", "1")

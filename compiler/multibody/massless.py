@@ -1,20 +1,20 @@
-"""Coordinates that move nothing of their own within a closed loop, and the inertia that each is lent.
+"""Fictitious inertia for coordinates that move no inertia of their own within a closed loop.
 
 A strut without mass, a massless coupler, two slides and a hinge that close a loop: the mass matrix M of the tree is singular there, but
 not on the motions that the closing joints leave (J v = 0), so that [M J'; J 0] has one solution. The recursion needs an inertia along
-each coordinate that it eliminates. So such a coordinate is lent one, d = r^2, and an unknown effort r s takes back what it costs: s is
-what makes r q'' - s vanish, q'' being the coordinate's second rate. The loan cancels whatever its size; with one of the size of the inertias
-around the loop, it cancels without loss of digits. With the multipliers l of the closing joints the unknowns solve
+each coordinate that it eliminates. So such a coordinate gets a fictitious inertia d = r^2, and an unknown effort r s cancels its
+effect: s makes r q'' - s zero, with q'' the coordinate's second derivative. The fictitious inertia cancels for any size; with the size of
+the inertias around the loop, it cancels without loss of digits. With the multipliers l of the closing joints the unknowns solve
 
     [ J (M + d)^-1 J'     J (M + d)^-1 r     ] [l]
     [ r (M + d)^-1 J'     r (M + d)^-1 r - 1 ] [s]
 
-which is positive definite in l, and negative definite in s once l is eliminated, if and only if all that J leaves moves an inertia: so it is
-solved without exchanging rows, multipliers first (`codegen/multipliers.py`).
+which is positive definite in l, and negative definite in s once l is eliminated, if and only if all motions that J leaves move an inertia.
+So it is solved without exchanging rows, multipliers first (`codegen/multipliers.py`).
 
 The alternative was to merge a chain of joints through massless bodies into one joint between the bodies with mass: slide, slide and
-hinge are a planar joint, ball and universal joint a rod. That has closed forms for few chains, none where springs or friction act on the joints within, and
-none for chains that branch.
+hinge are a planar joint, ball and universal joint a rod. That has closed forms for few chains, none with springs or friction on the joints
+within, and none for branching chains.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from .values import Values
 
 @dataclass(frozen=True, slots=True)
 class Lent:
-    """What coordinates of a loop are lent: slides a mass (kg), turns an inertia (kg m^2)."""
+    """Fictitious inertia in a loop: for slides a mass (kg), for rotations an inertia (kg m^2)."""
 
     mass: float
     inertia: float
 
     def of(self, turns: bool) -> float:
-        """An even power of two, so that its root is exact."""
+        """An even power of two, so that its square root is exact."""
         _, exponent = frexp(self.inertia if turns else self.mass)
         return 2.0 ** (exponent - exponent % 2)
 
 
 def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Lent]:
-    """For each link within a closed loop, what is lent there: of the smallest loop, where there are several."""
+    """Fictitious inertia for each link within a closed loop: that of the smallest loop, if there are several."""
     tree = kinematics.tree
     if not tree.closing:
         return {}
@@ -64,7 +64,7 @@ def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Le
 
 
 def links_around(tree: Tree, joint: Joint, on: Mapping[str, str]) -> set[int]:
-    """The links whose coordinates a closing joint ties to each other."""
+    """Links whose coordinates a closing joint couples."""
     if joint.kind not in COUPLINGS:
         first, second = (
             _inwards(tree, None if on[e] == GROUND else tree.place[on[e]]) for e in (joint.first, joint.second)
@@ -92,7 +92,7 @@ def _outside(tree: Tree, links: set[int]) -> set[int]:
 
 
 def _measured(kinematics: Kinematics, recursion: Recursion, values: Values, links: set[int]) -> Lent | None:
-    """The mass of some links, and their inertia about each other; None if there is nothing of either."""
+    """Mass of some links, and their inertia about each other; None if both are zero."""
     mass = turning = 0.0
     points = []
     for index in links:

@@ -1,4 +1,4 @@
-"""A mechanism from the tree to its equations: poses and rates, wrenches, accelerations, what is read of them."""
+"""A mechanism from the tree to its equations: poses and rates, wrenches, accelerations, and the quantities that are read."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ def mechanism_equations(
     mechanism: Mechanism, efforts: Mapping[str, Expression], flows: Mapping[str, Expression], wanted: Set[str],
     builder: Writer,
 ) -> MechanismEquations:  # fmt: skip
-    """Write the equations of a mechanism. `efforts` drive its ports, `flows` are decided by the network; `wanted` are the
-    ports that are read elsewhere."""
+    """Write the equations of a mechanism.
+
+    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere.
+    """
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
     read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
     tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting, read)
@@ -36,7 +38,7 @@ def mechanism_equations(
 
 
 class Mechanics:
-    """One mechanism while it is written; the README says what closing joints are written over."""
+    """Writer of one mechanism. The README lists the functions that closing joints use."""
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
@@ -53,7 +55,7 @@ class Mechanics:
         self.closure = Closure(self)
 
     def write(self) -> MechanismEquations:
-        """All of it."""
+        """Write all equations."""
         self._ports()
         self.closure.begin()
         if self.result.diagnostics:
@@ -75,15 +77,15 @@ class Mechanics:
 
     # ------------------------------------------------------------ for closing joints
     def placed(self, body: str, point: Vector, name: str) -> Placed:
-        """A point of a body (or of the ground) and how it moves; in the drawing it is at `point`. World axes."""
+        """Marker: a point of a body (or of the ground) with its motion. In the drawing it is at `point`. World axes."""
         return self.kinematics.placed(body, point, name)
 
     def push(self, placed: Placed, force: Vector, torque: Vector, name: str) -> None:
-        """A force at a placed point and a torque on its body, world axes; before the recursion."""
+        """Apply a force at a marker and a torque on its body, world axes. Only before the recursion."""
         self.kinematics.push(placed, force, torque, name)
 
     def accelerations(self, placed: Placed, name: str) -> tuple[Vector, Vector]:
-        """Of a placed point and of its body's spin, world axes; after the recursion."""
+        """Acceleration of a marker and angular acceleration of its body, world axes. Only after the recursion."""
         return self.recursion.seen(placed, name)
 
     # ------------------------------------------------------------ what the graph sees
@@ -105,7 +107,7 @@ class Mechanics:
                 self._locked(joint)
 
     def _locked(self, joint: Joint) -> None:
-        """What a joint reads that was locked where it was drawn."""
+        """Readings of a joint that is locked in the position of the drawing."""
         for letter in joint.freedoms:
             rest = (
                 self.script.constant(joint.rest[letter], f"{joint.name}.{letter} rest")
@@ -122,18 +124,18 @@ class Mechanics:
         return chords.distance(joint, (first, second), self.efforts)
 
     def _point_of(self, end: str) -> Vector:
-        """Where an end of a distance is in the drawing: a frame's point, a body's centre, the origin."""
+        """Position of an end of a distance in the drawing: a frame's point, a body's centre, or the origin."""
         return self.script.place(self.mechanism.point_of(end), f"{end} at")
 
     def _reactions(self) -> None:
-        """Of joints of the tree: their last link carries the second body."""
+        """Reactions of tree joints: their last link carries the second body."""
         last = {link.part.name: index for index, link in enumerate(self.tree.links)}
         for joint in self.reacting:
             if joint.name in last:
                 self.result.readings |= reaction(self.kinematics, self.recursion, last[joint.name], joint)
 
     def _driven(self) -> None:
-        """The efforts of driven coordinates: what their joint has to bring up along the freedom."""
+        """Efforts of driven coordinates: the load of their joint along the freedom."""
         for index, moving in enumerate(self.kinematics.moving):
             for column, coordinate in zip(moving.columns, moving.coordinates, strict=False):
                 if coordinate.driven:

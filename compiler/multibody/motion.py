@@ -1,4 +1,4 @@
-"""What the graph sees of a mechanism."""
+"""Interface of a mechanism to the graph."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from ..nouns import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """One port: its flow, its pose (absolute for a body, relative for a joint), and the variable of its displacement from the
-    reference, whose rate the flow is."""
+    """One port: its flow, its pose (absolute for a body, relative for a joint), and the variable of its displacement from the drawing.
+
+    The flow is the rate of that displacement.
+    """
 
     flow: Expression
     pose: Expression
@@ -21,8 +23,11 @@ class Motion:
 
 @dataclass(slots=True)
 class MechanismEquations:
-    """Motions by port (`guide[1].x`), what else may be read (`pin.reaction.x`, `top.attitude.w`), the efforts of ports
-    whose flow the network decides, the variable of the mechanism's energy, and what is wrong."""
+    """Result for one mechanism.
+
+    Motions by port (`guide[1].x`), further quantities that may be read (`pin.reaction.x`, `top.attitude.w`), efforts of ports
+    whose flow the network determines, variable of the mechanism's energy, and errors.
+    """
 
     motions: dict[str, Motion] = field(default_factory=dict)
     readings: dict[str, Expression] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""One link while it is computed."""
+"""State of one link during its computation."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Spatial = tuple[Vector, Vector]  # about the point of reference: spin and veloci
 
 @dataclass(slots=True, eq=False)
 class Moving:
-    """A link while it is computed, in its own axes about its point of reference.
+    """A link during its computation, in its own axes about its point of reference.
 
-    `passage` leads from own axes to those of the parent, `shift` from the parent's point to its own (in the parent's axes). Each
-    of the `columns` is the motion that one coordinate's rate gives; `bias` is the acceleration that rates alone cause.
+    `passage` rotates from link axes to those of the parent, `shift` is the vector from the parent's point to its own (in the parent's axes).
+    Each of the `columns` is the motion for a unit rate of one coordinate; `bias` is the velocity-dependent acceleration.
     """
 
     link: Link
@@ -47,17 +47,17 @@ class Moving:
     world_force: Vector = NULL  # of a floating body: a force at its centre of mass, world axes
 
     def out(self, script: Script, v: Vector, name: str) -> Vector:
-        """From own axes to the parent's."""
+        """Rotate from link axes to the parent's."""
         for turn in reversed(self.passage):
             v = turn.apply(script, v, name)
         return v
 
     def back(self, script: Script, v: Vector, name: str) -> Vector:
-        """From the parent's axes to its own."""
+        """Rotate from the parent's axes to link axes."""
         for turn in self.passage:
             v = turn.back(script, v, name)
         return v
 
     def inner(self, script: Script, v: Vector, name: str) -> Vector:
-        """A vector of the link, in own axes as it was drawn, as it is now: only still axes see it turn."""
+        """A vector of the link, given in link axes as drawn, in the present pose. It changes only in still axes."""
         return AxialTurn(2, self.angle).apply(script, v, name) if self.branch.still else v

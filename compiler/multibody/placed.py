@@ -1,4 +1,4 @@
-"""A point of a body and how it moves: what chords, ports and closing joints are written over. All in world axes."""
+"""Marker: a point of a body with its motion, in world axes. Chords, ports and closing joints are functions of markers."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from .vectors import Vector
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A point that is fixed to a body (or the ground).
+    """A marker: a point that is fixed to a body (or the ground).
 
-    `arm`: from the point of the body that it is reckoned from to this point, in the body's computing axes (see `own_axes`
-    of `mechanics.py`); nobody outside needs it.
+    `arm`: vector from the body's point of reference to this point, in the body's computing axes (see `own_axes`
+    of `mechanics.py`); internal.
     """
 
     body: str  # "ground" for the world
-    point: Vector  # where it is in the drawing, m
+    point: Vector  # position in the drawing, m
     displacement: Vector  # from there, m; to round-off of its own size, however far the point is from the origin
     turn: Turn  # of the body from the drawing: R turns a vector that is fixed to the body; `turn.swing` is (R - 1) v
     velocity: Vector  # of the point, m/s

@@ -1,6 +1,6 @@
-"""Ports of bodies, frames and tree joints: where wrenches come in and poses and rates are read.
+"""Ports of bodies, frames and tree joints: wrenches act on them, poses and rates are read from them.
 
-A body's port is in its centre of mass, a frame's in its point: force and torque in world axes, or in a frame's body's.
+A body's port is at its centre of mass, a frame's at its point: force and torque in world axes, or in those of a frame's body.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .vectors import UNIT, Vector, scaled
 
 
 class Ports:
-    """Writes ports; `efforts` come in through them."""
+    """Writer of ports. `efforts` act through them."""
 
     def __init__(self, kinematics: Kinematics, efforts: Mapping[str, Expression], result: MechanismEquations) -> None:
         self.kinematics, self.script, self.efforts, self.result = kinematics, kinematics.script, efforts, result
@@ -27,7 +27,7 @@ class Ports:
 
     # ------------------------------------------------------------ tree joints
     def tree_joint(self, moving: Moving) -> None:
-        """The ports of a link's coordinates."""
+        """Ports of a link's coordinates."""
         link = moving.link
         if isinstance(link.part, Body):
             return
@@ -39,7 +39,7 @@ class Ports:
             self.result.motions[coordinate.name] = Motion(coordinate.rate, coordinate.value, displacement)
 
     def _ball(self, moving: Moving) -> None:
-        """The rotation vector of the second body seen from the first, its rates, and the torque dual to these."""
+        """Rotation vector of the second body relative to the first, its rates, and the torque dual to these."""
         link, attitude, script = moving.link, moving.attitude, self.script
         assert attitude is not None
         name = link.part.name
@@ -56,7 +56,7 @@ class Ports:
 
     # ------------------------------------------------------------ bodies and frames
     def body(self, body: Body) -> None:
-        """Of a body: in its centre of mass."""
+        """Ports of a body, at its centre of mass."""
         centre = self.kinematics.centres[body.name]
         placed = self.kinematics.placed(body.name, centre, body.name)
         drawn = of_rotation_vector(
@@ -65,7 +65,7 @@ class Ports:
         self._pose(body.name, placed, drawn, centre)
 
     def frame(self, frame: Frame) -> None:
-        """Of a frame: in its point, in world axes or its body's."""
+        """Ports of a frame, at its point, in world axes or its body's."""
         point = self.script.place(frame.position, f"{frame.name} at")
         self._pose(
             frame.name, self.kinematics.placed(frame.body, point, frame.name), NO_TURN, point, frame.axes == "body"

@@ -1,6 +1,6 @@
-"""Reactions of tree joints: what passes through a joint onto its second body, at the joint's point, in world axes.
+"""Reactions of tree joints: the total wrench through a joint on its second body, at the joint's point, in world axes.
 
-That is all of it: what constrains, and what is put on through the joint's port. Written only for joints that are asked.
+It includes both the constraint wrench and the efforts on the joint's port. Only reactions that are read are written.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ UNITS = ("N*m", "N*m", "N*m", "N", "N", "N")  # of a wrench
 
 
 def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Joint) -> dict[str, Expression]:
-    """`pin.reaction.x` and so on, of the joint whose last link is `index`."""
+    """`pin.reaction.x` and so on, for the joint whose last link is `index`."""
     script, name = kinematics.script, f"{joint.name}.reaction"
     moving = kinematics.moving[index]
     angular, linear = recursion.acceleration(index)

@@ -1,9 +1,9 @@
-"""Inwards and outwards again: accelerations by articulated inertias, O(links) assignments, no mass matrix.
+"""Accelerations by articulated inertias: a pass inwards and a pass outwards, O(links) assignments, no mass matrix.
 
 R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7; with accelerations of points instead of spatial ones, in axes of
 the links, about the points where they turn, as H. Brandl, R. Johanni, M. Otter, A very efficient algorithm for the simulation of
-robots and similar multibody systems without inversion of the mass matrix (1986). Columns of a link are eliminated one after the other, so there is no
-3 x 3 inverse. Gravity is an acceleration of the ground, upwards: all accelerations here are against free fall.
+robots and similar multibody systems without inversion of the mass matrix (1986). Columns of a link are eliminated one after the other, so
+there is no 3 x 3 inverse. Gravity is an upward acceleration of the ground: all accelerations here are relative to free fall.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PLACES = range(6)
 
 
 class Elimination:
-    """One coordinate of a link, eliminated: its column, U = I S (over D: `share`), and u = effort - S p."""
+    """One eliminated coordinate of a link: its column, U = I S (over D: `share`), and u = effort - S p."""
 
     __slots__ = ("column", "inertia", "loan", "number", "pull", "push", "unit", "whole")
 
@@ -51,7 +51,7 @@ class Recursion:
         self.steps: list[list[Elimination]] = [[] for _ in self.moving]
         self.lent: dict[tuple[int, int], tuple[Expression, int]] = {}
         self.known: dict[int, Row] = {}  # accelerations of points of reference and axes
-        self.pushed: dict[int, Vector] = {}  # what is not in these yet: of a world force on a floating body
+        self.pushed: dict[int, Vector] = {}  # loads not in these yet: world forces on floating bodies
         self.gravity = self.script.place(kinematics.mechanism.gravity, "gravity", "m/s^2")
         self._parents = {m.parent for m in self.moving}
 
@@ -67,7 +67,7 @@ class Recursion:
                 self._outwards(index)
 
     def lend(self, inertias: Mapping[tuple[int, int], float]) -> None:
-        """Lend coordinates (links, and their numbers) an inertia, which an unknown takes back: see `massless.py`."""
+        """Give coordinates (links, and their numbers) a fictitious inertia, which an unknown cancels: see `massless.py`."""
         for (index, number), inertia in sorted(inertias.items()):
             told = self._nothing(self.moving[index], number)
             unit = "N" if told.what == "mass" else "N*m"
@@ -77,7 +77,7 @@ class Recursion:
 
     # ------------------------------------------------------------ inwards
     def _load(self, moving: Moving, inertia: LinkInertia) -> Row:
-        """What the spin needs, less what is applied: torque and force without any acceleration."""
+        """Bias torque and force at zero acceleration: velocity-dependent terms minus the applied wrench."""
         torque, force = NULL, NULL
         active = moving.branch.active
         if not is_null(moving.spin):
@@ -92,7 +92,7 @@ class Recursion:
         return self.script.let(name, x)
 
     def _inwards(self, index: int) -> None:
-        """Eliminate the coordinates of one link and put what is left on its parent."""
+        """Eliminate the coordinates of one link and add the remaining inertia and load to its parent."""
         moving = self.moving[index]
         link = moving.link
         name = link.name
@@ -111,7 +111,7 @@ class Recursion:
             self._hand_over(index, matrix, load, prescribed, name)
 
     def _world_load(self, moving: Moving, load: Row) -> None:
-        """A force in world axes on a floating body turns with it, unless nothing there depends on its turn."""
+        """Rotate a force in world axes on a floating body to body axes, unless nothing depends on the rotation."""
         if is_null(moving.world_force) or self._is_alone(moving):
             return
         force = self.kinematics.own(moving.index, self.script.vector("push", moving.world_force), "push own")
@@ -119,7 +119,7 @@ class Recursion:
             load[3 + i] = load[3 + i] - force[i]
 
     def _is_alone(self, moving: Moving) -> bool:
-        """Whether a floating link is no other's parent and has its centre of mass in its point of reference."""
+        """Return True if a floating link has no children and its centre of mass is its point of reference."""
         floats, has_arm = moving.link.step.kind == "float", not is_null(self.inertias[moving.index].moment)
         return floats and moving.index not in self._parents and not has_arm
 
@@ -177,7 +177,7 @@ class Recursion:
         return True
 
     def nothing(self, moving: Moving, number: int) -> None:
-        """Tell that nothing moves along a coordinate."""
+        """Report that nothing moves along a coordinate."""
         self.diagnostics.append(self._nothing(moving, number))
 
     def _nothing(self, moving: Moving, number: int) -> NothingMoves:
@@ -193,7 +193,7 @@ class Recursion:
         return NothingMoves(body.span, name, body.name, what)
 
     def _hand_over(self, index: int, matrix: Square, load: Row, prescribed: Row, name: str) -> None:
-        """What is left of a link's inertia and load, on its parent, about the parent's point."""
+        """Add the remaining inertia and load of a link to its parent, about the parent's point."""
         moving, script = self.moving[index], self.script
         assert moving.parent is not None
         if any(x != ZERO for x in prescribed):
@@ -236,7 +236,7 @@ class Recursion:
 
     # ------------------------------------------------------------ outwards
     def _carried(self, moving: Moving, name: str) -> Row:
-        """The acceleration of a link's point and axes with its own coordinates at rest or steady."""
+        """Acceleration of a link's point and axes with zero second derivatives of its own coordinates."""
         script = self.script
         if moving.parent is None:
             linear = negated(to_own(self.kinematics.ground(moving.branch).basis, self.gravity))
@@ -251,7 +251,7 @@ class Recursion:
         return [x if i in moving.branch.active else ZERO for i, x in enumerate(row)]
 
     def _outwards(self, index: int) -> None:
-        """The second rates of one link's coordinates."""
+        """Second derivatives of one link's coordinates."""
         moving = self.moving[index]
         link = moving.link
         name = link.name
@@ -277,7 +277,7 @@ class Recursion:
             self._float_rates(index, known)
 
     def _assigned(self, index: int, step: Elimination, rate: Expression) -> Expression:
-        """Write a second rate to the state it belongs to; the rate along the column as it was eliminated."""
+        """Assign a second derivative to its state. Returns the acceleration along the column as it was eliminated."""
         moving = self.moving[index]
         link = moving.link
         sign = _rows(moving)[step.number] != step.column
@@ -292,14 +292,14 @@ class Recursion:
         return negate(Symbol(target)) if sign else Symbol(target)
 
     def _taken_back(self, index: int, step: Elimination, value: Expression) -> None:
-        """The unknown effort that takes a loan back."""
+        """Unknown effort that cancels a fictitious inertia."""
         assert step.loan is not None
         root, unknown = step.loan
         part = self.moving[index].link.part
         self.script.builder.vanishing(unknown, root * value - Symbol(unknown), part.span, self.script.named(part.name))
 
     def _float_rates(self, index: int, known: Row) -> None:
-        """The second rates of a floating body's place: its acceleration seen from the world."""
+        """Second derivatives of a floating body's position: its acceleration in world axes."""
         moving = self.moving[index]
         script = self.script
         linear: Vector = (known[3], known[4], known[5])
@@ -313,7 +313,7 @@ class Recursion:
             script.builder.assign(coordinate.target, value, script.span, script.owner)
 
     def acceleration(self, index: int) -> tuple[Vector, Vector]:
-        """Of a link's axes and point of reference, own axes, against free fall."""
+        """Acceleration of a link's axes and point of reference, link axes, relative to free fall."""
         k = self.known[index]
         name = f"{self.kinematics.tree.links[index].name}.a"
         if index in self.pushed:
@@ -323,7 +323,7 @@ class Recursion:
         return (row[0], row[1], row[2]), (row[3], row[4], row[5])
 
     def seen(self, placed: Placed, name: str) -> tuple[Vector, Vector]:
-        """The acceleration of a placed point and of its body's spin, world axes, as the world sees it."""
+        """Acceleration of a marker and angular acceleration of its body, in the inertial frame, world axes."""
         index = None if placed.body == GROUND else self.kinematics.tree.place[placed.body]
         if index is None:
             return NULL, NULL
@@ -335,7 +335,7 @@ class Recursion:
         return plus(there, self._fall(moving)), turning
 
     def _fall(self, moving: Moving) -> Vector:
-        """Gravity, without what of it a branch in a plane never took in: there nothing accelerates across the plane."""
+        """Gravity, without the component across the plane of a planar branch, in which nothing accelerates."""
         branch = moving.branch
         if all(i in branch.active for i in (3, 4, 5)):
             return self.gravity
@@ -349,7 +349,7 @@ def _rows(moving: Moving) -> list[Row]:
 
 
 def _gyroscopic(squares: tuple[Expression, ...], inertia: LinkInertia) -> Vector:
-    """spin x (J spin), by products of the spin's components."""
+    """w x (J w), by products of the components of the angular velocity w."""
     xx, yy, zz, xy, xz, yz = squares
     j = inertia.tensor
     return (
@@ -364,7 +364,7 @@ def _apart(a: Expression, b: Expression) -> Expression:
 
 
 def _blocks(m: Square) -> tuple[Matrix, Matrix, Matrix]:
-    """J, H and M."""
+    """Blocks J, H and M of the matrix."""
     j, h, mass = (_matrix([row[c : c + 3] for row in m[r : r + 3]]) for r, c in ((0, 0), (0, 3), (3, 3)))
     return j, h, mass
 

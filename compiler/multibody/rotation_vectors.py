@@ -1,9 +1,9 @@
 """Rotation vectors r (axis times angle): from quaternions, their rates, and the torques dual to these.
 
-With w the angular velocity of B against A, r' = w - 1/2 r x w + g r x (r x w) in the axes of A, and + 1/2 in those of B;
+With w the angular velocity of B relative to A, r' = w - 1/2 r x w + g r x (r x w) in the axes of A, and + 1/2 in those of B;
 g = (1 - a/2 cot(a/2)) / a^2, a = |r| (J. Stuelpnagel, On the parametrization of the three-dimensional rotation group, SIAM Review 6
-(1964)). At zero turn these are series. From a quaternion a turn up to 2 pi is told from the one the other way round; at 2 pi, where the
-axis is not determined, r has no rate: what is a turn in itself has `attitude` instead.
+(1964)). Near zero angle these are series. A quaternion distinguishes angles up to 2 pi from the opposite rotation; at 2 pi, where the
+axis is not determined, r has no rate. A body that turns freely has `attitude` instead.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ SLIGHT = Number(1e-4)  # tan^2 of half the angle below which the series are exac
 
 
 def rotation_vector(script: Script, p: Quaternion, name: str) -> Vector:
-    """Of a quaternion of any length."""
+    """Rotation vector of a quaternion of any length."""
     known = [k for k in range(1, 4) if p[k] != ZERO]
     if not known:
         return ZERO, ZERO, ZERO
@@ -32,12 +32,12 @@ def rotation_vector(script: Script, p: Quaternion, name: str) -> Vector:
 
 
 def _is_slight(w: Expression, square: Expression) -> Expression:
-    """Near zero turn; that of 2 pi has w < 0."""
+    """Condition for an angle near zero; an angle near 2 pi has w < 0."""
     return call("less", square, SLIGHT * w * call("abs", w))
 
 
 def _polynomial(t: Expression, *coefficients: float) -> Expression:
-    """Horner's scheme, lowest first."""
+    """Polynomial by Horner's scheme, coefficients lowest first."""
     value: Expression = Number(coefficients[-1])
     for c in reversed(coefficients[:-1]):
         value = add(Number(c), multiply(t, value))
@@ -56,7 +56,7 @@ def _g(script: Script, p: Quaternion, r: Vector, name: str) -> Expression:
 
 
 def _mapped(script: Script, p: Quaternion, r: Vector, w: Vector, sign: float, name: str) -> Vector:
-    """w + sign/2 r x w + g r x (r x w); no more than w where both are along one axis."""
+    """w + sign/2 r x w + g r x (r x w); simply w if both are along one axis."""
     once = cross(r, w)
     if all(c == ZERO for c in once):
         return w
@@ -66,17 +66,20 @@ def _mapped(script: Script, p: Quaternion, r: Vector, w: Vector, sign: float, na
 
 
 def rates_from_spin(script: Script, p: Quaternion, r: Vector, spin: Vector, of_second: bool, name: str) -> Vector:
-    """r', from the spin of B against A in the axes of B (the second) or A."""
+    """r', from the angular velocity of B relative to A in the axes of B (the second) or A."""
     return _mapped(script, p, r, spin, 1.0 if of_second else -1.0, name)
 
 
 def torque_from_efforts(script: Script, p: Quaternion, r: Vector, efforts: Vector, of_second: bool, name: str) -> Vector:  # fmt: skip
-    """The torque on B with the power of efforts on r', in the axes of B or A."""
+    """Torque on B with the power of efforts on r', in the axes of B or A."""
     return _mapped(script, p, r, efforts, -1.0 if of_second else 1.0, name)
 
 
 def turned_by_rates(script: Script, p: Quaternion, r: Vector, rates: Vector, name: str) -> Vector:
-    """The spin in the axes of B, from r' (constants of a start): w = r' - (1 - cos a)/a^2 r x r' + (a - sin a)/a^3 r x (r x r')."""
+    """Angular velocity in the axes of B, from r' (for constant starts).
+
+    w = r' - (1 - cos a)/a^2 r x r' + (a - sin a)/a^3 r x (r x r').
+    """
     once = cross(r, rates)
     if all(c == ZERO for c in once):
         return rates

@@ -1,4 +1,4 @@
-"""What the equations of a mechanism are written with: names for what is used again, all of them the mechanism's own."""
+"""Writer of a mechanism's equations: expressions with several uses get names of the mechanism's own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .vectors import Matrix, Vector
 
 
 class Writer(Protocol):
-    """What this room needs of the equations' builder."""
+    """Methods of the equations' builder that this room needs."""
 
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int: ...
     def assign(self, target: int, expression: Expression, span: Span, owner: str) -> None: ...
@@ -34,18 +34,18 @@ class Writer(Protocol):
 
 
 class Script:
-    """Writes assignments of one mechanism."""
+    """Writer of assignments of one mechanism."""
 
     def __init__(self, mechanism: Mechanism, builder: Writer) -> None:
         self.builder, self.owner, self.span = builder, mechanism.name, mechanism.span
         self._constants: dict[str, Expression] = {}
 
     def named(self, name: str) -> str:
-        """The full name of something of the mechanism."""
+        """Full name of a variable of the mechanism."""
         return f"{self.owner}.{name}"
 
     def let(self, name: str, expression: Expression, unit: str = "") -> Expression:
-        """A name for an expression, unless it is one already."""
+        """Name an expression, unless it is a variable or number already."""
         if isinstance(expression, Number | Symbol):
             return expression
         return Symbol(self.computed(name, expression, unit))
@@ -58,24 +58,24 @@ class Script:
         return variable
 
     def held(self, name: str, expression: Expression, unit: str = "") -> int:
-        """The variable that holds an expression."""
+        """Variable with the value of an expression."""
         if isinstance(expression, Symbol):
             assert isinstance(expression.key, int)
             return expression.key
         return self.computed(name, expression, unit)
 
     def vector(self, name: str, v: Vector, unit: str = "") -> Vector:
-        """Names for the components."""
+        """Name the components of a vector."""
         x, y, z = (self.let(f"{name}.{c}", item, unit) for c, item in zip("xyz", v, strict=True))
         return x, y, z
 
     def matrix(self, name: str, m: Matrix) -> Matrix:
-        """Names for the entries."""
+        """Name the entries of a matrix."""
         a, b, c = (self.vector(f"{name}.{c}", row) for c, row in zip("xyz", m, strict=True))
         return a, b, c
 
     def constant(self, bound: Bound, name: str, unit: str = "") -> Expression:
-        """What the text bound, with a name, by which it is found again."""
+        """A bound expression of the text as a named constant; the same name gives the same constant."""
         if name not in self._constants:
             self._constants[name] = self.let(name, self.builder.folded(bound), unit)
         return self._constants[name]

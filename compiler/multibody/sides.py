@@ -1,8 +1,8 @@
-"""The two sides of a closing joint, and the rows of constraints that can be made of them.
+"""The two sides of a closing joint, and their constraint rows.
 
-What rows are made of: a point of the second body that does not leave that of the first along a direction (of the world, or one that
-turns with the first body); directions of both bodies that stay at right angles; an angle in the plane; a length; two coordinates
-in a ratio; a turn and a way in a ratio.
+Kinds of rows: a point of the second body does not move from that of the first along a direction (fixed in the world, or turning with the
+first body); directions of both bodies stay at right angles; an angle in the plane; a length; two coordinates in a ratio; a rotation and
+a displacement in a ratio.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Accelerations = tuple[Vector, Vector]  # of a placed point, and of the spin
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One constraint: what stays zero, its rate and its acceleration (once the recursion is written), and how a multiplier acts."""
+    """One constraint: its residual, rate and acceleration (available after the recursion), and the action of a multiplier."""
 
     name: str  # of the multiplier
     unit: str  # of the gap
@@ -42,7 +42,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """A joint's coordinate: value, rate, acceleration (once the recursion is written), and how an effort is put on it."""
+    """A joint's coordinate: value, rate, acceleration (available after the recursion), and the action of an effort."""
 
     value: Expression
     rate: Expression
@@ -51,7 +51,7 @@ class Coordinate:
 
 
 class Sides:
-    """The two sides of a closing joint, and the rows that can be made of them."""
+    """The two sides of a closing joint, and their constraint rows."""
 
     def __init__(self, closure: Closure, joint: Joint) -> None:
         self.closure, self.joint, self.script = closure, joint, closure.script
@@ -93,7 +93,7 @@ class Sides:
         return [self.along(UNIT[i], UNIT[i], "xyz"[i]) for i in range(2 if self.joint.planar else 3)]
 
     def _guided(self) -> list[Row]:
-        """No gap across a slide's axis, or along the normal of a planar joint; they turn with the first body."""
+        """Rows without gap across a slide's axis, or along the normal of a planar joint, in directions that turn with the first body."""
         if self.joint.kind == "planar":
             directions = [self.axes()[2]]
         elif self.joint.planar:
@@ -105,7 +105,7 @@ class Sides:
         return [self.along(n, self.on(self.first, n, w), w) for n, w in zip(directions, words, strict=True)]
 
     def _turned(self) -> list[Row]:
-        """What of the turn between the bodies stays zero."""
+        """Rows for the relative rotation of the bodies that the joint does not allow."""
         joint = self.joint
         leaves = joint.kind if not joint.locked else "weld"
         if leaves == "ball" or (joint.planar and leaves == "hinge"):
@@ -127,7 +127,7 @@ class Sides:
         return self.script.vector(f"{self.joint.name}.{word} direction", snapped(v))
 
     def axes(self) -> tuple[Vector, Vector, Vector]:
-        """The joint's axis and two directions at right angles to it, in the drawing; of a planar joint its own axes."""
+        """The joint's axis and two directions at right angles to it, in the drawing; for a planar joint its own axes."""
         joint, script = self.joint, self.script
         if joint.kind in ("planar", "free"):
             turn = self.closure.mechanics.kinematics.joint_turn(joint)
@@ -145,7 +145,7 @@ class Sides:
         return a, b, script.vector(f"{joint.name}.third", cross(a, b))
 
     def on(self, side: Placed, v: Vector, word: str) -> Vector:
-        """A direction of the drawing, as it has turned with a side."""
+        """A direction of the drawing, rotated with a side."""
         turned = side.turn.apply(self.script, v, f"{self.joint.name}.{side.body}.{word}")
         return self.script.vector(f"{self.joint.name}.{side.body}.{word}", turned)
 
@@ -160,7 +160,7 @@ class Sides:
         return self._known[0]
 
     def push(self, force: Vector, torque: Vector, back: Vector) -> None:
-        """On the second body; the first gets the negative of the force and `back`."""
+        """Apply a force and a torque to the second body. The first body gets the negative force, and `back`."""
         name, mechanics = self.joint.name, self.closure.mechanics
         mechanics.push(self.second, force, torque, f"{name}.second")
         mechanics.push(self.first, negated(force), back, f"{name}.first")
@@ -170,7 +170,7 @@ class Sides:
         self.closure.wrenches[self.joint.name] = (plus(old[0], force), plus(old[1], torque))
 
     def along(self, drawn: Vector, n: Vector, word: str) -> Row:
-        """No gap along n. If it turns with the first body (n is not as drawn), its turning brings gap and slip into the rates."""
+        """Row without gap along n. If n turns with the first body, its rotation adds terms to the rates."""
         turns = n != drawn
         w, gap, slip = self.first.spin, self.gap, self.slip
         swept = minus(slip, cross(w, gap)) if turns else slip
@@ -191,7 +191,7 @@ class Sides:
         return Row(f"{self.joint.name}.{word}", "m", dot(n, gap), dot(n, swept), acceleration, push)
 
     def _square(self, near: Vector, far: Vector, word: str) -> Row:
-        """A direction of the first body and one of the second keep the angle that they have in the drawing."""
+        """Row: a direction of the first body and one of the second keep their angle of the drawing."""
         b, a = self.on(self.first, near, f"{word}.near"), self.on(self.second, far, f"{word}.far")
         name = f"{self.joint.name}.{word}"
         m = self.script.vector(f"{name}.m", cross(a, b))
@@ -211,13 +211,16 @@ class Sides:
         return Row(name, "1", gap, dot(self.spin, m), acceleration, push)
 
     def _angle(self) -> Row:
-        """Two bodies turn together in the plane."""
+        """Row: two bodies turn together in the plane."""
         turned = self.turns_together(self.plane_angle())
         return Row(f"{self.joint.name}.phi", "1", turned.value, turned.rate, turned.acceleration, turned.push)
 
     def _screwed(self) -> Row:
-        """The turn that belongs to the way x along the axis, x/l: a direction of the second body stays at right angles to one that
-        turns by as much from the first. So no turn of a thread is taken for another, however many there were."""
+        """Row of a screw: the rotation is x/l for the displacement x along the axis.
+
+        A direction of the second body stays at right angles to one that is rotated by x/l from the first body. So turns of the thread
+        are not confused, whatever their number.
+        """
         script, name = self.script, f"{self.joint.name}.thread"
         _, b, c = self.axes()
         way, lead = self.slid(), self.lead()
@@ -250,17 +253,17 @@ class Sides:
         return Row(name, "m", multiply(lead, dot(across, far)), rate, acceleration, push)
 
     def lead(self) -> Expression:
-        """How far a screw goes with each radian."""
+        """Displacement of a screw per radian."""
         per_turn = self.script.constant(self.joint.ratio, f"{self.joint.name} lead", "m")
         return self.script.let(f"{self.joint.name} lead per radian", multiply(TURN, per_turn))
 
     def slid(self) -> Row:
-        """The gap along the axis."""
+        """Gap along the axis."""
         drawn = self.axes()[0]
         return self.along(drawn, self.on(self.first, drawn, "a"), "x")
 
     def _rod(self) -> list[Row]:
-        """Two points keep their distance l: the gap is (d^2 - l^2)/(2 l), without the cancellation of squares."""
+        """Row: two points keep their distance l. The residual is (d^2 - l^2)/(2 l), without the cancellation of squares."""
         script, name = self.script, self.joint.name
         drawn = minus(self.second.point, self.first.point)
         if is_null(drawn):

@@ -1,7 +1,7 @@
-"""Starts of what is computed from the coordinates: chords, bodies that hang on others, frames.
+"""Starts of parts that are computed from the coordinates: chords, bodies that are carried by others, frames.
 
-The tree is the compiler's own affair, so an author may start any part: each such start is a claim, and the coordinates of
-which nothing was said move, as little as it takes.
+The author does not choose the tree, so any part may have a start. Each such start is a claim, and the coordinates
+without a start of their own move as little as necessary to satisfy it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .tree import Tree
 
 
 def claimed_parts(mechanism: Mechanism, tree: Tree) -> Mapping[str, Body | Frame | Joint]:
-    """The parts with a start that have no coordinates of their own."""
+    """Parts with a start that have no coordinates of their own."""
     own = {link.part.name for link in tree.links}
     return {part.name: part for part in _parts(mechanism) if part.starts and part.name not in own}
 
@@ -27,7 +27,7 @@ def _parts(mechanism: Mechanism) -> Iterator[Body | Frame | Joint]:
 
 
 def claim_starts(script: Script, claimed: Mapping[str, Body | Frame | Joint], result: MechanismEquations) -> None:
-    """Each of their starts as a claim."""
+    """Add each of their starts as a claim."""
     for part in claimed.values():
         for key, bound in part.starts.items():
             freedom, is_rate = (key[:-2], True) if key.endswith(".f") else (key, False)

@@ -1,9 +1,9 @@
-"""A mechanism as a tree of links: each moves in one elementary way against ground or another link, and carries bodies.
+"""A mechanism as a tree of links: each has one elementary motion relative to the ground or another link, and carries bodies.
 
-What is welded together (or locked where it was drawn) is one link. A joint with several coordinates is a row of elementary
-ones with links between that carry nothing: a cylinder is a slide and a hinge. A `free` joint or a `distance` constrains
-nothing and stays outside as a chord; bodies that nothing ties to the ground have their pose as coordinates. What is left
-over closes loops.
+Bodies that are welded together (or locked as drawn) are one link. A joint with several coordinates is a chain of elementary
+ones with empty links between: a cylinder is a slide and a hinge. A `free` joint or a `distance` constrains nothing and is
+left outside as a chord. Bodies without connection to the ground have their pose as coordinates. The remaining joints close
+loops.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow
 class Step:
     """One elementary freedom in a direction of its joint, with its coordinates: hinge, slide, screw, ball or float.
 
-    Or none: a weld that is asked for its reaction.
+    Or none: a weld whose reaction is read.
     """
 
     kind: str
@@ -31,7 +31,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """What one elementary freedom moves. `reverse` if the joint was drawn from it; fixed ones stay where they start."""
+    """Link with one elementary freedom. `reverse` if the joint was drawn from it; fixed ones keep their start."""
 
     step: Step
     part: Joint | Body  # what has the coordinates: a body that floats has its own
@@ -42,18 +42,18 @@ class Link:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the coordinates."""
         return tuple(f"{self.part.name}.{letter}" for letter in self.step.letters)
 
     @property
     def name(self) -> str:
-        """What it is called in equations."""
+        """Name of the link in equations."""
         return self.coordinates[-1] if self.step.letters else self.part.name
 
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """Links so that parents come first, where each body is, what constrains nothing and what closes loops."""
+    """Links with parents first, the link of each body, chords, and closing joints."""
 
     links: tuple[Link, ...]
     place: Mapping[str, int | None]  # body -> its link; None: at rest on the ground
@@ -61,7 +61,7 @@ class Tree:
     closing: tuple[Joint, ...]
 
     def path(self, body: str) -> list[str]:
-        """The bodies from one to the ground, for messages."""
+        """Bodies from one to the ground, for messages."""
         names = [] if body == GROUND else [body]
         link = None if body == GROUND else self.place[body]
         while link is not None:
@@ -85,24 +85,24 @@ WELDED = (Step("weld", "", ()),)
 
 
 def steps_of(joint: Joint) -> tuple[Step, ...]:
-    """The elementary freedoms of a joint, from its first body to its second."""
+    """Elementary freedoms of a joint, from its first body to its second."""
     if joint.kind == "free":
         return STEPS["planar"] if joint.planar else IN_SPACE
     return STEPS[joint.kind]
 
 
 def is_weld(joint: Joint) -> bool:
-    """Whether a joint leaves nothing and is where it was drawn."""
+    """Return True if a joint leaves no freedom and is at its position in the drawing."""
     return joint.kind == "weld" or (joint.locked and joint.kind not in CLOSING | {"distance"} and not joint.starts)
 
 
 def is_chord(joint: Joint) -> bool:
-    """Whether it only measures and pushes."""
+    """Return True for a joint that constrains nothing."""
     return joint.kind == "distance" or (joint.kind == "free" and not joint.locked)
 
 
 def ends_of(mechanism: Mechanism) -> Mapping[str, str]:
-    """What a joint may name -> the body (or ground) that it is on."""
+    """Map from each name that a joint may use to the body (or ground) that it is on."""
     bodies = {b.name: b.name for b in mechanism.bodies}
     return {GROUND: GROUND, **bodies, **{f.name: f.body for f in mechanism.frames}}
 
@@ -110,10 +110,10 @@ def ends_of(mechanism: Mechanism) -> Mapping[str, str]:
 def spanning_tree(
     mechanism: Mechanism, bonded: Set[str] = frozenset(), apart: Set[str] = frozenset(), read: Set[str] = frozenset()
 ) -> Tree:
-    """Grow the tree from the ground; what remains starts from a body with its own pose.
+    """Grow the tree from the ground; the rest starts from a body with its own pose.
 
-    Loops are cut elsewhere than at `bonded` joints where that can be, as a coordinate takes efforts at no cost, and flows; then elsewhere than at
-    those that are `read`, as a coordinate costs nothing to read. `apart`: welds that are links of their own.
+    If possible, loops are not cut at `bonded` joints, as a coordinate takes efforts and flows at no cost; then not at those that are
+    `read`, as a coordinate costs nothing to read. `apart`: welds that are links of their own.
     """
     return _Growth(mechanism, bonded, apart, read).tree()
 
@@ -160,7 +160,7 @@ class _Growth:
         return found
 
     def _order(self, neighbours: Mapping[str, Sequence[tuple[str, Joint]]]) -> list[str]:
-        """The joints of the tree that grows breadth first from the ground, then from what is left."""
+        """Joints of the tree that grows breadth first from the ground, then from the remaining bodies."""
         seen: set[str] = set()
         names: list[str] = []
         for root in self.group:
@@ -175,7 +175,7 @@ class _Growth:
         return names
 
     def _forest(self, joints: Sequence[Joint], order: Sequence[str]) -> list[Joint]:
-        """Joints without a loop: those first that had better not close one, then those of the other tree (J. Kruskal, 1956)."""
+        """Joints without a loop: first those that should not close one, then those of the other tree (J. Kruskal, 1956)."""
         by_name, above = {j.name: j for j in joints}, {name: self._root(name) for name in self.group}
 
         def top(name: str) -> str:
@@ -203,7 +203,7 @@ class _Growth:
         return self._root(self.on[end])
 
     def _weld(self, joint: Joint) -> None:
-        """Two groups are one; that of the ground, or of what was declared first, gives it the name."""
+        """Merge two groups. The group takes the name of the ground, or of the body declared first."""
         first, second = self._group_of(joint.first), self._group_of(joint.second)
         if first == second:
             return
@@ -235,7 +235,7 @@ class _Growth:
         self, root: str, link: int | None, members: Mapping[str, list[Body]],
         neighbours: Mapping[str, list[tuple[str, Joint]]],
     ) -> None:  # fmt: skip
-        """Breadth first, in the order of declaration."""
+        """Grow breadth first, in the order of declaration."""
         self.start[root] = link
         queue = [root]
         for near in queue:
@@ -257,7 +257,7 @@ class _Growth:
 
 
 def drivable(mechanism: Mechanism, ports: Iterable[str]) -> frozenset[str]:
-    """The ports whose flow the network may decide: coordinates of tree joints, one by one (not those of a ball).
+    """Ports whose flow the network may determine: coordinates of tree joints, one by one (not those of a ball).
 
     `ports` are all that have bonds.
     """
@@ -271,12 +271,12 @@ def drivable(mechanism: Mechanism, ports: Iterable[str]) -> frozenset[str]:
 
 
 def bonded_joints(ports: Iterable[str]) -> frozenset[str]:
-    """The parts that ports belong to."""
+    """Parts that the ports belong to."""
     return frozenset(port.partition(".")[0] for port in ports)
 
 
 def loop_of(tree: Tree, joint: Joint, mechanism: Mechanism) -> list[str]:
-    """The bodies around the loop that a joint closes, for messages."""
+    """Bodies around the loop that a joint closes, for messages."""
     on = ends_of(mechanism)
     if joint.first not in on:  # a gear or rack joins joints
         return [joint.first, joint.second]

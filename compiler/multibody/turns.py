@@ -1,6 +1,6 @@
-"""Rotations: about a coordinate axis by an angle, or any.
+"""Rotations: about a coordinate axis by an angle, or general.
 
-Turns about one axis merge into one angle, so a planar mechanism never sees a matrix. What a turn moves is computed without
+Rotations about one axis merge into one angle, so a planar mechanism needs no matrix. Displacements by a rotation are computed without
 the cancellation of 1 - cos: `swing` is (R - 1) v with 2 sin^2(angle/2), as displacements of 1e-9 m on arms of 1e-3 m need it.
 A rotation of a symmetric or any 2 x 2 block needs four products, with those of sine and cosine.
 """
@@ -20,7 +20,7 @@ Quaternion = tuple[Expression, Expression, Expression, Expression]  # w, x, y, z
 
 
 class Turn(Protocol):
-    """A rotation R; vectors that come out are named."""
+    """A rotation R. Result vectors get names."""
 
     @property
     def is_none(self) -> bool: ...
@@ -35,7 +35,7 @@ class Turn(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class AxialTurn:
-    """About the coordinate axis 0, 1 or 2, by an angle (rad)."""
+    """Rotation about the coordinate axis 0, 1 or 2, by an angle (rad)."""
 
     axis: int
     angle: Expression
@@ -89,7 +89,7 @@ class AxialTurn:
         return self.similar(script, m, name, True)
 
     def similar(self, script: Script, m: Matrix, name: str, symmetric: bool = False) -> Matrix:
-        """R m R^T. The block of the plane: with w = c^2 (a - d) - c s (b + e) its diagonal is d + w, a - w."""
+        """R m R^T. In the block of the plane, with w = c^2 (a - d) - c s (b + e), the diagonal is d + w, a - w."""
         if self.is_none:
             return m
         i, j, k = (self.axis + 1) % 3, (self.axis + 2) % 3, self.axis
@@ -105,7 +105,7 @@ class AxialTurn:
             p = script.let(f"{name}.p", cs * across + cc * along)
             new[i][j] = script.let(f"{name}.ij", p - e)
             new[j][i] = new[i][j] if b == e else script.let(f"{name}.ji", p - b)
-        out: list[Expression] = [ZERO, ZERO, ZERO]  # what couples the plane with the axis turns as a vector
+        out: list[Expression] = [ZERO, ZERO, ZERO]  # the block between plane and axis rotates as a vector
         out[i], out[j] = m[i][k], m[j][k]
         turned = self.apply(script, (out[0], out[1], out[2]), f"{name}.k")
         new[i][k], new[j][k] = turned[i], turned[j]
@@ -127,7 +127,7 @@ class AxialTurn:
         return _rows(new)
 
     def quaternion(self, script: Script, name: str) -> Quaternion:
-        """Unit, (w, x, y, z)."""
+        """Unit quaternion (w, x, y, z)."""
         half = self.angle / TWO
         parts: list[Expression] = [ZERO, ZERO, ZERO]
         parts[self.axis] = call("sin", half)
@@ -136,7 +136,7 @@ class AxialTurn:
 
 @dataclass(frozen=True, slots=True)
 class AnyTurn:
-    """Any rotation, by its deviation R - 1 and a quaternion (of any length) that it comes from."""
+    """General rotation, by its deviation R - 1 and a quaternion (of any length) that it comes from."""
 
     less: Matrix
     parts: Quaternion
@@ -162,7 +162,7 @@ class AnyTurn:
         return script.vector(f"{name}.d", applied(self.less, v), "m")
 
     def symmetric(self, script: Script, m: Matrix, name: str) -> Matrix:
-        """R m R^T of a symmetric matrix: half of it is computed."""
+        """R m R^T of a symmetric matrix: only half of it is computed."""
         r = summed(UNIT, self.less)
         half = script.matrix(f"{name}.half", product(r, m))
         new: list[list[Expression]] = [[ZERO] * 3 for _ in range(3)]
@@ -183,7 +183,7 @@ class AnyTurn:
         return self.less
 
     def quaternion(self, script: Script, name: str) -> Quaternion:
-        """(w, x, y, z)."""
+        """Quaternion (w, x, y, z)."""
         return self.parts
 
 
@@ -196,7 +196,7 @@ def _rows(m: list[list[Expression]]) -> Matrix:
 
 
 def composed(script: Script, first: Turn, second: Turn, name: str) -> Turn:
-    """first after second (first second v): one angle where both turn about one axis."""
+    """Product of two rotations (first second v): one angle if both are about one axis."""
     if first.is_none:
         return second
     if second.is_none:
@@ -212,7 +212,7 @@ def composed(script: Script, first: Turn, second: Turn, name: str) -> Turn:
 
 
 def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """The rotation p after q."""
+    """Quaternion of the rotation p after q."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -222,12 +222,12 @@ def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
 
 
 def conjugate(p: Quaternion) -> Quaternion:
-    """The turn the other way round."""
+    """Quaternion of the inverse rotation."""
     return p[0], negate(p[1]), negate(p[2]), negate(p[3])
 
 
 def of_quaternion(script: Script, p: Quaternion, name: str) -> AnyTurn:
-    """The rotation of a quaternion of any length: that its norm is only nearly 1 makes no other rotation of it."""
+    """Rotation of a quaternion of any length, so a norm that is only nearly 1 does no harm."""
     w, x, y, z = p
     twice = script.let(f"{name}.twice", divide(TWO, add(*(c * c for c in p))))
     xs, ys, zs = (script.let(f"{name}.{c}s", twice * v) for c, v in zip("xyz", (x, y, z), strict=True))
@@ -242,7 +242,7 @@ def of_quaternion(script: Script, p: Quaternion, name: str) -> AnyTurn:
 
 
 def about(script: Script, axis: Vector, angle: Expression, name: str) -> Turn:
-    """About a unit vector by an angle (rad)."""
+    """Rotation about a unit vector by an angle (rad)."""
     for k in range(3):
         if axis[(k + 1) % 3] == ZERO and axis[(k + 2) % 3] == ZERO:
             return AxialTurn(k, multiply(axis[k], angle))
@@ -260,7 +260,7 @@ def about(script: Script, axis: Vector, angle: Expression, name: str) -> Turn:
 
 
 def of_rotation_vector(script: Script, v: Vector, name: str) -> Turn:
-    """Of a constant rotation vector (rad): how something was drawn."""
+    """Rotation of a constant rotation vector (rad), of a part in the drawing."""
     known = [k for k in range(3) if v[k] != ZERO]
     if len(known) < 2:
         return AxialTurn(known[0], v[known[0]]) if known else NO_TURN
@@ -269,7 +269,7 @@ def of_rotation_vector(script: Script, v: Vector, name: str) -> Turn:
 
 
 def unit(v: Vector) -> Vector:
-    """A vector of length 1 along another."""
+    """Unit vector along another vector."""
     known = [k for k in range(3) if v[k] != ZERO]
     if all(isinstance(x, Number) for x in v):
         x, y, z = (x.value for x in v if isinstance(x, Number))

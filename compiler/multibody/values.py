@@ -1,4 +1,4 @@
-"""Numbers for expressions of a mechanism: parameters as they are in this scene, states anywhere."""
+"""Numbers for expressions of a mechanism: parameters with the values of this scene, arbitrary values for states."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from .script import Script
 
 
 class Values:
-    """Numbers for expressions: parameters as they are in this scene, states anywhere, as is what such numbers make no number of."""
+    """Numbers for expressions: parameters with the values of this scene, arbitrary values for states and for expressions without finite value."""
 
     def __init__(self, script: Script) -> None:
         self.script = script
         self.known: dict[int, float] = {}
 
     def of(self, x: Expression) -> float:
-        """The value of an expression."""
+        """Value of an expression."""
         if isinstance(x, Number):
             return x.value
         self._find([s.key for s in symbols(x)])

@@ -1,4 +1,4 @@
-"""Vectors and matrices of three, over expressions: what is zero leaves no trace."""
+"""Vectors and matrices of three, over expressions. Zero components are folded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UNIT: Matrix = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
 
 
 def plus(*vectors: Vector) -> Vector:
-    """The sum."""
+    """Sum of vectors."""
     return add(*(v[0] for v in vectors)), add(*(v[1] for v in vectors)), add(*(v[2] for v in vectors))
 
 
@@ -36,7 +36,7 @@ def negated(v: Vector) -> Vector:
 
 
 def dot(a: Vector, b: Vector) -> Expression:
-    """The scalar product."""
+    """Scalar product."""
     return add(*(multiply(x, y) for x, y in zip(a, b, strict=True)))
 
 
@@ -51,7 +51,7 @@ def applied(m: Matrix, v: Vector) -> Vector:
 
 
 def transposed(m: Matrix) -> Matrix:
-    """The rows as columns."""
+    """Transposed matrix."""
     return tuple(zip(*m, strict=True))  # type: ignore[return-value]
 
 
@@ -62,15 +62,15 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 
 def summed(a: Matrix, b: Matrix) -> Matrix:
-    """a + b."""
+    """Sum of matrices a + b."""
     return plus(a[0], b[0]), plus(a[1], b[1]), plus(a[2], b[2])
 
 
 def skew(v: Vector) -> Matrix:
-    """The matrix of `v x`."""
+    """Matrix of `v x`."""
     return (ZERO, negate(v[2]), v[1]), (v[2], ZERO, negate(v[0])), (negate(v[1]), v[0], ZERO)
 
 
 def is_null(v: Vector) -> bool:
-    """Whether all of it is known to be zero."""
+    """Return True if all components are known to be zero."""
     return all(x == ZERO for x in v)
