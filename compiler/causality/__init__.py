@@ -1,4 +1,4 @@
-"""Bond graph to causal graph: strokes, and for each stroke why."""
+"""Bond graph to causal graph: a causal stroke on every bond, each with its reason."""
 
 from .assign import CausalGraph, assign_causality
 from .dependence import Dependence, dependences

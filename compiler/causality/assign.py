@@ -1,10 +1,11 @@
 """The sequential causality assignment procedure (Karnopp, Margolis and Rosenberg, System Dynamics, chapter 5), made exact.
 
-Demands come first, then one choice after the other, each with all that follows from it. What storages and resistors can decide
-together are the sets of vertices that matchings cover, a delta-matroid; there choosing greedily gives the best of all assignments,
-in any order among equals, if a choice is refused exactly when the strokes could not be completed (A. Bouchet, Greedy algorithm and
-symmetric matroids, Mathematical Programming 38 (1987)). A choice that contradicts at once is refused with proof. One that leads
-nowhere shows only later, in rings; then the choices are made anew, each asked of a perfect matching.
+Mandatory causality comes first, then one choice after the other, each with its consequences. The sets of junctions that storages
+and resistors can determine together are the sets of vertices that matchings cover, a delta-matroid. There a greedy choice gives the
+best of all assignments, in any order among equals, if a choice is refused exactly when the strokes could not be completed
+(A. Bouchet, Greedy algorithm and symmetric matroids, Mathematical Programming 38 (1987)). A choice with an immediate contradiction
+is refused with proof. A choice that cannot be completed shows only later, in rings; then all choices are repeated, each checked by a
+perfect matching.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from .strokes import TAIL, Because, Contradiction, Reason, Stroke, Strokes
 
 @dataclass(frozen=True, eq=False)
 class CausalGraph:
-    """A bond graph with a stroke on every bond."""
+    """A bond graph with a causal stroke on every bond."""
 
     graph: BondGraph
     effort_from: tuple[int, ...]  # per bond: TAIL or HEAD, the end that decides the effort
@@ -33,14 +34,14 @@ class CausalGraph:
     derivative: tuple[End, ...]  # storage ports in derivative form
 
     def decides_effort(self, bond: int, node: int) -> bool:
-        """Whether the node decides the effort of one of its bonds."""
+        """Return True if the node determines the effort of one of its bonds."""
         ends = self.graph.bonds[bond]
         end = ends.tail if self.effort_from[bond] == TAIL else ends.head
         return end.node == node
 
 
 def assign_causality(graph: BondGraph) -> CausalGraph:
-    """Put a stroke on every bond. Raises `CompilationFailed` where two demands cannot both hold."""
+    """Put a stroke on every bond. Raises `CompilationFailed` if two demands contradict each other."""
     strokes = Strokes(graph)
     conflicts = list(_demand(strokes))
     if conflicts:
@@ -55,7 +56,7 @@ def assign_causality(graph: BondGraph) -> CausalGraph:
 
 
 def _choose(strokes: Strokes, choices: list[Stroke]) -> bool:
-    """Each choice, or the opposite one where it contradicts; False where both do, so that an earlier choice was wrong."""
+    """Make each choice, or the opposite one if it contradicts. Returns False if both do, so that an earlier choice was wrong."""
     return all(
         strokes.effort_from[choice.bond] is not None or _try(strokes, choice) or _try(strokes, _opposite(choice))
         for choice in choices
@@ -63,7 +64,7 @@ def _choose(strokes: Strokes, choices: list[Stroke]) -> bool:
 
 
 def _choose_by_matching(strokes: Strokes, choices: list[Stroke], mark: int) -> None:
-    """Take all choices back and make them anew, each only if the strokes can be completed after it."""
+    """Undo all choices and repeat them, each only if the strokes can be completed after it."""
     matching = Matching(strokes)
     matching.remember(strokes.trail[mark:])
     strokes.undo(mark)
@@ -82,7 +83,7 @@ def _choose_by_matching(strokes: Strokes, choices: list[Stroke], mark: int) -> N
 
 
 def _try(strokes: Strokes, stroke: Stroke) -> bool:
-    """Put a stroke; a contradiction leaves nothing behind."""
+    """Put a stroke. On a contradiction, undo it and return False."""
     mark = len(strokes.trail)
     try:
         strokes.put(stroke)
@@ -100,7 +101,7 @@ def _opposite(choice: Stroke) -> Stroke:
 
 
 def _demand(strokes: Strokes) -> Iterator[StrokeConflict]:
-    """What must hold whatever else is chosen; yields what contradicts."""
+    """Put the mandatory strokes, and yield their conflicts."""
     to_itself = [n for n, bond in enumerate(strokes.graph.bonds) if bond.tail == bond.head]
     if to_itself:
         yield from (bond_to_itself(strokes, bond) for bond in to_itself)
@@ -115,7 +116,7 @@ def _demand(strokes: Strokes) -> Iterator[StrokeConflict]:
 
 
 def _demands(strokes: Strokes) -> Iterator[Stroke]:
-    """Sources, mechanisms, `require`, junctions with a single bond, and bonds that cancel."""
+    """Strokes of sources, mechanisms, `require`, junctions with a single bond, and bonds that cancel."""
     graph = strokes.graph
     yield from _cancelling(graph)
     for number, node in enumerate(graph.nodes):
@@ -136,9 +137,11 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
 
 
 def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
-    """Bonds between a 0 and a 1, as many to as fro: the effort of the 0 and the flow of the 1 drop out of each other's sums, so
-    something else has to decide both; a stroke among them would close a loop of gain 1. Junctions of one kind that are joined by
-    bonds count as one."""
+    """Bonds between a 0 and a 1, equally many in both directions.
+
+    The effort of the 0 and the flow of the 1 drop out of each other's sums, so other bonds have to determine both; a stroke among the
+    cancelling ones would close a loop of gain 1. Junctions of one kind that are joined by bonds count as one.
+    """
     home = _joined(graph)
     between: dict[
         tuple[int, int], list[tuple[int, int, int]]
@@ -158,7 +161,7 @@ def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
 
 
 def _joined(graph: BondGraph) -> dict[int, int]:
-    """For each junction one that stands for all of its kind that bonds join with it."""
+    """For each junction, the representative of its group: junctions of one kind that are joined by bonds."""
     home = {n: n for n, node in enumerate(graph.nodes) if isinstance(node, Junction)}
 
     def root(node: int) -> int:
@@ -184,8 +187,11 @@ def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because
 
 
 def _choices(strokes: Strokes) -> Iterator[Stroke]:
-    """All choices, what matters most first: mechanisms' joints, wishes for storages, storages, wishes for others, nonlinear laws, linear
-    resistors, what is left. The wish of a resistor does not deny a storage its integral form: nothing might decide that then."""
+    """All choices, the most important first.
+
+    Joints of mechanisms, preferences of storages, storages, preferences of others, nonlinear laws, linear resistors, the rest. The
+    preference of a resistor does not take the integral form from a storage, which might leave a junction undetermined.
+    """
     graph = strokes.graph
     for number, node in enumerate(graph.nodes):
         if isinstance(node, MechanismNode):
@@ -207,7 +213,7 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
 
 
 def _of_mechanism(strokes: Strokes, number: int, node: MechanismNode) -> Iterator[tuple[Stroke, Port]]:
-    """A mechanism takes efforts and gives flows; only those of its joints may be given to it, where nothing else can be."""
+    """Strokes of a mechanism: efforts in, flows out. Only efforts of its joints may be determined by it, where nothing else is possible."""
     strokes_of_ports = _of_ports(strokes, number, [False] * len(node.ports), Because.MECHANISM)
     return zip(strokes_of_ports, node.ports, strict=True)
 
@@ -220,7 +226,7 @@ def _wishes(strokes: Strokes, elements: list[tuple[int, Element]]) -> Iterator[S
 
 
 def _against(node: Element) -> int:
-    """Wishes for an integral form weigh more than those for a derivative form, so that these cost as few as possible."""
+    """Preferences for integral form have more weight than those for derivative form, so that these cost as few as possible."""
     if node.prefer is None or node.kind not in STORAGES:
         return 1
     integral = [wants_effort(node, port, node.prefer) is (stored == "q") for port, stored in enumerate(node.stored)]
@@ -228,9 +234,9 @@ def _against(node: Element) -> int:
 
 
 def _hardness(graph: BondGraph, node: Element) -> int:
-    """Among storages of which only some can be in integral form: the less one can be turned, the earlier it chooses."""
+    """Rank among storages of which only some can be in integral form: the less it can do with the derivative form, the earlier it chooses."""
     if not is_linear(node) and written_stored(node):
-        return 4  # q = f(u): in integral form its inverse would be asked for, which may be steep or not there at all
+        return 4  # q = f(u): the integral form needs the inverse, which may be steep or undefined
     if len(node.ports) > 1:
         return 0  # a field has no derivative form
     if has_start(graph, node):

@@ -1,4 +1,4 @@
-"""Two demands that cannot both hold: where they meet, and along which bonds each of them gets there."""
+"""Conflict of two demands: the place where they meet, and the bonds along which each of them gets there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SHOWN = 6  # demands that a message names at most
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A demand, and the bonds along which it decides what another one decides too."""
+    """A demand, and the bonds along which it determines a variable that another one determines too."""
 
     node: int
     because: Because
@@ -23,12 +23,12 @@ class Chain:
 
 
 def conflict_of(strokes: Strokes, demand: Stroke, contradiction: Contradiction) -> StrokeConflict:
-    """The message for a demand that failed, while the strokes still show how far it came."""
+    """Diagnostic for a demand that failed, while the strokes still contain its consequences."""
     stroke = contradiction.stroke
     place = contradiction.node
     if place is None and stroke.reason.because is Because.FOLLOWS:
         place = stroke.reason.node
-    if place is None:  # the demand itself, on a bond that has a stroke
+    if place is None:  # a demand on a bond that already has a stroke
         reason = strokes.reasons[stroke.bond]
         assert reason is not None
         if reason.because is not Because.FOLLOWS:
@@ -49,7 +49,7 @@ def conflict_of(strokes: Strokes, demand: Stroke, contradiction: Contradiction) 
 
 
 def no_strokes(strokes: Strokes, met: Iterable[int]) -> StrokeConflict:
-    """The message for junctions that are fewer bonds short than they need, whatever is chosen."""
+    """Diagnostic for junctions that have fewer bonds than they need, for every choice of strokes."""
     graph = strokes.graph
     nodes = sorted(v for v in met if v < len(graph.nodes))
     junctions = [n for n in nodes if isinstance(graph.nodes[n], Junction)] or nodes
@@ -67,7 +67,7 @@ def no_strokes(strokes: Strokes, met: Iterable[int]) -> StrokeConflict:
 
 
 def bond_to_itself(strokes: Strokes, bond: int) -> StrokeConflict:
-    """The message for a bond from a junction to the same junction."""
+    """Diagnostic for a bond from a junction to the same junction."""
     ends = strokes.graph.bonds[bond]
     name = f"`{strokes.graph.nodes[ends.tail.node].name}`"
     what = f"A bond leads from {name} to {name}: nothing decides what it carries"
@@ -75,14 +75,14 @@ def bond_to_itself(strokes: Strokes, bond: int) -> StrokeConflict:
 
 
 def _decides(strokes: Strokes, bond: int, node: int, demanded: dict[int, bool]) -> bool:
-    """Whether a bond decides what the bonds of a node share: at a 0 the effort, else the flow."""
+    """Return True if a bond determines the variable that the bonds of a node share: at a 0 the effort, else the flow."""
     effort = demanded[bond] if bond in demanded else strokes.decides_effort(bond, node)
     kind = strokes.graph.nodes[node].kind
     return effort is (kind is not Kind.ZERO)
 
 
 def _chains(strokes: Strokes, bond: int) -> list[Chain]:
-    """The demands from which a stroke follows, each with the fewest bonds between."""
+    """Demands from which a stroke follows, each with the fewest bonds between."""
     after: dict[int, int | None] = {bond: None}
     queue, found = [bond], []
     for current in queue:
@@ -105,7 +105,7 @@ def _chains(strokes: Strokes, bond: int) -> list[Chain]:
 
 
 def _causes(strokes: Strokes, bond: int, node: int, follows: int | None) -> Sequence[int]:
-    """The strokes at a node from which the one on a bond follows: the deciding one, or all others that do not decide."""
+    """Strokes at a node that imply the one on a bond: the determining one, or all others if they do not determine."""
     if follows is None:
         return ()
     if isinstance(strokes.graph.nodes[node], Junction) and _decides(strokes, bond, node, {}):
@@ -140,7 +140,7 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
 
 
 def _words(strokes: Strokes, place: int, decide: str, names: str, several: bool) -> tuple[str, str]:
-    """What is wrong where the chains meet, and what to do about it."""
+    """Description of the conflict where the chains meet, and the advice."""
     node = strokes.graph.nodes[place]
     name, alone = f"`{node.name}`", decide.endswith(" decides")
     if isinstance(node, Element):
@@ -165,7 +165,7 @@ def _words(strokes: Strokes, place: int, decide: str, names: str, several: bool)
 def _related(
     strokes: Strokes, chains: list[Chain], demand: int | None, place: int | None
 ) -> tuple[tuple[Span, str], ...]:
-    """Where each demand stands, along which bonds it comes, and where they meet."""
+    """Places of each demand, of the bonds along which it comes, and of the node where they meet, with notes."""
     nodes = strokes.graph.nodes
     related = []
     for chain in chains[:SHOWN]:
@@ -179,7 +179,7 @@ def _related(
 
 
 def _way(strokes: Strokes, chain: Chain) -> str:
-    """The nodes along a chain."""
+    """Nodes along a chain."""
     names, here = [strokes.graph.nodes[chain.node].name], chain.node
     for bond in chain.bonds:
         ends = strokes.graph.bonds[bond]

@@ -1,6 +1,6 @@
-"""Why a storage is in derivative form: the shortest chain of bonds to what would have to give way.
+"""Reason for a storage in derivative form: the shortest chain of bonds to the element that prevents the integral form.
 
-If the storage were in integral form, the strokes along the chain would all stand at the other end, up to a source that decides the
+With the storage in integral form, all strokes along the chain would be at the other end, up to a source that determines the
 other variable or a storage that is in derivative form instead.
 """
 
@@ -16,9 +16,9 @@ from .strokes import DEMANDS, Because
 
 @dataclass(frozen=True, slots=True)
 class Dependence:
-    """A storage port in derivative form, and what forces it.
+    """A storage port in derivative form, and the node that forces it.
 
-    `bonds` lead from the storage to `forced_by` (a node; None if a ring of junctions forces it by itself, or the author did).
+    `bonds` lead from the storage to `forced_by` (a node; None if a ring of junctions or the author forces it).
     """
 
     port: End
@@ -28,7 +28,7 @@ class Dependence:
 
 
 def dependences(causal: CausalGraph) -> tuple[Dependence, ...]:
-    """For each storage port in derivative form why it is."""
+    """Reason for each storage port in derivative form."""
     bond_of = {end: number for number, bond in enumerate(causal.graph.bonds) for end in (bond.tail, bond.head)}
     return tuple(_dependence(causal, bond_of, port) for port in causal.derivative)
 
@@ -59,7 +59,7 @@ def _other(causal: CausalGraph, bond: int, node: int) -> End:
 
 
 def _stands(causal: CausalGraph, node: int, bond: int) -> Because | None:
-    """Why the stroke on a bond cannot be turned at the node; None if the node does not mind."""
+    """Reason why the stroke on a bond cannot be turned at the node; None if it can."""
     here = causal.graph.nodes[node]
     reason = causal.reasons[bond]
     if reason.node == node and reason.because in DEMANDS:
@@ -83,7 +83,7 @@ def _port(causal: CausalGraph, bond: int, node: int) -> int:
 
 
 def _gives_way(causal: CausalGraph, bond_of: dict[End, int], bond: int, reached: End) -> Iterable[int]:
-    """The strokes that could turn to make up for a turned one: any other, or the one that decides the junction."""
+    """Strokes that could turn to compensate for a turned one: any other, or the one that determines the junction."""
     node = causal.graph.nodes[reached.node]
     if isinstance(node, Junction):
         decides = causal.decides_effort(bond, reached.node) is (node.kind is Kind.ONE)

@@ -1,4 +1,4 @@
-"""What can be wrong with causality: BG3xx."""
+"""Errors of causality: BG3xx."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..source import Span
 
 @dataclass(frozen=True, slots=True)
 class StrokeConflict(Diagnostic):
-    """BG301: two demands meet that cannot both hold."""
+    """BG301: two demands contradict each other."""
 
     code = "BG301"
     title = "{what}"

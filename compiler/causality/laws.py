@@ -1,4 +1,4 @@
-"""What choices of causality ask of a law: whether it can be turned, how it is written, what is known of it before the run."""
+"""Properties of laws for the choice of causality: invertibility, written form, and values known before the run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..graph.network import BondGraph, Element, Law, Own, Quantity
 
 
 def is_linear(node: Element) -> bool:
-    """Whether a one-port's law is linear, so that it holds in both directions."""
+    """Return True if a one-port's law is linear, so that it holds in both directions."""
     return len(node.ports) == 1 and _is_linear(node.law)
 
 
@@ -33,7 +33,7 @@ def _is_linear(law: Law) -> bool:
 
 @lru_cache(maxsize=4096)
 def slopes(law: Law, first: Own, second: Own) -> tuple[Expression, Expression] | None:
-    """The factors of two variables in the one equation of a law, left minus right; None if it is not linear in them."""
+    """Factors of two variables in the one equation of a law, left minus right; None if it is not linear in them."""
     if len(law.equations) != 1:
         return None
     ((left, right),) = law.equations
@@ -42,7 +42,7 @@ def slopes(law: Law, first: Own, second: Own) -> tuple[Expression, Expression] |
 
 
 def written_effort(node: Element, port: int) -> bool:
-    """Whether the law is written for the effort of a port, as in F = r*v."""
+    """Return True if the law is written for the effort of a port, as in F = r*v."""
     for left, right in node.law.equations:
         for side, other in ((left, right), (right, left)):
             if (
@@ -56,7 +56,7 @@ def written_effort(node: Element, port: int) -> bool:
 
 
 def written_stored(node: Element) -> bool:
-    """Whether a storage's law is written for what it stores, as in q = C*u, at every port."""
+    """Return True if a storage's law is written for its stored quantity at every port, as in q = C*u."""
     sides = [pair for left, right in node.law.equations for pair in ((left, right), (right, left))]
 
     def alone(own: Own) -> bool:
@@ -68,20 +68,20 @@ def written_stored(node: Element) -> bool:
 
 
 def wants_effort(node: Element, port: int, word: str) -> bool:
-    """Whether `prefer` or `require` of that word means that the element decides the effort of a port."""
+    """Return True if `prefer` or `require` of that word means that the element determines the effort of a port."""
     if word in ("effort", "flow"):
         return word == "effort"
     return (word == "integral") is (node.stored[port] == "q")
 
 
 def has_start(graph: BondGraph, node: Element) -> bool:
-    """Whether the author gave a start that is not zero."""
+    """Return True if the author gave a start other than zero."""
     bounds = [bound for _, bound in node.starts.values()]
     return any(value_before(graph, b.formula.expression, b.arguments) != 0.0 for b in bounds)
 
 
 def value_before(graph: BondGraph, expression: Expression, arguments: Sequence[object]) -> float | None:
-    """The value of an expression over numbered arguments, if all of them are known before the run."""
+    """Value of an expression over numbered arguments, if all of them are known before the run; else None."""
 
     def lookup(key: object) -> float:
         argument: object = arguments[key] if isinstance(key, int) else None

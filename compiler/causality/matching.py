@@ -1,10 +1,10 @@
-"""Whether strokes can still be completed: a perfect matching, kept up to date choice by choice.
+"""Test whether strokes can be completed: a perfect matching, updated with each choice.
 
-Every junction is decided by exactly one of its bonds, and so is a transformer ("on one side it decides the effort"). A bond
-between a 0 and a 1 decides both of its ends or neither: an edge of a matching. A bond between two equal junctions decides one of
-its ends: two edges that meet in a vertex of the bond's own. A gyrator counts its two bonds oppositely. The bond of a one-port
-decides its junction or does not: an edge to a vertex of its own that may stay single. So strokes that keep all rules are the
-matchings that leave no other vertex single.
+Every junction is determined by exactly one of its bonds, and so is a transformer ("on one side it determines the effort"). A bond
+between a 0 and a 1 determines both of its ends or neither: an edge of a matching. A bond between two equal junctions determines one of
+its ends: two edges that meet in a vertex of the bond. A gyrator counts its two bonds oppositely. The bond of a one-port
+determines its junction or does not: an edge to a vertex that may stay unmatched. So valid strokes are the matchings that leave no
+other vertex unmatched.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ class Matching:
         self.tree: set[int] = set()  # the vertices that the last vain search met
 
     def remember(self, bonds: Iterable[int]) -> None:
-        """Start from strokes that are about to be taken back."""
+        """Start from strokes that are going to be undone."""
         for bond in bonds:
             for node in self._ends(bond):
                 if self.strokes.decides_effort(bond, node) is self._sign_at(bond, node):
                     self._match(node, self._far(node, bond), bond)
 
     def complete(self) -> int | None:
-        """Match every vertex that must be; one that cannot be, if there is one."""
+        """Match every vertex that must be matched. Returns one that cannot be, or None."""
         needed = [n for n in range(self.nodes) if self._is_open(n)]
         needed += [
             self.nodes + b for b, s in enumerate(self.signs) if s[0] is s[1] is not None and not self._has_stroke(b)
@@ -47,7 +47,7 @@ class Matching:
         return next((v for v in needed if v not in self.mate and not self._augment(v)), None)
 
     def follow(self, bonds: Iterable[int]) -> bool:
-        """Keep up with strokes that were put on bonds; False, and nothing changed, if they cannot be completed."""
+        """Update the matching with strokes that were put on bonds. Returns False, with nothing changed, if they cannot be completed."""
         mark, lost = len(self.journal), []
         for bond in bonds:
             for vertex in (*self._ends(bond), self.nodes + bond):
@@ -67,11 +67,11 @@ class Matching:
         return self.strokes.effort_from[bond] is not None
 
     def _is_open(self, node: int) -> bool:
-        """Whether a node is a vertex that nothing decides yet."""
+        """Return True if a node is a vertex that is not determined yet."""
         return self.strokes.open[node] > 0 and _sign(self.graph, End(node, 0)) is not None
 
     def _ends(self, bond: int) -> list[int]:
-        """The nodes at the ends of a bond that are vertices."""
+        """Nodes at the ends of a bond that are vertices."""
         ends = self.graph.bonds[bond]
         return [e.node for e, sign in zip((ends.tail, ends.head), self.signs[bond], strict=True) if sign is not None]
 
@@ -79,7 +79,7 @@ class Matching:
         return self.signs[bond][self.strokes.side(bond, node)]
 
     def _far(self, vertex: int, bond: int) -> int:
-        """Where the edge of a bond leads to from a node."""
+        """Vertex at the other end of a bond's edge from a node."""
         tail, head = self.signs[bond]
         if tail is None or head is None or tail is head:
             return self.nodes + bond
@@ -87,7 +87,7 @@ class Matching:
         return ends.head.node if self.strokes.side(bond, vertex) == TAIL else ends.tail.node
 
     def edges(self, vertex: int) -> Iterator[Partner]:
-        """The neighbours of a vertex over bonds without stroke."""
+        """Neighbours of a vertex over bonds without stroke."""
         if vertex < self.nodes:
             for bond in self.graph.incident[vertex]:
                 if not self._has_stroke(bond):
@@ -96,7 +96,7 @@ class Matching:
             yield from ((node, vertex - self.nodes) for node in self._ends(vertex - self.nodes))
 
     def may_stay_single(self, vertex: int) -> bool:
-        """Whether a vertex belongs to a one-port, which decides or does not."""
+        """Return True if a vertex belongs to a one-port, which may determine its junction or not."""
         return vertex >= self.nodes and None in self.signs[vertex - self.nodes]
 
     # ------------------------------------------------------------ the matching
@@ -117,7 +117,7 @@ class Matching:
                 self.mate[vertex] = mate
 
     def _augment(self, root: int) -> bool:
-        """Find a partner for a single vertex along a path of edges that are by turns outside and inside the matching."""
+        """Match a vertex along an augmenting path, whose edges are alternately outside and inside the matching."""
         search = _Search(self, root)
         end = search.run()
         if end is None:
@@ -146,7 +146,7 @@ class _Search:
         self.entered = {root}
 
     def run(self) -> int | None:
-        """The end of an augmenting path, which `parent` leads back to the root."""
+        """Return the end of an augmenting path, which `parent` leads back to the root."""
         for vertex in self.queue:  # it grows
             for other, bond in self.matching.edges(vertex):
                 partner = self.mate.get(other)
@@ -182,7 +182,7 @@ class _Search:
                 self._enter(vertex)
 
     def _meeting(self, one: int, other: int) -> int:
-        """Where the paths of two vertices to the root meet."""
+        """First common vertex on the paths of two vertices to the root."""
         passed = set()
         vertex = self._base(one)
         passed.add(vertex)
@@ -195,7 +195,7 @@ class _Search:
         return vertex
 
     def _mark(self, vertex: int, base: int, child: int, bond: int, cycle: set[int]) -> None:
-        """One side of an odd cycle: its vertices can now be reached the other way round too."""
+        """Mark one side of an odd cycle: its vertices can now be reached in the other direction too."""
         while self._base(vertex) != base:
             partner = self.mate[vertex][0]
             cycle |= {self._base(vertex), self._base(partner)}
@@ -205,7 +205,7 @@ class _Search:
 
 
 def _sign(graph: BondGraph, end: End) -> bool | None:
-    """What a bond means at a vertex: True if it decides the node when the node decides its effort; None at one-ports."""
+    """Sign of a bond at a vertex: True if it determines the node when the node determines its effort; None at one-ports."""
     node = graph.nodes[end.node]
     if isinstance(node, Junction):
         return node.kind is Kind.ONE

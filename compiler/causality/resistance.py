@@ -1,7 +1,7 @@
-"""Which way linear resistors should be computed, so that no flow is a difference of nearly equal efforts over a small resistance.
+"""Directions of linear resistors that avoid a flow as a difference of nearly equal efforts divided by a small resistance.
 
-In series the largest resistance decides the flow, in parallel the smallest decides the effort: what is left to the others are small
-contributions. Resistances are compared as seen from one side of the transformers and gyrators between them.
+In series the largest resistance determines the flow, in parallel the smallest determines the effort: the others then give small
+contributions. Resistances are compared after transformation to one side of the transformers and gyrators between them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ SAME = 1e-9  # logarithms that differ by less are equal
 
 
 class Wish(NamedTuple):
-    """What a resistor should decide, and how far it lies from the middle (by logarithm) of those that it is compared with."""
+    """Preference of a resistor, and its distance (of logarithms) from the middle of the resistors that it is compared with."""
 
     node: int
     effort: bool
@@ -25,7 +25,7 @@ class Wish(NamedTuple):
 
 
 class _Side(NamedTuple):
-    """Where a node is seen from: log R there is `shift` + log R here, or - log R if a gyrator lies between."""
+    """Side to which a node is transformed: log R there is `shift` + log R here, or - log R if a gyrator is between."""
 
     group: int
     shift: float
@@ -36,7 +36,7 @@ class _Side(NamedTuple):
 
 
 def resistor_wishes(graph: BondGraph) -> list[Wish]:
-    """What the linear one-port resistors whose values are known should decide, the most extreme first."""
+    """Preferences of the linear one-port resistors with known values, the most extreme first."""
     known = []
     for number, node in enumerate(graph.nodes):
         if isinstance(node, Element) and node.kind is Kind.RESISTOR and len(node.ports) == 1 and node.prefer is None:
@@ -60,7 +60,7 @@ def resistor_wishes(graph: BondGraph) -> list[Wish]:
 
 
 def resistance_of(graph: BondGraph, node: Element) -> float | None:
-    """The slope of e over f of a linear law, if it is known before the run."""
+    """Slope of e over f of a linear law, if it is known before the run; else None."""
     found = _slopes(graph, node, Own(0, "e"), Own(0, "f"))
     if found is None or not found[0]:
         return None
@@ -69,7 +69,7 @@ def resistance_of(graph: BondGraph, node: Element) -> float | None:
 
 
 def _slopes(graph: BondGraph, node: Element, first: Own, second: Own) -> tuple[float, float] | None:
-    """The values of the factors of two variables in an element's law; None if they are not known before the run."""
+    """Values of the factors of two variables in an element's law; None if they are not known before the run."""
     found = slopes(node.law, first, second)
     if found is None:
         return None
@@ -78,7 +78,7 @@ def _slopes(graph: BondGraph, node: Element, first: Own, second: Own) -> tuple[f
 
 
 def _ratio(graph: BondGraph, node: Element) -> float | None:
-    """n of e1 = n e2, f2 = n f1, or k of e1 = k f2, e2 = k f1; None if it is not known before the run."""
+    """Ratio n of e1 = n e2, f2 = n f1, or k of e1 = k f2, e2 = k f1; None if it is not known before the run."""
     first, second = ("e", "e") if node.kind is Kind.TRANSFORMER else ("e", "f")
     found = _slopes(graph, node, Own(0, first), Own(1, second))
     if found is not None and all(found):
@@ -89,7 +89,7 @@ def _ratio(graph: BondGraph, node: Element) -> float | None:
 
 
 def _sides(graph: BondGraph) -> list[_Side]:
-    """For each node the side that it is seen from: all that junctions, transformers and gyrators join is one group."""
+    """Side of each node. All nodes connected by junctions, transformers and gyrators are one group."""
     sides: list[_Side | None] = [None] * len(graph.nodes)
     bond_of = {end: number for number, bond in enumerate(graph.bonds) for end in (bond.tail, bond.head)}
     for start in range(len(graph.nodes)):
@@ -113,7 +113,7 @@ def _sides(graph: BondGraph) -> list[_Side]:
 def _across(
     graph: BondGraph, bond_of: dict[End, int], bond: int, number: int, side: _Side
 ) -> Iterator[tuple[int, _Side]]:
-    """The node at the other end of a bond, through transformers and gyrators whose ratio is known."""
+    """Node at the other end of a bond, through transformers and gyrators with known ratio."""
     ends = graph.bonds[bond]
     end = ends.head if ends.tail.node == number else ends.tail
     for _ in range(len(graph.nodes)):  # a ring of transformers ends too

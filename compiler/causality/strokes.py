@@ -1,6 +1,6 @@
-"""Strokes put on bonds one by one, each with all that follows from it, and a trail to take them back.
+"""Strokes put on bonds one by one, each with its consequences, and a trail to undo them.
 
-The rules: a 0-junction takes its effort from one bond, a 1-junction its flow from one bond; a transformer decides the effort on
+The rules: a 0-junction takes its effort from one bond, a 1-junction its flow from one bond; a transformer determines the effort on
 one side and the flow on the other, a gyrator the same on both sides.
 """
 
@@ -16,7 +16,7 @@ TAIL, HEAD = 0, 1
 
 
 class Because(Enum):
-    """Why a stroke stands where it stands."""
+    """Reason for a stroke."""
 
     SOURCE = "a source decides it"
     REQUIRED = "the element requires it"
@@ -37,7 +37,7 @@ DEMANDS = frozenset({Because.SOURCE, Because.REQUIRED, Because.MECHANISM, Becaus
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """The rule, the node that applied it and the bond it follows from."""
+    """The rule, the node that applied it and the bond from which it follows."""
 
     because: Because
     node: int
@@ -46,7 +46,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """A stroke to be put: whether the node at that end decides the effort of the bond, and why."""
+    """A stroke to be put: True if the node at that end determines the effort of the bond, and the reason."""
 
     bond: int
     end: End
@@ -59,14 +59,14 @@ class Stroke:
 
 
 class Contradiction(Exception):
-    """A stroke that cannot be put: its bond, or a junction that would get two deciding bonds or none, stands against it."""
+    """A stroke that cannot be put: its bond has the opposite stroke, or a junction would get two determining bonds or none."""
 
     def __init__(self, stroke: Stroke, node: int | None) -> None:
         self.stroke, self.node = stroke, node
 
 
 class Strokes:
-    """The strokes so far."""
+    """Strokes put so far."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
@@ -79,17 +79,17 @@ class Strokes:
         self.decided: list[int | None] = [None] * len(graph.nodes)  # the bond that decides a junction
 
     def decides_effort(self, bond: int, node: int) -> bool | None:
-        """Whether a node decides the effort of one of its bonds; None if there is no stroke yet."""
+        """Return True if a node determines the effort of one of its bonds; None if there is no stroke yet."""
         if self.effort_from[bond] is None:
             return None
         return self.effort_from[bond] == self.side(bond, node)
 
     def side(self, bond: int, node: int) -> int:
-        """TAIL or HEAD: where a node stands at one of its bonds."""
+        """TAIL or HEAD: the end of a bond at which a node is."""
         return TAIL if self.graph.bonds[bond].tail.node == node else HEAD
 
     def put(self, stroke: Stroke) -> None:
-        """Put a stroke and all that follows from it. Raises `Contradiction`; what was put before it stays on the trail."""
+        """Put a stroke and all its consequences. Raises `Contradiction`; strokes put before it stay on the trail."""
         work = [stroke]
         while work:
             stroke = work.pop()
@@ -108,7 +108,7 @@ class Strokes:
                 work += self._consequences(end, stroke, decider == side)
 
     def undo(self, mark: int) -> None:
-        """Take back what was put since the trail had that length."""
+        """Undo the strokes put since the trail had that length."""
         while len(self.trail) > mark:
             bond = self.trail.pop()
             self.effort_from[bond] = self.reasons[bond] = None
@@ -118,7 +118,7 @@ class Strokes:
                     self.decided[end.node] = None
 
     def _consequences(self, end: End, stroke: Stroke, decides_effort: bool) -> Iterable[Stroke]:
-        """What a new stroke means for the other bonds of a node."""
+        """Strokes that follow from a new stroke at the other bonds of a node."""
         node = self.graph.nodes[end.node]
         reason = Reason(Because.FOLLOWS, end.node, stroke.bond)
         if isinstance(node, Junction):
@@ -135,7 +135,7 @@ class Strokes:
         # At a 0 one bond brings the effort in; at a 1 one bond brings the flow in, so the junction decides its effort.
         bond, number = stroke.bond, end.node
         others = self.graph.incident[number]
-        default = node.kind is Kind.ZERO  # whether the junction decides the effort of its ordinary bonds
+        default = node.kind is Kind.ZERO  # True if the junction determines the effort of its ordinary bonds
         if decides_effort is not default:
             if self.decided[number] is not None:
                 raise Contradiction(stroke, number)
