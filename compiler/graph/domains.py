@@ -13,17 +13,17 @@ GENERIC = (EFFORT, FLOW, DISPLACEMENT, MOMENTUM)
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """One physical domain; `letters` are its names for e, f, q, p (None where it has none)."""
+    """One physical domain; `letters` are its names for e, f, q, p (None if it has none)."""
 
     name: str
     effort: Dimension
     flow: Dimension
     letters: tuple[str | None, str | None, str | None, str | None]
     typed: bool = True
-    guessed: bool = True  # whether the letters of a law alone may tell it
+    guessed: bool = True  # True if the letters of a law may imply it
 
     def dimension(self, variable: str) -> Dimension:
-        """The dimension of `e`, `f`, `q` or `p`."""
+        """Dimension of `e`, `f`, `q` or `p`."""
         if not self.typed:
             return ONE
         match variable:
@@ -36,11 +36,11 @@ class Domain:
         return self.effort * SECOND
 
     def letter(self, variable: str) -> str:
-        """This domain's letter for `e`, `f`, `q` or `p`."""
+        """Letter of this domain for `e`, `f`, `q` or `p`."""
         return self.letters[GENERIC.index(variable)] or variable
 
     def variable(self, letter: str) -> str | None:
-        """`e`, `f`, `q` or `p` for one of this domain's letters (or for itself); None for any other word."""
+        """`e`, `f`, `q` or `p` for a letter of this domain or a generic letter; None for any other word."""
         if letter in self.letters:
             return GENERIC[self.letters.index(letter)]
         return letter if letter in GENERIC else None
@@ -70,7 +70,7 @@ BUNDLES: Mapping[str, Mapping[str, str]] = {
     },
 }  # fmt: skip
 
-# What the components of multibonds are, where nothing else is said: those of bundles and of a universal joint.
+# Default domains of the components of multibonds: those of bundles and of a universal joint.
 COMPONENT_DOMAINS: Mapping[str, str] = {
     **BUNDLES["spatial"], **BUNDLES["planar"], "phi1": "rotation", "phi2": "rotation",
 }  # fmt: skip

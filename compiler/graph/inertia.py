@@ -1,4 +1,4 @@
-"""What inertia tensors are possible: principal moments, and what a rigid body's own can be."""
+"""Checks of inertia tensors: principal moments, and the moments that a rigid body can have."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUNDING = 1e-6  # of the largest moment: drawings give few digits
 
 
 def principal_moments(moments: Sequence[float]) -> tuple[float, float, float]:
-    """The eigenvalues of a symmetric matrix (xx, yy, zz, xy, xz, yz), rising.
+    """Eigenvalues of a symmetric matrix (xx, yy, zz, xy, xz, yz), in rising order.
 
     In closed form: O. K. Smith, Eigenvalues of a symmetric 3 x 3 matrix, Comm. ACM 4 (1961) 168.
     """
@@ -32,18 +32,18 @@ def principal_moments(moments: Sequence[float]) -> tuple[float, float, float]:
 
 
 def is_impossible(principal: tuple[float, float, float]) -> bool:
-    """Whether turning about some axis would take negative energy."""
+    """Return True if a rotation about some axis would have negative energy."""
     return principal[0] < -ROUNDING * max(map(abs, principal))
 
 
 def is_no_body_s(principal: tuple[float, float, float]) -> bool:
-    """Whether no mass could be placed so: one principal moment is at most the sum of the other two."""
+    """Return True if no rigid body has these moments: one principal moment is at most the sum of the other two."""
     first, second, third = principal
     return third > (first + second) * (1 + ROUNDING)
 
 
 def inertia_notes(graph: BondGraph) -> Iterator[str]:
-    """What is said of tensors that compute, but that no single body has. A moment about one axis alone (a rotor) is meant."""
+    """Notes on tensors that can be computed, but that no single body has. A moment about one axis alone (a rotor) is accepted."""
     for node in graph.nodes:
         if isinstance(node, MechanismNode) and not node.mechanism.planar:
             for body in node.mechanism.bodies:
@@ -60,7 +60,7 @@ def inertia_notes(graph: BondGraph) -> Iterator[str]:
 
 
 def inertia_entries(body: Body) -> tuple[Bound, ...]:
-    """xx, yy, zz, xy, xz, yz."""
+    """Entries xx, yy, zz, xy, xz, yz."""
     i = body.inertia
     return i.xx, i.yy, i.zz, i.xy, i.xz, i.yz
 

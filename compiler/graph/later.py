@@ -1,4 +1,4 @@
-"""What depends on numbers that only a run knows: arguments of a program, by their names."""
+"""Dependence on run-time parameters: arguments of a program, by their names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .network import Named, Quantity
 
 
 def behind(names: Iterable[str], quantities: Mapping[str, Named]) -> frozenset[str]:
-    """Some quantities, and all that their definitions read."""
+    """Some quantities, and all that their definitions read, directly or not."""
     found, waiting = set[str](), list(names)
     while waiting:
         name = waiting.pop()
@@ -24,7 +24,7 @@ def behind(names: Iterable[str], quantities: Mapping[str, Named]) -> frozenset[s
 
 
 def over_arguments(bound: Bound, quantities: Mapping[str, Named]) -> Expression:
-    """An expression with all definitions put in: its symbols are the names of what has none."""
+    """Expression with all definitions put in: its symbols are the names of quantities without definition."""
     known: dict[str, Expression] = {}
 
     def put(definition: Bound) -> Expression:

@@ -1,6 +1,6 @@
-"""A mechanism as it was drawn: bodies and joints placed in one world frame, in the reference configuration.
+"""A mechanism as drawn: bodies and joints placed in one world frame, in the reference configuration.
 
-Vectors have three components (m, in world axes); those of a planar mechanism have z = 0 and turn about (0, 0, 1).
+Vectors have three components (m, in world axes); those of a planar mechanism have z = 0, and its rotations are about (0, 0, 1).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ UPRIGHT: Vector = (NOTHING, NOTHING, UNITY)  # the axis about which everything p
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """About the centre of mass, in the body's own axes (kg m^2). A planar body has `zz` alone."""
+    """Inertia about the centre of mass, in body axes (kg m^2). A planar body has `zz` alone."""
 
     xx: Bound = NOTHING
     yy: Bound = NOTHING
@@ -37,7 +37,7 @@ class Inertia:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A rigid body: mass (kg), inertia, where its centre of mass is, and how its own axes are turned in the reference.
+    """A rigid body: mass (kg), inertia, position of its centre of mass, and rotation of its own axes in the reference configuration.
 
     `turn` is a rotation vector (rad); in the plane its z is the angle.
     """
@@ -53,7 +53,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A point that is fixed to a body or to the ground. `axes`: world or body, in which its port and its starts are."""
+    """A point fixed to a body or to the ground. `axes`: world or body, the axes of its port and its starts."""
 
     name: str
     body: str
@@ -65,9 +65,9 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """What two bodies leave each other: `second` seen from `first`, in a frame given in the reference configuration.
+    """Joint: the relative motion that two bodies have, of `second` relative to `first`, with axes given in the reference configuration.
 
-    A distance or rod lies between the points of its ends (`Mechanism.point_of`), other joints at `position`.
+    A distance or rod connects the points of its ends (`Mechanism.point_of`); other joints are at `position`.
     """
 
     name: str
@@ -82,13 +82,13 @@ class Joint:
     axes: str = "from"  # from, to, middle or world: in whose axes a free joint measures
     other_axis: Vector = ORIGIN  # the second of a universal joint
     ratio: Bound = NOTHING  # gear: turn of the second by that of the first; rack: m by rad; screw: m by turn (2 pi)
-    rest: Mapping[str, Bound] = field(default_factory=dict)  # what a coordinate reads in the reference, if not zero
+    rest: Mapping[str, Bound] = field(default_factory=dict)  # coordinates as drawn, if not zero
     locked: bool = False  # it leaves nothing in this run
-    planar: bool = True  # whether it stands in a planar mechanism
+    planar: bool = True  # True in a planar mechanism
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        """The names of its coordinates."""
+        """Names of its coordinates."""
         return freedoms_of(self.kind, self.planar)
 
 
@@ -120,15 +120,18 @@ SPATIAL_JOINTS = frozenset({"planar", "cylinder", "screw", "universal", "ball"})
 
 
 def freedoms_of(kind: str, planar: bool) -> tuple[str, ...]:
-    """The power ports of a body or frame (its pose), or of a joint of this kind."""
+    """Power ports of a body or frame (its pose), or of a joint of this kind."""
     if kind in FREEDOMS and (planar or kind != "free"):
         return FREEDOMS[kind]
     return PLANAR_POSE if planar else POSE
 
 
 def reactions_of(kind: str, planar: bool) -> tuple[str, ...]:
-    """What a joint holds with, and can be asked for as `joint.reaction.x`: force and torque on its second body at the
-    joint's point, in world axes; of a rod the force, of a gear the torque and of a rack the force on its second joint."""
+    """Reaction components of a joint, which can be read as `joint.reaction.x`.
+
+    Force and torque on its second body at the joint's point, in world axes; for a rod only the force, for a gear the torque and for a
+    rack the force on its second joint.
+    """
     if kind in HOLDING_NOTHING or kind not in FREEDOMS:
         return ()
     if kind in COUPLINGS:
@@ -138,7 +141,7 @@ def reactions_of(kind: str, planar: bool) -> tuple[str, ...]:
 
 
 def domain_of(port: str) -> str:
-    """The domain of a port or reading of a mechanism: of `pin.phi`, `pin.reaction.x`, `top.attitude.w`."""
+    """Domain of a port or reading of a mechanism: of `pin.phi`, `pin.reaction.x`, `top.attitude.w`."""
     _, *inner, freedom = port.split(".")
     if inner == ["attitude"]:
         return "rotation"  # bare numbers, as angles are
@@ -158,10 +161,10 @@ class Mechanism:
     planar: bool = True
 
     def body_of(self, place: str) -> str:
-        """The body, or `ground`, that a body's, frame's or the ground's name stands for."""
+        """Body, or `ground`, that the name of a body, frame or the ground denotes."""
         return next((f.body for f in self.frames if f.name == place), place)
 
     def point_of(self, place: str) -> Vector:
-        """Where that is in the drawing: the frame's point, the body's centre, the origin."""
+        """Position in the drawing: the frame's point, the body's centre, or the origin."""
         parts: tuple[Frame | Body, ...] = (*self.frames, *self.bodies)
         return next((p.position for p in parts if p.name == place), ORIGIN)

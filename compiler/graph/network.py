@@ -1,7 +1,7 @@
-"""The noun of the middle of the compiler: elements, junctions and a mechanism's ports, joined by bonds.
+"""Bond graph, the data structure in the middle of the compiler: elements, junctions and a mechanism's ports, joined by bonds.
 
-Everything is flat here: instances are opened, multibonds are several bonds, walls and splitters are gone. Each part still
-knows the definition it came from, its instance path and its line.
+It is flat: instances are expanded, multibonds are several bonds, model ports and splitters are removed. Each part still
+has its definition, its instance path and its line.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Kind(Enum):
-    """What a node of the graph is; the values are the textbook's letters."""
+    """Kind of a node; the values are the textbook's letters."""
 
     EFFORT_SOURCE = "Se"
     FLOW_SOURCE = "Sf"
@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """A reference to `e`, `f`, `q` or `p` at a port of a node (for a junction: what its bonds share), or of a model."""
+    """A reference to `e`, `f`, `q` or `p` at a port of a node (for a junction: the variable that its bonds share), or of a model."""
 
     node: str
     port: str
@@ -53,7 +53,7 @@ class Reading(NamedTuple):
 
 
 class Own(NamedTuple):
-    """In the law of an element: `e`, `f`, `q` or `p` of its own port of this number."""
+    """Own variable in an element's law: `e`, `f`, `q` or `p` of the port with this number."""
 
     port: int
     variable: str
@@ -65,9 +65,9 @@ Reference = Quantity | Reading | float
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """The law of an element, over `Own` variables and numbered slots; equal laws are one object.
+    """Law of an element, over `Own` variables and numbered slots; equal laws are one object.
 
-    Either equations `left = right`, or the energy that is stored.
+    Either equations `left = right`, or the stored energy.
     """
 
     equations: tuple[tuple[Expression, Expression], ...]
@@ -98,7 +98,7 @@ class Element:
     nominals: Mapping[int, tuple[str, Bound]]
     prefer: str | None  # "integral", "derivative", "effort" or "flow"
     require: str | None
-    definition: str  # where it is declared: Model.name
+    definition: str  # declaration: Model.name
     span: Span
 
 
@@ -119,7 +119,7 @@ class Junction:
 
 @dataclass(frozen=True, slots=True)
 class MechanismNode:
-    """A mechanism seen from the graph: one multiport that takes efforts and gives flows."""
+    """A mechanism as a node of the graph: one multiport with efforts as inputs and flows as outputs."""
 
     name: str
     kind: Kind
@@ -133,7 +133,7 @@ Node = Element | Junction | MechanismNode
 
 
 class End(NamedTuple):
-    """Where a bond ends: a node and one of its ports (0 for a junction), by number."""
+    """End of a bond: a node and one of its ports (0 for a junction), by number."""
 
     node: int
     port: int
@@ -141,7 +141,7 @@ class End(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Bond:
-    """A half arrow from `tail` to `head`: the direction in which power counts as positive."""
+    """A half arrow from `tail` to `head`, the direction in which power counts as positive."""
 
     tail: End
     head: End
@@ -153,7 +153,7 @@ class Bond:
 class Named:
     """A parameter, constant, input, signal, mode or output.
 
-    `definition` computes it (None: it comes from outside; of a mode its start); `value` is known for what does not change
+    `definition` computes it (None: it comes from outside; for a mode it is the start). `value` is known if it is constant
     during a run.
     """
 
@@ -178,7 +178,7 @@ class Integral:
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """A signal as it was some time ago: `delay(x, 1 ms)`. What it was before the run is what it is at the start."""
+    """A signal at an earlier time: `delay(x, 1 ms)`. Before the run it has the value of the start."""
 
     name: str
     value: Bound
@@ -188,20 +188,20 @@ class Delay:
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A validity limit: `require CONDITION "text"`. The condition is 1 where it holds."""
+    """A validity limit: `require CONDITION "text"`. The condition is 1 if it holds."""
 
     name: str  # the instance that requires, "" for the model itself
     condition: Bound
     words: str  # as written
     text: str
-    readings: tuple[tuple[str, Reference, str], ...]  # what it is about: words, what they read, SI unit
+    readings: tuple[tuple[str, Reference, str], ...]  # quantities in it: words, reference, SI unit
     span: Span
     stands: Span | None  # where the instance is declared
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What an event sets, and to which value; of a storage the variable that is written, `p` or `f` of an inertia."""
+    """Assignment of an event: target and value. For a storage the variable as written, `p` or `f` of an inertia."""
 
     target: Quantity | Reading
     value: Bound
@@ -211,19 +211,19 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 where it holds; values are read before anything is set."""
+    """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 if it holds; values are read before any target is set."""
 
     name: str  # the instance that it stands in, "" for the model itself
     condition: Bound  # of a sampled one it never holds
     words: str
     actions: tuple[Action, ...]
     span: Span
-    period: Bound | None = None  # of a sampled one, known before the run
+    period: Bound | None = None  # of a sampled event, known before the run
 
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A junction that is on where a condition is 1; off, a 1-junction has no flow and a 0-junction no effort."""
+    """A junction that is on if a condition is 1. When it is off, a 1-junction has no flow and a 0-junction no effort."""
 
     junction: str
     active: Bound
@@ -249,7 +249,7 @@ class BondGraph:
     delays: Mapping[str, Delay] = field(default_factory=dict)
 
     def _repr_html_(self) -> str:
-        """For notebooks: the first bonds, each with its domain and the line that says so. The picture is the product's affair."""
+        """HTML for notebooks: the first bonds, each with its domain and its line in the text. Pictures are drawn elsewhere."""
         from html import escape
 
         from ..errors import printable
@@ -270,7 +270,7 @@ class BondGraph:
         return f"<div>{head}<table>{''.join(rows)}</table>{more}</div>"
 
     def definitions(self) -> Iterator[Bound]:
-        """Everything that signals, parameters and outputs are computed from."""
+        """All definitions of signals, parameters and outputs."""
         for named in (*self.quantities.values(), *self.outputs.values()):
             if named.definition is not None:
                 yield named.definition
@@ -292,7 +292,7 @@ class BondGraph:
 
     @cached_property
     def incident(self) -> tuple[tuple[int, ...], ...]:
-        """For each node the numbers of its bonds, in order of declaration."""
+        """Numbers of the bonds of each node, in order of declaration."""
         lists: list[list[int]] = [[] for _ in self.nodes]
         for number, bond in enumerate(self.bonds):
             lists[bond.tail.node].append(number)
@@ -301,7 +301,7 @@ class BondGraph:
 
     @cached_property
     def network(self) -> networkx.MultiDiGraph:
-        """The graph in networkx: nodes are named as in the text, `node=` and `bond=` carry the typed payloads."""
+        """The graph in networkx: nodes have their names of the text, `node=` and `bond=` carry the typed payloads."""
         import networkx
 
         graph = networkx.MultiDiGraph(name=self.name)

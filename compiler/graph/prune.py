@@ -1,7 +1,7 @@
-"""What gives nothing leaves the graph: a resistor with r = 0, a source that is off, a spring without stiffness.
+"""Removal of elements that contribute nothing: a resistor with r = 0, a source that is off, a spring without stiffness.
 
-It stands before causality, so that no stroke is spent on them. A parameter counts as zero only if this run cannot change it;
-an element whose variables are read somewhere stays, with the zero as its law: `p = 0*v` can only be taken in one direction.
+It comes before causality, so that no stroke is spent on them. A parameter counts as zero only if this run cannot change it.
+An element whose variables are read elsewhere stays, with the zero as its law: `p = 0*v` can only be solved in one direction.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ Zeros = frozenset[str]
 
 
 def known_zeros(graph: BondGraph, free: frozenset[str]) -> Zeros:
-    """The quantities that are zero whatever happens in this run. `free` names those that must stay adjustable."""
+    """Quantities that are always zero in this run. `free` names those that must stay adjustable."""
     zeros: dict[str, bool] = {}
 
     def is_zero(name: str) -> bool:
         if name not in zeros:
-            zeros[name] = False  # a cycle would have been told before
+            zeros[name] = False  # a cycle would have been reported before
             named = graph.quantities.get(name)
             if (
                 named is not None
@@ -54,12 +54,12 @@ def known_zeros(graph: BondGraph, free: frozenset[str]) -> Zeros:
 
 
 def adjustable(named: Named) -> bool:
-    """Whether a quantity is an argument of a program: a parameter or input that depends on nothing else."""
+    """Return True if a quantity is an argument of a program: a parameter or input without dependences."""
     return named.role in ("parameter", "input") and (named.definition is None or not named.definition.arguments)
 
 
 def fold(bound: Bound, is_zero: object) -> Expression:
-    """A bound formula with its known zeros put in."""
+    """Expression of a bound formula with its known zeros put in."""
     assert callable(is_zero)
 
     def value(symbol: Symbol) -> Expression:
@@ -72,7 +72,7 @@ def fold(bound: Bound, is_zero: object) -> Expression:
 
 
 def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
-    """The graph without what gives nothing."""
+    """The graph without elements that contribute nothing."""
     read = {name for r in _readings(graph) for name in _read_nodes(graph, r)}
     dropped: set[End] = set()
     changed: dict[int, Element] = {}
@@ -99,7 +99,7 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
 
 
 def preferring(graph: BondGraph, wishes: Mapping[str, str | None]) -> BondGraph:
-    """The graph with other wishes for the form of some storages."""
+    """The graph with other preferences for the form of some storages."""
     if not wishes:
         return graph
     nodes = tuple(
@@ -109,7 +109,7 @@ def preferring(graph: BondGraph, wishes: Mapping[str, str | None]) -> BondGraph:
 
 
 def derivative_wishes(graph: BondGraph, but: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """The storages that would like the derivative form of some port, except for some."""
+    """Storages that prefer the derivative form at some port, except the given ones."""
     return tuple(
         n.name
         for n in graph.nodes
@@ -121,7 +121,7 @@ def derivative_wishes(graph: BondGraph, but: frozenset[str] = frozenset()) -> tu
 
 
 def _readings(graph: BondGraph) -> Iterator[Reading]:
-    """What is read of elements by quantities, outputs and laws."""
+    """Readings of elements in quantities, outputs and laws."""
     for definition in graph.definitions():
         yield from (a for a in definition.arguments if isinstance(a, Reading))
     for event in graph.events:
@@ -132,7 +132,7 @@ def _readings(graph: BondGraph) -> Iterator[Reading]:
 
 
 def _read_nodes(graph: BondGraph, reading: Reading) -> tuple[str, ...]:
-    """The node that is read; of a port of a model both ends of the bond that passes through it."""
+    """The node of a reading; for a port of a model both ends of the bond that passes through it."""
     number = graph.walls.get((reading.node, reading.port))
     if number is None:
         return (reading.node,)
@@ -148,7 +148,7 @@ def _neighbours(graph: BondGraph) -> Mapping[End, int]:
 
 
 def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
-    """Port number -> `e` or `f`: what is identically zero there."""
+    """Map from port number to the variable, `e` or `f`, that is identically zero there."""
     if node.kind not in (Kind.RESISTOR, Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE, Kind.CAPACITOR, Kind.INERTIA):
         return {}
 
@@ -178,7 +178,7 @@ def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
 
 
 def _with_zero(node: Element, silent: dict[int, str]) -> Element:
-    """A one-port whose law is `variable = 0`, which decides what is silent and nothing else."""
+    """A one-port with the law `variable = 0`, which determines the zero variable and nothing else."""
     if len(node.ports) > 1 or node.kind in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
         return node
     ((left, _),) = node.law.equations or ((Symbol(Own(0, silent[0])), ZERO),)
@@ -187,7 +187,7 @@ def _with_zero(node: Element, silent: dict[int, str]) -> Element:
 
 
 def _absorbs(graph: BondGraph, other: int | None, variable: str) -> bool:
-    """Whether what stands at the other end only adds a zero to a sum."""
+    """Return True if the other end only adds a zero to a sum."""
     if other is None:
         return False
     node = graph.nodes[other]
@@ -197,7 +197,7 @@ def _absorbs(graph: BondGraph, other: int | None, variable: str) -> bool:
 
 
 def _independent(node: Element, removable: set[int]) -> bool:
-    """Whether the ports that stay do not depend on those that go."""
+    """Return True if the remaining ports do not depend on the removed ones."""
     if len(removable) == len(node.ports):
         return True
     if node.law.energy is not None:
@@ -211,7 +211,7 @@ def _independent(node: Element, removable: set[int]) -> bool:
 
 
 def _silent_source(node: Element, variable: str) -> Element:
-    """A source of nothing: it still shorts a 0-junction or holds a 1-junction."""
+    """A source of zero: it still shorts a 0-junction or blocks a 1-junction."""
     kind = Kind.EFFORT_SOURCE if variable == "e" else Kind.FLOW_SOURCE
     law = Law(((Symbol(Own(0, variable)), ZERO),), None, 0)
     return replace(node, kind=kind, law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None, require=None)
@@ -270,7 +270,7 @@ def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]
 
 
 def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tuple[MechanismNode, dict[End, End]]:
-    """The mechanism with only the ports that still carry a bond."""
+    """The mechanism with only the ports that still have a bond."""
     used = {e.port for b in bonds for e in (b.tail, b.head) if e.node == number}
     kept: list[Port] = []
     moved: dict[End, End] = {}

@@ -1,4 +1,4 @@
-"""What `every` blocks do that a controller's program would not: their right sides read the values from before the instant."""
+"""Notes on `every` blocks that differ from a controller's program: all their right sides read the values from before the instant."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .network import Action, BondGraph, Event, Quantity, Reading
 
 
 def sample_notes(graph: BondGraph) -> Iterator[str]:
-    """A note for each line of an `every` block that reads what an earlier line of it sets."""
+    """A note for each line of an `every` block that reads a target of an earlier line of it."""
     for event in graph.events:
         if event.period is not None:
             yield from _notes(event, graph)
@@ -29,7 +29,7 @@ def _notes(event: Event, graph: BondGraph) -> Iterator[str]:
 
 
 def _read(action: Action, graph: BondGraph) -> frozenset[Quantity | Reading]:
-    """All that the right side reads, by itself and through signals. Integrals are read as they are, not what they are made of."""
+    """All references of a right side, direct and through signals. Integrals count as themselves, not as their arguments."""
     quantities = graph.quantities
     names = behind([a.name for a in action.value.arguments if isinstance(a, Quantity)], quantities)
     definitions = [action.value, *(d for n in names if (d := quantities[n].definition) is not None)]

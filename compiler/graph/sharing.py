@@ -1,10 +1,10 @@
-"""Ideal switches whose currents, or whose voltages, the network leaves open: they share them equally.
+"""Ideal switches whose currents or voltages the network leaves undetermined: they are shared equally.
 
-A loop of nothing but closed switches leaves open how a current divides; a part that hangs on nothing but open switches leaves open which
-potential it has. Both follow in the limit of equal small resistances, and of equal small leakages: around such a loop the flows
-of the switches add up to zero, with their signs, and so do the efforts across the switches through which a part hangs. One switch of each loop, and
-of each such cut, becomes the source that says so; all others stay as they are. Loops and cuts are the null space of the
-equations of the junctions (Tellegen's theorem makes the rule the dual of what the network itself leaves out).
+A loop of closed switches alone leaves the division of a current undetermined; a part connected only through open switches has no
+determined potential. Both follow in the limit of equal small resistances, and of equal small leakages: around such a loop the flows
+of the switches add up to zero, with their signs, and so do the efforts across the switches that connect such a part. One switch of
+each loop, and of each such cut, becomes a source with this condition; all others stay as they are. Loops and cuts are the null space
+of the equations of the junctions (by Tellegen's theorem the rule is the dual of the freedom that the network leaves).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Row = dict[int, Fraction]  # group of bonds -> coefficient
 
 
 def shared(graph: BondGraph, valves: frozenset[str], closed: frozenset[str]) -> BondGraph:
-    """The graph with one source for each loop of closed switches and for each part that hangs on open ones, if a valve is among them.
+    """Return the graph with one source for each loop of closed switches and each part behind open ones, if a valve is among them.
 
     `closed`: junctions that have become sources of no effort. Open are the valves and switches that are still 0-junctions with one bond.
     """
@@ -77,7 +77,7 @@ def _open(
 
 
 def _is_ground(node: object, kind: Kind) -> bool:
-    """Whether a node is a source of nothing, through which a loop or a cut may go."""
+    """Return True if a node is a source of zero, through which a loop or a cut may go."""
     other = Kind.EFFORT_SOURCE if kind is Kind.FLOW_SOURCE else Kind.FLOW_SOURCE
     return (
         isinstance(node, Element) and node.kind is other and len(node.ports) == 1 and node.law.equations[0][1] == ZERO
@@ -85,7 +85,7 @@ def _is_ground(node: object, kind: Kind) -> bool:
 
 
 def _groups(graph: BondGraph, joins: Kind, own: frozenset[int]) -> list[int]:
-    """For each bond the first of those that share its variable through junctions."""
+    """For each bond the first of the bonds that share its variable through junctions."""
     leader = list(range(len(graph.bonds)))
 
     def root(b: int) -> int:
@@ -103,7 +103,7 @@ def _groups(graph: BondGraph, joins: Kind, own: frozenset[int]) -> list[int]:
 
 
 def _sum(graph: BondGraph, number: int, group: Sequence[int], still: set[int]) -> Row:
-    """The balance of a junction over groups of bonds, without those that carry nothing."""
+    """Balance of a junction over groups of bonds, without those that carry nothing."""
     row: Row = {}
     for bond in graph.incident[number]:
         sign = 1 if graph.bonds[bond].head.node == number else -1
@@ -113,7 +113,7 @@ def _sum(graph: BondGraph, number: int, group: Sequence[int], still: set[int]) -
 
 
 def _eliminated(rows: list[Row], order: Sequence[int]) -> dict[int, Row]:
-    """The reduced rows of a homogeneous system, by their pivots; pivots are looked for in this order."""
+    """Reduced rows of a homogeneous system, by their pivots. Pivots are searched for in this order."""
     pivots: dict[int, Row] = {}
     rest = list(rows)
     for g in order:
@@ -136,7 +136,7 @@ def _without(row: Row, g: int, pivot: Row) -> Row:
 
 
 def _source(graph: BondGraph, number: int, kind: Kind, others: Mapping[str, float]) -> Element:
-    """A switch that carries what the others of its loop or cut leave to it."""
+    """A switch as a source of the remainder of its loop or cut."""
     node = graph.nodes[number]
     variable = "f" if kind is Kind.FLOW_SOURCE else "e"
     domain = graph.bonds[graph.incident[number][0]].domain

@@ -1,7 +1,7 @@
 """Junctions that are off: a 1-junction without flow, a 0-junction without effort.
 
-Each of its bonds ends at a source of nothing instead, so that all that follows (what gives nothing, causality, equations) is as for any
-graph: an open switch between two nodes vanishes, a shorted capacitor is in derivative form, what hangs alone keeps what it stores.
+Each of its bonds ends at a source of zero instead, so all later passes (pruning, causality, equations) work as for any
+graph: an open switch between two nodes vanishes, a shorted capacitor is in derivative form, an isolated part keeps its content.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .sharing import shared
 
 
 def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = frozenset()) -> BondGraph:
-    """The graph with these junctions off. `valves`: the ideal ones, which share what the network leaves open."""
+    """The graph with these junctions off. `valves`: the ideal ones, which share undetermined currents and voltages."""
     off = frozenset(names)
     if not off:
         return shared(graph, valves, off)
@@ -40,7 +40,7 @@ def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = 
 
 
 def off_at_the_start(graph: BondGraph, time: float) -> tuple[str, ...]:
-    """The junctions whose condition fails with the modes as they start; those that read what moves count as on."""
+    """Junctions whose condition is false with the start values of the modes. If a condition reads varying quantities, its junction is on."""
 
     def value(name: str) -> float:
         if name == TIME.name and name not in graph.quantities:

@@ -1,4 +1,4 @@
-"""Units: a closed list of symbols, dimensions as exponents of the seven SI bases, scales kept exact until the last step."""
+"""Units: a closed list of symbols, dimensions as exponents of the seven SI bases, scales exact until the last step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 class Dimension:
     """Exponents of kg, m, s, A, K, mol, cd.
 
-    A large model meets few dimensions very often: their hash is kept, and products, powers and names are remembered.
+    A large model has few dimensions, used very often: their hash is stored, and products, powers and names are cached.
     """
 
     exponents: tuple[Fraction, ...]
@@ -46,7 +46,7 @@ class Dimension:
         return _power_of(self, power)
 
     def __str__(self) -> str:
-        """The unit that an engineer would write for it: `N*s/m`; `1` for a bare number."""
+        """Unit in an engineer's notation: `N*s/m`; `1` for a bare number."""
         return _name(self)
 
 
@@ -109,7 +109,7 @@ class Scale:
         return Scale(self.dimension**power, self.number**power.numerator, self.pi_power * power.numerator)
 
     def to_si(self, value: Fraction) -> float:
-        """The value in SI, rounded once; infinite where no double can hold it."""
+        """Value in SI, rounded once; infinite beyond the range of doubles."""
         exact = value * self.number + self.offset if self.offset else value * self.number
         try:
             return float(exact) * math.pi**self.pi_power if self.pi_power else float(exact)

@@ -1,9 +1,9 @@
-"""Ideal valves: junctions whose two events say that effort and flow are complementary (effort <= 0, flow >= 0, one of them zero).
+"""Ideal valves: junctions with two events that make effort and flow complementary (effort <= 0, flow >= 0, one of them zero).
 
-`IdealDiode` of the library is written so: a 0-junction with one bond, which blocks while it is on and conducts while it is off; one event lets
-it conduct where its effort becomes positive, the other lets it block where its flow becomes negative, and nothing else sets that mode.
-All valves of a model then switch together (a linear complementarity problem), not one after the other. A pair of events with another
-threshold (a hysteresis) is no valve and acts as it is written.
+`IdealDiode` of the library is written in this way: a 0-junction with one bond, which blocks while it is on and conducts while it is
+off. One event makes it conduct when its effort becomes positive, the other makes it block when its flow becomes negative, and no other
+event sets that mode. All valves of a model then switch together (a linear complementarity problem), not one after the other. A pair of
+events with another threshold (a hysteresis) is no valve and acts as it is written.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SAMPLES = (-1e3, -1.0, -1e-9, 1e-9, 1.0, 1e3)  # of an effort or a flow, at whic
 
 @dataclass(frozen=True, slots=True)
 class Valve:
-    """An ideal valve. `events`: owner and place of the event that lets it conduct and of the one that lets it block."""
+    """An ideal valve. `events`: owner and number of the event that makes it conduct and of the one that makes it block."""
 
     junction: str
     mode: str
@@ -31,13 +31,13 @@ class Valve:
 
 
 def valves(graph: BondGraph) -> tuple[Valve, ...]:
-    """The ideal valves of a graph, in the order of its switched junctions."""
+    """Ideal valves of a graph, in the order of its switched junctions."""
     found = (_valve(graph, switch) for switch in graph.switches)
     return tuple(valve for valve in found if valve is not None)
 
 
 def switched_gaps(graph: BondGraph) -> tuple[str, ...]:
-    """All switched 0-junctions with one bond, valves first: two-terminal switches, whoever decides them."""
+    """All switched 0-junctions with one bond, valves first: two-terminal switches, with any kind of condition."""
     own = [v.junction for v in valves(graph)]
     others = (s.junction for s in graph.switches if s.junction not in own and _sides(graph, s.junction) is not None)
     return (*own, *others)
@@ -68,11 +68,11 @@ def _valve(graph: BondGraph, switch: Switch) -> Valve | None:
     return None
 
 
-Is = Callable[[object], bool]  # whether a reading is the effort, or the flow, of the valve
+Is = Callable[[object], bool]  # returns True for a reading of the effort, or of the flow, of the valve
 
 
 def _sides(graph: BondGraph, name: str) -> tuple[Is, Is] | None:
-    """How the effort and the flow of a 0-junction with one bond, whose arrow points into it, are read; None for all others."""
+    """Tests for readings of the effort and the flow of a 0-junction with one bond, whose arrow points into it; None for all others."""
     number = next(i for i, n in enumerate(graph.nodes) if isinstance(n, Junction) and n.name == name)
     bonds, node = graph.incident[number], graph.nodes[number]
     if node.kind is not Kind.ZERO or len(bonds) != 1 or graph.bonds[bonds[0]].head.node != number:
@@ -94,14 +94,14 @@ def _sides(graph: BondGraph, name: str) -> tuple[Is, Is] | None:
 
 
 def _sets(event: Event, value: float) -> bool:
-    """Whether all that an event does is to set one mode to a value."""
+    """Return True if the only action of an event is to set one mode to a value."""
     if event.period is not None or len(event.actions) != 1:
         return False
     return _value(event.actions[0].value, lambda _: float("nan")) == value
 
 
 def _holds(graph: BondGraph, event: Event, mode: Quantity, at: float, side: tuple[Is, float]) -> bool:
-    """Whether a condition holds exactly where the mode has a value and what it reads has a sign."""
+    """Return True if a condition holds exactly if the mode has a value and its reading has a sign."""
     reads, sign = side
     others = [a for a in event.condition.arguments if a != mode]
     if len(others) != 1 or not reads(others[0]) or mode not in event.condition.arguments:
@@ -114,7 +114,7 @@ def _holds(graph: BondGraph, event: Event, mode: Quantity, at: float, side: tupl
 
 
 def _value(bound: Bound, value: Callable[[object], float]) -> float | None:
-    """A formula with a value for each of its arguments; None where it has none."""
+    """Value of a formula with a value for each of its arguments; None if it has none."""
     try:
         return float(evaluate(bound.formula.expression, lambda slot: value(bound.arguments[slot])))
     except (ArithmeticError, ValueError, KeyError):
