@@ -1,4 +1,4 @@
-"""Rules to nodes of the tree: one method per rule of the grammar, called while the text is read."""
+"""Grammar rules to nodes of the tree: one method per rule of the grammar, called while the text is parsed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _done(part: Any) -> Any:
 
 @lru_cache(4096)  # a large model says the same few numbers again and again
 def _number_of(text: str) -> Fraction | None:
-    """The number of a text; None of one beyond what is computed with."""
+    """Number of a text; None for one beyond the limits of computation."""
     match = _NUMBER.fullmatch(text)
     assert match is not None
     whole, part, exponent = match.group(1), match.group(2) or "", match.group(3) or "0"
@@ -46,7 +46,7 @@ def _number_of(text: str) -> Fraction | None:
 
 
 class Builder:
-    """Makes the nodes; `source` is set by the parser before each file."""
+    """Builder of the nodes. The parser sets `source` before each file."""
 
     source: Source
 
@@ -392,7 +392,7 @@ class Builder:
         return self._bounded(span, factors, number)
 
     def _bounded(self, span: Span, factors: Sequence[tuple[str, Fraction, Span]], number: Fraction) -> tree.Unit:
-        """A unit within limits: they are checked before a power is formed from it."""
+        """A unit within limits, which are checked before a power is formed from it."""
         powers: dict[str, Fraction] = {}
         for name, power, _ in factors:
             powers[name] = powers[name] + power if name in powers else power

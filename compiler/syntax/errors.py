@@ -1,4 +1,4 @@
-"""What can be wrong with the text before any name is looked up: BG0xx."""
+"""Errors in the text before any name is looked up: BG0xx."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class StrangeCharacter(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NumberTooLarge(Diagnostic):
-    """BG003: a literal beyond the limits, which leave a margin to those of double precision."""
+    """BG003: a literal beyond the limits, which keep a margin to those of double precision."""
 
     code = "BG003"
     title = "The number {number} is beyond the limits of the language, 1e-300 to 1e300 in magnitude"
@@ -72,7 +72,7 @@ class Unclosed(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class WrongUnit(Diagnostic):
-    """BG008: a unit that cannot be."""
+    """BG008: an impossible unit."""
 
     code = "BG008"
     title = "{what}"
@@ -91,7 +91,7 @@ class ForeignFile(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NotUtf8(Diagnostic):
-    """BG009: bytes that are no text in UTF-8."""
+    """BG009: bytes that are not valid UTF-8."""
 
     code = "BG009"
     title = "The file is not a text in UTF-8: {what}"

@@ -1,4 +1,4 @@
-"""A parser's complaint in the author's words: what stands there, and what is probably meant."""
+"""Syntax errors in the author's words: the unexpected text, and the probable intention."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _FOREIGN = {
 
 
 def explain(source: Source, problem: Unreadable) -> Diagnostic:
-    """The diagnostic for a word or a character that cannot be read."""
+    """Diagnostic for a word or a character that cannot be parsed."""
     word = problem.word
     if word is None:
         return _character(source, problem.position, problem)
@@ -61,7 +61,7 @@ def _character(source: Source, start: int, problem: Unreadable) -> Diagnostic:
 
 
 def _unclosed(source: Source, word: Word, open_brackets: Sequence[Word]) -> Diagnostic | None:
-    """An open bracket explains what seems wrong some lines later, or at the end of the file."""
+    """Diagnostic for an open bracket, the cause of errors some lines later or at the end of the file."""
     if not open_brackets:
         return None
     last = open_brackets[-1]
@@ -76,8 +76,10 @@ def _unclosed(source: Source, word: Word, open_brackets: Sequence[Word]) -> Diag
 
 
 def _open_brace(text: str, outermost: int) -> int:
-    """Which brace is open, by the author's indentation: a `}` that begins a line less indented than the brace it would close
-    belongs to one further out."""
+    """Offset of the open brace, according to the author's indentation.
+
+    A `}` that begins a line with less indentation than the brace it would close belongs to an outer one.
+    """
     open_braces: list[tuple[int, int]] = []  # offset, indentation of its line
     for found in _BRACES.finditer(text):
         brace = found[1]
@@ -122,7 +124,7 @@ def _hint(problem: Unreadable, source: Source) -> str:
 
 
 def _special(token: Word, expected: set[str], before: str) -> str:
-    """What is probably meant, from the token and the line before it."""
+    """Advice on the probable intention, from the token and the line before it."""
     text = str(token)
     if text == "import" and "MODEL" not in expected:
         return "An import stands at the top of the file, outside of models."

@@ -1,11 +1,11 @@
-"""Text to the same text, tidied: indentation and the space between words. Line breaks, comments and tables stay the author's.
+"""Formatter: indentation and the space between words. Line breaks, comments and tables stay as the author wrote them.
 
-The words are those that the parser read, so that what a word is here is what it is to it. Each has a usual distance from
-the one before it (`_distance`). A word that stands further right stays there if it is part of a table: words of one sort that
-begin in one column of neighbouring lines begin in one column afterwards too, as far from what stands before them as they were.
+The words are the tokens of the parser. Each has a usual distance from the word before it (`_distance`). A word further to the right
+keeps its place if it is part of a table: words of one sort that begin in one column of neighbouring lines begin in one column
+afterwards too, with the same distance to the words before them.
 
-Every choice depends on the words, on which columns are equal and on what is beyond the usual distance. All three are the same
-in the result, so formatting it again changes nothing.
+Every choice depends on the words, on equal columns and on distances beyond the usual ones. All three are the same in the result, so
+formatting it again changes nothing.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _GAP = re.compile(r"#[^\n]*|\n|[^\n#]+")
 
 
 def format_text(source: Source) -> str:
-    """The text of a file, formatted. Linear in its length.
+    """Return the text of a file, formatted. Linear in its length.
 
     Raises `CompilationFailed` if it has syntax errors, and `InternalError` if the result would mean something else.
     """
@@ -64,7 +64,7 @@ def format_text(source: Source) -> str:
 
 @dataclass(slots=True, eq=False)
 class _Word:
-    """A token or a comment: where it stood, and where it will stand."""
+    """A token or a comment, with its old and its new place."""
 
     kind: str  # lark's name of the terminal, or COMMENT
     text: str
@@ -76,26 +76,26 @@ class _Word:
     usual: int = 0  # the usual distance from the word before it
     free: bool = False  # at the end of a line, where the author decides how far
     depth: int = 0  # of the first word of a line: how deep it is indented, unless it stands below something
-    below: _Word | None = None  # what it stands below
+    below: _Word | None = None  # word under which it is aligned
     brace: _Word | None = None  # of a brace that closes attributes: the one that opens them
-    new: int = -1  # the column where it will stand
+    new: int = -1  # new column
 
     @property
     def extra(self) -> int:
-        """How much further it stood than usual."""
+        """Distance from the word before, beyond the usual one, in the old text."""
         if self.before is None:
             return 0
         return max(0, self.column - self.before.column - len(self.before.text) - self.usual)
 
     @property
     def natural(self) -> int:
-        """Where it would stand at its usual distance."""
+        """Column at the usual distance."""
         assert self.before is not None
         return self.before.new + len(self.before.text) + self.usual
 
     @property
     def sort(self) -> str:
-        """What it shares a column with, if with anything: operands and signs with those after the same word."""
+        """Key of the words that may share a column with it, "" for none: operands and signs with those after the same word."""
         if self.kind == "LSQB":
             return "unit" if self.usual else ""  # the other one is an index
         sort = _SORTS.get(self.kind, "operand" if _is_name(self.text) else self.text)
@@ -115,36 +115,36 @@ def _is_name(text: str) -> bool:
 
 @dataclass(slots=True)
 class _Line:
-    """The words of one line; `paragraph` counts the blank lines before it."""
+    """Words of one line. `paragraph` is the number of blank lines before it."""
 
     paragraph: int
     words: list[_Word] = field(default_factory=list)
 
 
 def _parse_with_tokens(source: Source) -> tuple[object, list[Word]]:
-    """The statements of a file and its tokens, `_NL` among them where a line break ends something."""
+    """Statements of a file and its tokens, with `_NL` where a line break ends a statement."""
     tokens: list[Word] = []
     try:
         if len(source.text) <= MAXIMUM_SIZE and not without_hidden(source)[1]:
             return read_words(source, source.text, seen=tokens), tokens
     except (Unreadable, Refused):
         pass
-    parse(source)  # tells all mistakes
+    parse(source)  # reports all syntax errors
     raise InternalError(f"{source.name} is read in one way and not in another")
 
 
 class _Reader:
-    """Gathers words in lines; spaces become columns, blank lines are counted."""
+    """Collection of words in lines. Spaces become columns, blank lines are counted."""
 
     def __init__(self) -> None:
         self.lines = [_Line(0)]
         self.column = 0
-        self.ended = True  # whether a statement can begin at the next word
+        self.ended = True  # True if a statement can begin at the next word
 
     def read(self, text: str, tokens: Iterable[Word]) -> list[_Line]:
         position = 0
         for token in tokens:
-            if token.type == "_NL":  # what is in it is read with all that stands before the next token
+            if token.type == "_NL":  # its text is read with the gap before the next token
                 self.ended = True
                 continue
             self.gap(text[position : token.start_pos])
@@ -161,7 +161,7 @@ class _Reader:
         self.column += len(text)
 
     def gap(self, text: str) -> None:
-        """What stands between two tokens: spaces, line breaks, comments."""
+        """Read the text between two tokens: spaces, line breaks, comments."""
         for piece in _GAP.findall(text):
             if piece == "\n":
                 self.column = 0
@@ -183,7 +183,7 @@ class _Reader:
 
 @dataclass(slots=True)
 class _Block:
-    """A file, a block, or attributes in braces; and the statement in it that is being read."""
+    """A file, a block, or attributes in braces, with the statement in it that is being read."""
 
     depth: int = 0  # of a line that begins with one of its statements
     brace: _Word | None = None  # the brace that opened it
@@ -194,7 +194,7 @@ class _Block:
 
 
 def _judge(lines: Sequence[_Line]) -> None:
-    """Give every word its usual distance, and every first word of a line its depth and what it stands below."""
+    """Set the usual distance of every word. For the first word of a line, set its depth and the word under which it is aligned."""
     blocks = [_Block()]  # one more for every open brace
     last: _Word | None = None  # the last token
     above = _Line(-1)
@@ -224,7 +224,7 @@ def _judge(lines: Sequence[_Line]) -> None:
 
 
 def _indent(word: _Word, blocks: Sequence[_Block]) -> None:
-    """How deep the first word of a line is, and what it stands below if it began in the same column."""
+    """Set the depth of the first word of a line, and the word under which it is aligned if it began in the same column."""
     block = blocks[-1]
     word.depth = block.depth
     candidate: _Word | None
@@ -242,7 +242,7 @@ def _indent(word: _Word, blocks: Sequence[_Block]) -> None:
 
 
 def _continue_comment(word: _Word, last: _Word) -> None:
-    """A comment on its own line may continue the one at the end of the line above."""
+    """Align a comment on its own line with the one at the end of the line above, if it may continue it."""
     continues = last.before is not None or (last.below is not None and last.below.kind == "COMMENT")
     if last.kind == "COMMENT" and continues and last.column == word.column:
         word.below = last
@@ -263,7 +263,7 @@ def _open_or_close(word: _Word, first: _Word, blocks: list[_Block]) -> None:
 
 
 def _free_the_end(line: _Line) -> None:
-    """At the end of a line a comment, a description and attributes in braces may stand as far away as the author likes."""
+    """Leave the distance of comments, descriptions and attributes in braces at the end of a line to the author."""
     for word in reversed(line.words):
         if word.kind in ("COMMENT", "STRING"):
             word.free = True
@@ -275,7 +275,7 @@ def _free_the_end(line: _Line) -> None:
 
 
 def _distance(before: _Word, word: _Word, block: _Block) -> int:
-    """How many columns two neighbours in a line usually stand apart."""
+    """Usual number of columns between two neighbours in a line."""
     bracket = block.brackets[-1] if block.brackets else None
     in_index = bracket is not None and bracket.kind == "LSQB"
     match word.kind:
@@ -309,7 +309,7 @@ def _distance(before: _Word, word: _Word, block: _Block) -> int:
 
 
 def _place(lines: Sequence[_Line]) -> None:
-    """Give every word its new column: from left to right, so that all to which it is tied have theirs before."""
+    """Give every word its new column, from left to right, so that the words it depends on have theirs before."""
     tables = _tables(lines)
     columns: dict[int, list[_Word]] = {}
     for line in lines:
@@ -326,13 +326,13 @@ def _place(lines: Sequence[_Line]) -> None:
                     other.new = place
             else:
                 word.new = word.natural + (word.extra if word.free else 0)
-        for word in words:  # in the order of lines: what a word stands below has its place already
+        for word in words:  # in the order of lines: a word's alignment has its place already
             if word.before is None:
                 word.new = INDENT * word.depth if word.below is None else word.below.new
 
 
 def _tables(lines: Sequence[_Line]) -> dict[_Word, list[_Word]]:
-    """Word -> all that share its column in one table."""
+    """Map from each word to all words that share its column in one table."""
     by_place: dict[tuple[int, int, str], list[_Word]] = {}
     for line in lines:
         for word in line.words:
@@ -348,7 +348,7 @@ def _tables(lines: Sequence[_Line]) -> dict[_Word, list[_Word]]:
 
 
 def _runs(words: Sequence[_Word]) -> Iterator[list[_Word]]:
-    """The words cut where two are too many lines apart; a single one is no table."""
+    """Split the words where two are too many lines apart. A single word is no table."""
     run = [words[0]]
     for previous, word in pairwise(words):
         if word.line - previous.line > TABLE:
@@ -377,7 +377,7 @@ def _write(lines: Sequence[_Line]) -> str:
 
 
 def _check(source: Source, statements: object, text: str) -> None:
-    """Raises `InternalError` unless the formatted text has the same statements."""
+    """Raise `InternalError` unless the formatted text has the same statements."""
     try:
         again = parse(Source(source.name, text, source.path))
     except CompilationFailed as failed:
@@ -387,7 +387,7 @@ def _check(source: Source, statements: object, text: str) -> None:
 
 
 def _equal(first: object, second: object) -> bool:
-    """Whether two trees say the same, wherever it stands."""
+    """Return True if two trees are equal except for their places in the text."""
     names: dict[type[object], tuple[str, ...]] = {}
     pairs = [(first, second)]
     while pairs:

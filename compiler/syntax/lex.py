@@ -1,6 +1,6 @@
-"""Text to words: one regular expression for all of them, and the parser's state where a word has two meanings.
+"""Lexer: one regular expression for all words; the parser's state decides if a word has two meanings.
 
-`_NEXT` must know the shapes of the grammar's terminals; texts of words that are always the same are read from them.
+`_NEXT` must match the shapes of the grammar's terminals. Words with a fixed text are read from the grammar.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ NEXT = re.compile(
 NAMED, NUMBER, STRING, SIGN, BRACKET = 2, 3, 4, 5, 6
 # Control characters, and those that turn the direction of writing: in a text they would rewrite the terminal or the reader's eye.
 _HIDDEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]")
-_GOES_ON = re.compile(r"[-+*/^,=)\]<>:!]|(?:if|else|and|or)\b")  # what begins a line that continues the one above
+_GOES_ON = re.compile(r"[-+*/^,=)\]<>:!]|(?:if|else|and|or)\b")  # beginning of a line that continues the one above
 _JUNCTION = re.compile(r"[01](?=[ \t]+[A-Za-z_])")
 _NEST = re.compile(r"[01]\(")
 
 
 class Accepted:
-    """What the parser takes in one of its states: `words` gives the terminal of a word whose text is fixed."""
+    """Terminals that the parser accepts in one of its states. `words` gives the terminal of a word with a fixed text."""
 
     __slots__ = ("all", "ends", "names", "numbers", "words")
 
@@ -40,7 +40,7 @@ class Accepted:
 
 
 def signs_of(fixed: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Texts that are always the same, with those that terminals with a choice have."""
+    """Words with a fixed text, including the alternatives of terminals."""
     comparing = dict.fromkeys(("<=", ">=", "==", "!=", "<", ">"), ("COMPARE",))
     return {
         **fixed,
@@ -52,12 +52,12 @@ def signs_of(fixed: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]
 
 
 def goes_on(text: str, end: int) -> bool:
-    """Whether what stands here continues the line above."""
+    """Return True if the text here continues the line above."""
     return _GOES_ON.match(text, end) is not None
 
 
 def refuse_hidden(text: str, start: int, end: int) -> None:
-    """Raises `Refused` if a character of a text cannot be seen."""
+    """Raise `Refused` if a text has an invisible character."""
     found = _HIDDEN.search(text, start, end)
     if found:
         hint = "Texts are made of letters, digits, marks and spaces: what cannot be seen has no place in them."
@@ -65,7 +65,7 @@ def refuse_hidden(text: str, start: int, end: int) -> None:
 
 
 def junction(text: str, start: int, end: int, here: Accepted) -> tuple[str, int]:
-    """Where no number can stand, 0 and 1 are junctions."""
+    """Return the terminal and the end of a digit: 0 and 1 are junctions if the parser's state expects one, else a number."""
     if "NEST" in here.all and _NEST.match(text, start):
         return "NEST", start + 2
     if "JUNCTION" in here.all and _JUNCTION.match(text, start):

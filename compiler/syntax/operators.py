@@ -1,4 +1,4 @@
-"""Operators in a row to an expression: which binds first, checked for what may stand where."""
+"""Sequences of operators to an expression, by precedence, with checks of their combination."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .word import Word
 
 MAXIMUM_DEPTH = 120  # height of an expression
 
-# How tightly an operator binds; on its right stands what binds more tightly, so that equal ones go from left to right.
+# Precedence of an operator. Its right operand needs a higher one, so that equal operators are applied from left to right.
 _IF, _OR, _AND, _NOT, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER = range(1, 10)
 _BINDS = {
     "if": _IF, "or": _OR, "and": _AND, "<": _COMPARE, "<=": _COMPARE, ">": _COMPARE, ">=": _COMPARE, "==": _COMPARE, "!=": _COMPARE,
@@ -23,7 +23,7 @@ _CHAINS: dict[int, tuple[type, str]] = {_SUM: (tree.Sum, "-"), _PRODUCT: (tree.P
 
 
 def deepened(kind: type, span: Span, operands: Sequence[tree.Expression], *values: Any) -> Any:
-    """A node one higher than its operands. Raises `Refused` beyond the limit."""
+    """A node one level higher than its operands. Raises `Refused` beyond the limit."""
     depth = 1 + max((o.depth for o in operands), default=0)
     if depth > MAXIMUM_DEPTH:
         raise Refused(TooDeep, span.start, span.end, limit=MAXIMUM_DEPTH)
@@ -31,7 +31,7 @@ def deepened(kind: type, span: Span, operands: Sequence[tree.Expression], *value
 
 
 class Operators:
-    """Operands and operators as they stand, while the row grows; `finish` makes the expression."""
+    """Operands and operators in the order of the text, while the sequence grows. `finish` makes the expression."""
 
     __slots__ = ("items", "place")
 
@@ -53,7 +53,7 @@ class Operators:
             raise Refused(TooDeep, operator.start_pos, operator.end_pos, limit=MAXIMUM_DEPTH)
 
     def finish(self) -> Any:
-        """The expression. Raises `Refused` where two operators do not fit together."""
+        """Return the expression. Raises `Refused` if two operators do not fit together."""
         self.place = 0
         result = self._climb(_IF, 0)
         if self.place < len(self.items):
@@ -62,7 +62,7 @@ class Operators:
 
     # ------------------------------------------------------------ one level after the other
     def _climb(self, least: int, level: int) -> Any:
-        """The longest expression from here whose operators bind at least so tightly (precedence climbing)."""
+        """The longest expression from here with operators of at least this precedence (precedence climbing)."""
         items = self.items
         if level > MAXIMUM_DEPTH:
             token = next(t for t in items[self.place :] + items[::-1] if isinstance(t, Word))

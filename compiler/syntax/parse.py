@@ -1,4 +1,4 @@
-"""Text to tree: words and rules call the builder node by node; mistakes become diagnostics, all of a file at once."""
+"""Parser: words and rules call the builder node by node; errors become diagnostics, all of a file at once."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .tree import Expression, Law, SyntaxTree
 from .word import Word
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
-MAXIMUM_MISTAKES = 20  # syntax mistakes told of one file
+MAXIMUM_MISTAKES = 20  # syntax errors reported for one file
 
 _parser_lock = threading.Lock()
 
@@ -36,7 +36,7 @@ def _parser() -> tuple[Reader, Builder]:
 
 
 def parse(source: Source) -> SyntaxTree:
-    """Parse one file. Raises `CompilationFailed` with every syntax mistake that could be told apart."""
+    """Parse one file. Raises `CompilationFailed` with all syntax errors that could be separated."""
     tree, mistakes = parse_what_can_be_read(source)
     if tree is None or mistakes:
         raise CompilationFailed(mistakes)
@@ -44,7 +44,7 @@ def parse(source: Source) -> SyntaxTree:
 
 
 def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diagnostic]]:
-    """The tree without the lines that are wrong, and what is wrong in them; no tree if what is left cannot be read either."""
+    """Return the tree without the lines that have errors, and the errors; no tree if the rest cannot be parsed either."""
     if len(source.text) > MAXIMUM_SIZE:
         return None, [TooLarge(Span(source, 0, 0), len(source.text), MAXIMUM_SIZE)]
     statements = None
@@ -60,7 +60,7 @@ def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diag
                 mistake = explain(source, problem)
             if isinstance(problem, Refused) and problem.is_limit:
                 mistakes.append(mistake)
-                break  # what follows could only cost time
+                break  # the rest would only cost time
             repeated = any(m.span.line == mistake.span.line for m in mistakes)
             if not repeated:
                 mistakes.append(mistake)
@@ -94,7 +94,7 @@ def _parse_alone(source: Source, start: str) -> Any:
 
 
 def read_words(source: Source, text: str, start: str = "start", seen: list[Word] | None = None) -> Any:
-    """What the rule `start` makes of a text; `seen` gathers its words. Raises `Unreadable` and `Refused`."""
+    """Return the result of rule `start` for a text. `seen` collects its words. Raises `Unreadable` and `Refused`."""
     with _parser_lock:
         reader, builder = _parser()
         builder.source = source
@@ -103,7 +103,7 @@ def read_words(source: Source, text: str, start: str = "start", seen: list[Word]
 
 
 def _blank_statement(text: str, source: Source, span: Span) -> tuple[str, bool]:
-    """Blank the line of a mistake, keeping its braces, so that the rest of the file can be read too."""
+    """Blank the line of an error, keeping its braces, so that the rest of the file can be parsed."""
     line = span.line
     start = source.line_starts[line - 1]
     end = source.line_starts[line] - 1 if line < len(source.line_starts) else len(text)
@@ -112,6 +112,6 @@ def _blank_statement(text: str, source: Source, span: Span) -> tuple[str, bool]:
         return text, False
     opening, closing = old.count("{"), old.count("}")
     kept = "{" * max(0, opening - closing) + "}" * max(0, closing - opening)
-    if kept.startswith("{"):  # a block whose head is wrong cannot be kept without its head
+    if kept.startswith("{"):  # a block cannot be kept without its head
         return text, False
     return text[:start] + kept.ljust(len(old)) + text[end:], old.strip() != kept

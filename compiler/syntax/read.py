@@ -1,6 +1,6 @@
-"""Words and rules: the table says in each state what a word means and which rule is complete, and the builder makes the nodes.
+"""Table-driven parser: in each state the table gives the meaning of a word and the complete rule, and the builder makes the nodes.
 
-One loop reads words, shifts and reduces: of a large file this is the longest stage, and each word passes it.
+One loop reads words, shifts and reduces. For a large file this is the longest stage, and it handles each word.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Make = Callable[[list[Any]], Any]
 
 
 class Reader:
-    """Reads texts by a table; `builder` has a method for each rule that makes a node."""
+    """Parser with a table. `builder` has a method for each rule that makes a node."""
 
     def __init__(self, table: Table, builder: object) -> None:
         self.table = table
@@ -32,7 +32,7 @@ class Reader:
         self.open: list[Word] = []  # brackets that are open
 
     def read(self, text: str, start: str, seen: list[Word] | None = None) -> Any:
-        """What the rule `start` makes of the text; `seen` gathers its words. Raises `Unreadable` and `Refused`."""
+        """Return the result of rule `start` for the text. `seen` collects its words. Raises `Unreadable` and `Refused`."""
         actions, follows, reductions = self.table.actions, self.table.follows, self.reductions
         accepted, usual, following = self.accepted, self.usual, NEXT.match
         state, complete = self.table.starts[start]
@@ -80,7 +80,7 @@ class Reader:
             # ---------------------------------------------------------- what it completes
             while (action := actions[state].get(kind)) is not None and action < 0:
                 origin, size, make = reductions[~action]
-                if make is None:  # the part stands for itself
+                if make is None:  # the rule passes on its part
                     del states[-1]
                 elif size:
                     values[-size:] = (make(values[-size:]),)
@@ -102,7 +102,7 @@ class Reader:
         return found
 
     def _ends(self, text: str, end: int) -> bool:
-        """Whether a statement ends with a line break before a place: outside of ( ) and [ ]."""
+        """Return True if a line break before a place ends a statement: outside of ( ) and [ ]."""
         return not (self.open and self.open[-1].type != "LBRACE") and not goes_on(text, end)
 
     def _bracket(self, word: Word) -> None:
@@ -115,7 +115,7 @@ class Reader:
             self.open.pop()
 
     def _acceptable(self, states: list[int]) -> set[str]:
-        """The terminals with which the text could go on: not all that complete a rule fit what stands before it."""
+        """Terminals with which the text could continue. Some that complete a rule are left out, as they do not fit the text before."""
         return {kind for kind in self.table.actions[states[-1]] if self._fits(states[:], kind)}
 
     def _fits(self, states: list[int], kind: str) -> bool:
@@ -129,7 +129,7 @@ class Reader:
 
 
 def _maker(rule: Rule, builder: object) -> Make | None:
-    """How the parts of a rule become one thing; None where the only part stands for itself."""
+    """Function that combines the parts of a rule; None if the rule only passes on its single part."""
     make: Make | None = (
         getattr(builder, rule.name) if rule.name and not (rule.single and not hasattr(builder, rule.name)) else None
     )
@@ -144,7 +144,7 @@ def _maker(rule: Rule, builder: object) -> Make | None:
 
 
 def _choosing(places: list[int], make: Make | None, single: bool) -> Make:
-    """Some of the parts."""
+    """Select some of the parts."""
     if len(places) == 1:
         (place,) = places
         if single:
@@ -158,7 +158,7 @@ def _choosing(places: list[int], make: Make | None, single: bool) -> Make:
 
 
 def _shaping(taken: tuple[tuple[int, bool, int], ...], after: int, make: Make | None, single: bool) -> Make:
-    """Lists opened, None where something that may be missing is."""
+    """Open lists of parts, and insert None for missing optional parts."""
 
     def shaped(parts: list[Any]) -> Any:
         found: list[Any] = []

@@ -1,4 +1,4 @@
-"""What is raised while a text is read."""
+"""Exceptions of the parser."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .word import Word
 
 
 class Refused(Exception):
-    """A limit was passed, or words do not fit together: the diagnostic, as soon as the source is known."""
+    """A limit is exceeded, or words do not fit together: a diagnostic that still needs the source."""
 
     def __init__(self, kind: type[Diagnostic], start: int, end: int, **values: Any) -> None:
         self.kind, self.start, self.end, self.values = kind, start, end, values
@@ -19,7 +19,7 @@ class Refused(Exception):
 
     @property
     def is_limit(self) -> bool:
-        """Whether what follows could only cost time."""
+        """True if parsing the rest would only cost time."""
         return self.kind not in (Unexpected, StrangeCharacter)
 
     def diagnostic(self, source: Source) -> Diagnostic:
@@ -27,7 +27,7 @@ class Refused(Exception):
 
 
 class Unreadable(Exception):
-    """A word that cannot stand where it stands, or a character (`word` is None) with which none begins; `expected`: terminals that can."""
+    """A word that cannot be at its place, or a character (`word` is None) that begins no word. `expected`: terminals that can be there."""
 
     def __init__(self, position: int, word: Word | None, expected: set[str], open_brackets: list[Word]) -> None:
         self.position, self.word, self.expected, self.open_brackets = position, word, expected, open_brackets

@@ -1,7 +1,7 @@
-"""The grammar as a table of plain data: what to do with a word in each state of the parser, and how each rule shapes its parts.
+"""The grammar as a table of plain data: parser actions by state and word, and the shape of each rule's parts.
 
-lark reads `grammar.lark` and makes the table (LALR(1), without conflicts); that takes longer than reading most models, so it is done once
-for a grammar. Reading texts by it needs no lark.
+lark reads `grammar.lark` and makes the table (LALR(1), without conflicts). That takes longer than reading most models, so it is done once
+for a grammar. Parsing with the table needs no lark.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Any
 from ..nouns import dataclass
 
 STARTS = ("start", "alone", "alone_law")
-END = "$END"  # stands where the text ends
+END = "$END"  # end of the text
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """`size` parts become one of `origin`. `name` is the builder's method; "" hands the parts on to the rule around it."""
+    """`size` parts become one of `origin`. `name` is the builder's method; "" passes the parts on to the enclosing rule."""
 
     origin: str
     size: int
@@ -26,22 +26,22 @@ class Rule:
         tuple[tuple[int, bool, int], ...] | None
     )  # place, whether it is a list to be opened, how many None before; None: all
     after: int  # how many None behind
-    single: bool  # one part alone stands for itself
+    single: bool  # a single part is passed on
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """`actions` of a state: by terminal the state that follows, or ~rule; `follows`: the state after a rule's origin."""
+    """`actions` of a state: for each terminal the next state, or ~rule; `follows`: the state after a rule's origin."""
 
     starts: dict[str, tuple[int, int]]  # the state in which each start begins, and that in which it is complete
     actions: tuple[dict[str, int], ...]
     follows: tuple[dict[str, int], ...]
     rules: tuple[Rule, ...]
-    fixed: dict[str, tuple[str, ...]]  # texts of words that are always the same: the terminals that stand for them
+    fixed: dict[str, tuple[str, ...]]  # words with a fixed text -> their terminals
 
 
 def make_table(grammar: str) -> Table:
-    """The table of a grammar in lark's notation."""
+    """Table of a grammar in lark's notation."""
     import lark
     from lark.lexer import PatternStr
     from lark.parsers.lalr_analysis import Shift
@@ -77,7 +77,7 @@ def make_table(grammar: str) -> Table:
 
 
 def _rule(rule: Any) -> Rule:
-    """lark's rule: words of fixed text are left out, parts whose names begin with `_` are opened, what may be missing becomes None."""
+    """lark's rule: words of fixed text are left out, parts with names in `_` are opened, missing optional parts become None."""
     options, expansion, origin = rule.options, rule.expansion, intern(str(rule.origin.name))
     missing = (
         "".join(str(int(empty)) for empty in options.empty_indices) if options.empty_indices else "0" * len(expansion)

@@ -1,4 +1,4 @@
-"""The syntax tree: what the author wrote, node by node, each with its span. No name is looked up here."""
+"""The syntax tree: the text node by node, each with its span. Names are not looked up here."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Index:
 
 @dataclass(frozen=True, slots=True)
 class Path(Expression):
-    """A dotted name: `comb[2].folded.x`; read as an expression, or a place that a bond reaches."""
+    """A dotted name: `comb[2].folded.x`; read as an expression, or an endpoint of a bond."""
 
     head: str
     steps: tuple[Member | Index, ...]
@@ -232,7 +232,7 @@ class Law(Node):
 
 @dataclass(frozen=True, slots=True)
 class Link(Node):
-    """`A to B`: what a joint joins."""
+    """`A to B`: the two parts of a joint."""
 
     first: Expression
     second: Expression
@@ -269,7 +269,7 @@ class Declaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class Nest(Node):
-    """A junction written in place, `0(…)` or `1(…)`, with what hangs on it."""
+    """A junction written in place, `0(…)` or `1(…)`, with the endpoints bonded to it."""
 
     kind: str
     members: tuple[Path | Nest, ...]
@@ -336,7 +336,7 @@ class Event(Node):
 
 @dataclass(frozen=True, slots=True)
 class Requirement(Node):
-    """`require condition "text"`: outside of it the model does not hold."""
+    """`require condition "text"`: the condition under which the model is valid."""
 
     condition: Expression
     text: str
@@ -344,7 +344,7 @@ class Requirement(Node):
 
 @dataclass(frozen=True, slots=True)
 class Description(Node):
-    """A string that stands as a statement of its own."""
+    """A string as a statement of its own."""
 
     text: str
 
@@ -371,14 +371,14 @@ class Simulate(Node):
 
 @dataclass(frozen=True, slots=True)
 class Bandwidth(Node):
-    """`bandwidth 50 kHz`: what is faster need not be followed."""
+    """`bandwidth 50 kHz`: faster modes need not be followed."""
 
     value: Expression
 
 
 @dataclass(frozen=True, slots=True)
 class Reading(Node):
-    """What a report shows, and in which unit."""
+    """A quantity of a report, and its unit."""
 
     value: Expression
     unit: Unit | None
@@ -405,7 +405,7 @@ class Study(Node):
 
 @dataclass(frozen=True, slots=True)
 class Given(Node):
-    """What an analysis is told of a name: `path`, `push/pull`, `path = value`, `path = low .. high`, `correlation(path, other) = value`."""
+    """One item of an analysis: `path`, `push/pull`, `path = value`, `path = low .. high`, `correlation(path, other) = value`."""
 
     path: Path
     other: Path | None = None
@@ -418,7 +418,7 @@ class Given(Node):
 class Analysis(Node):
     """A step with names of its own: `linearize`, `sensitivity`, `continue`, `invert`, `montecarlo`, `fit`.
 
-    `given`: what is moved, found or varied; `wanted`: what comes of it; `files`: of measurements.
+    `given`: the quantities that are moved, found or varied; `wanted`: the results; `files`: of measurements.
     """
 
     role: str
@@ -468,5 +468,5 @@ class SyntaxTree:
 
     @property
     def models(self) -> dict[str, Model]:
-        """The models that the file defines, by name, in its order."""
+        """Models of the file by name, in the order of the text."""
         return {s.name: s for s in self.statements if isinstance(s, Model)}

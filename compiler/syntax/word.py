@@ -1,10 +1,10 @@
-"""A word of a text: what it says, of what kind it is, and where it stands."""
+"""A word of a text: its text, its terminal, and its place."""
 
 from __future__ import annotations
 
 
 class Word(str):
-    """It knows its place by offsets alone: lines are counted when a message needs them."""
+    """A token. Its place is stored as offsets alone; lines are counted only for messages."""
 
     __slots__ = ("end_pos", "start_pos", "type", "value")
     type: str
@@ -14,7 +14,7 @@ class Word(str):
 
 
 def word_of(kind: str, text: str, start: int, end: int) -> Word:
-    """The word of a kind (a terminal of the grammar) that says `text`."""
+    """Word of a kind (a terminal of the grammar) with this text."""
     word = str.__new__(Word, text)
     word.type, word.value, word.start_pos, word.end_pos = kind, text, start, end
     return word
