@@ -1,1 +1,1 @@
-"""Expressions, the noun that every room from semantics to code shares."""
+"""Expressions, the data structure that all rooms from semantics to code share."""

@@ -1,4 +1,4 @@
-"""What a law looks like in one of its variables: affine (solved at once), or not."""
+"""Affine expressions: slope and rest of an expression in one symbol, and the solution of affine equations."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def affine_parts(x: Expression, symbol: Symbol) -> tuple[Expression, Expression]
 
 
 def solve_affine(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
-    """The symbol from left = right, if both are affine in it with a slope that is not zero."""
+    """Solution of left = right for the symbol, if both are affine in it with a slope other than zero."""
     if left == symbol and not depends_on(right, symbol):
         return right
     if right == symbol and not depends_on(left, symbol):

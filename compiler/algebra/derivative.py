@@ -1,4 +1,4 @@
-"""Derivatives by our own rules: one-sided at kinks (from the right), no distributions, finite wherever the value is.
+"""Derivatives with our own rules: one-sided at kinks (from the right), no distributions, finite wherever the value is finite.
 
 abs' = +-1, sign' = floor' = 0, sqrt' at 0 is taken as 0 (its one-sided limit is infinite and would turn 0*inf into NaN).
 """
@@ -30,11 +30,11 @@ from .table import curve_slope
 
 
 class NoSlope(Exception):
-    """A derivative by the points of a table or a random number's seed, which do not change in a run."""
+    """A derivative by the points of a table or a random number's seed, which are constant in a run."""
 
 
 def derivative(x: Expression, symbol: Symbol) -> Expression:
-    """The partial derivative of x with respect to a symbol."""
+    """Partial derivative of x by a symbol."""
     known: dict[Expression, Expression] = {}
 
     def walk(node: Expression) -> Expression:
@@ -78,7 +78,7 @@ def _chain(node: Apply, inner: Callable[[Expression], Expression]) -> Expression
 
 
 def _of_solution(node: Apply, inner: Callable[[Expression], Expression]) -> Expression:
-    """Of an unknown of a linear system: A t = r, so A dt = dr - dA t."""
+    """Derivative of an unknown of a linear system: A t = r, so A dt = dr - dA t."""
     system, number = node.operands
     assert isinstance(system, Apply)
     rows, right = entries_of(system)
@@ -93,7 +93,7 @@ def _of_solution(node: Apply, inner: Callable[[Expression], Expression]) -> Expr
 
 
 def partial(node: Apply, i: int) -> Expression:
-    """The derivative of an operator with respect to its operand number i."""
+    """Partial derivative of an operator by its operand number i."""
     x = node.operands[0]
     match node.operator:
         case "divide":

@@ -1,4 +1,4 @@
-"""Domains of expressions: whether an expression has a real value for all real values of some of its symbols."""
+"""Domains of expressions: check that an expression has a real value for all real values of some of its symbols."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PARTIAL = frozenset({"log", "log10", "sqrt", "asin", "acos", "acosh", "atanh", "
 
 
 def is_total(x: Expression, varies: Callable[[Symbol], bool]) -> bool:
-    """Return whether `x` has a value wherever the symbols that vary lie. Sufficient, not necessary: `1/(1 + u^2)` is not recognized."""
+    """Return True if `x` has a value for all values of the varying symbols. Sufficient, not necessary: `1/(1 + u^2)` is not recognized."""
     return all(_is_total(node, varies) for node in operations(x))
 
 
@@ -33,5 +33,5 @@ def _moves(x: Expression, varies: Callable[[Symbol], bool]) -> bool:
 
 
 def _is_magnitude(x: Expression) -> bool:
-    """Whether `x` is never negative, by its outermost operator."""
+    """Return True if the outermost operator of `x` is never negative."""
     return isinstance(x, Apply) and x.operator in ("abs", "exp", "cosh")

@@ -1,7 +1,7 @@
-"""The noun of all laws: an immutable expression over numbers, symbols and a closed set of operators.
+"""Expressions: immutable, over numbers, symbols and a closed set of operators. All laws are made of them.
 
-Names, units and syntax are gone here; what a symbol stands for is the business of whoever made it (a slot of a law, a
-variable of a model). The constructors below fold numbers and drop zeros and ones, so that what vanishes leaves no trace.
+They have no names, units or syntax; the meaning of a symbol (a slot of a law, a variable of a model) is known to its maker.
+The constructors below fold numbers and drop zeros and ones, so terms that vanish are removed completely.
 """
 
 from __future__ import annotations
@@ -60,15 +60,15 @@ class Number(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Symbol(Expression):
-    """Something to be known elsewhere: a slot number in a formula, a variable in a model."""
+    """A placeholder with a key: a slot number in a formula, a variable in a model."""
 
     key: Any
 
 
 class Apply(Expression):
-    """An operator applied to operands; the hash is kept, as these are looked up all the time.
+    """An operator applied to operands. The hash is stored, as nodes are looked up very often.
 
-    A `closed` sum or product stays one operand where it is added or multiplied again: it is used elsewhere too.
+    A `closed` sum or product stays one operand when it is added or multiplied again, because it is also used elsewhere.
     """
 
     __slots__ = ("_hash", "closed", "operands", "operator")
@@ -129,7 +129,7 @@ def _power(a: float, b: float) -> float:
 
 
 def _root(a: float, n: float) -> float:
-    """The one real number whose power n is a."""
+    """The real n-th root of a."""
     if n == 0 or n % 2 == 0:
         raise ValueError("a power of this exponent has two real inverses, or none")
     if a < 0 and n == int(n):
@@ -174,7 +174,7 @@ OPERATORS: Mapping[str, tuple[int, Callable[..., float | bool]]] = {
     "select": (3, lambda c, a, b: a if c else b),
 }
 # Operators over points, any number of them, and over random numbers. The first operand counts derivatives, the second is
-# what they are taken at; the rest does not change during a run (see `table.py`).
+# their argument; the other operands are constant during a run (see `table.py`).
 CURVES: Mapping[str, Callable[..., float]] = {
     "linear": interpolate.linear,
     "cubic": interpolate.hermite,
@@ -191,7 +191,7 @@ CONDITIONS = frozenset({"less", "less_equal", "equal", "and", "or", "not"})
 
 
 def value_of(operator: str, values: Iterable[float]) -> float:
-    """The operator for floats. Raises ArithmeticError or ValueError where it has no finite real value."""
+    """Value of an operator for floats. Raises ArithmeticError or ValueError if it has no finite real value."""
     if operator == "add":
         return math.fsum(values)
     if operator == "multiply":
@@ -216,7 +216,7 @@ def _opens(x: Expression, operator: str) -> TypeGuard[Apply]:
 
 
 def add(*terms: Expression) -> Expression:
-    """The sum: nested sums opened, numbers gathered, zeros dropped."""
+    """Sum: nested sums are opened, numbers collected, zeros dropped."""
     number = 0.0
     rest: list[Expression] = []
     for term in terms:
@@ -238,7 +238,7 @@ def add(*terms: Expression) -> Expression:
 
 
 def multiply(*factors: Expression) -> Expression:
-    """The product: nested products opened, numbers gathered in front, ones dropped, zero if a factor is zero."""
+    """Product: nested products are opened, numbers collected in front, ones dropped; zero if a factor is zero."""
     number = 1.0
     rest: list[Expression] = []
     for factor in factors:
@@ -309,7 +309,7 @@ def divide(a: Expression, b: Expression) -> Expression:
 
 
 def power(base: Expression, exponent: Expression) -> Expression:
-    """base ^ exponent; integer powers of products and roots are opened, so that sqrt(x)^2 is x where x >= 0."""
+    """base ^ exponent. Integer powers of products and roots are opened, so that sqrt(x)^2 is x for x >= 0."""
     if isinstance(exponent, Number):
         n = exponent.value
         if n == 0.0:
@@ -358,7 +358,7 @@ def call(operator: str, *operands: Expression) -> Expression:
         try:
             value = value_of(operator, numbers)
         except (ArithmeticError, ValueError):
-            return Apply(operator, operands)  # found again, with a place, when it is evaluated
+            return Apply(operator, operands)  # reported, with a place, when it is evaluated
         if operator in ("sin", "cos") and abs(value) < 4e-16 and abs(numbers[0]) > 0.1:
             value = 0.0  # a multiple of 90 deg: what rounding leaves would couple what is not coupled
         if math.isfinite(value):
@@ -377,7 +377,7 @@ def select(condition: Expression, value: Expression, otherwise: Expression) -> E
 
 
 def truth_of(condition: Expression) -> bool | None:
-    """The truth of a condition over numbers; None if it depends on a symbol."""
+    """Truth value of a condition over numbers; None if it depends on a symbol."""
     if any(True for _ in symbols(condition)):
         return None
     try:
@@ -394,7 +394,7 @@ JOINING = frozenset({"abs", "sign", "sqrt", "power", "root"})  # factors that ma
 
 
 def closed(x: Expression) -> Expression:
-    """The same, to be used in several places: a sum or product that is not opened where it stands in another."""
+    """The same expression for use in several places: a sum or product that is not opened inside another."""
     if not isinstance(x, Apply) or x.closed or x.operator not in ("add", "multiply"):
         return x
     if x.operator == "multiply" and (x.operands[0] == MINUS_ONE or any(isinstance(o, Apply) and o.operator in JOINING for o in x.operands)):  # fmt: skip
@@ -406,7 +406,7 @@ def closed(x: Expression) -> Expression:
 
 
 def symbols(x: Expression) -> Iterator[Symbol]:
-    """The distinct symbols, in the order in which they first occur."""
+    """Distinct symbols, in the order of their first occurrence."""
     seen: set[Expression] = set()
     stack = [x]
     while stack:
@@ -421,7 +421,7 @@ def symbols(x: Expression) -> Iterator[Symbol]:
 
 
 def operations(x: Expression) -> Iterator[Apply]:
-    """The distinct operations."""
+    """Distinct operations."""
     seen: set[Expression] = set()
     stack = [x]
     while stack:
@@ -433,12 +433,12 @@ def operations(x: Expression) -> Iterator[Apply]:
 
 
 def depends_on(x: Expression, symbol: Symbol) -> bool:
-    """Whether the symbol occurs in x."""
+    """Return True if the symbol occurs in x."""
     return any(s == symbol for s in symbols(x))
 
 
 def substitute(x: Expression, replacement: Callable[[Symbol], Expression]) -> Expression:
-    """Replace every symbol, folding what becomes a number."""
+    """Replace every symbol, folding operations on numbers."""
     known: dict[Apply, Expression] = {}
 
     def walk(node: Apply) -> Expression:
@@ -461,7 +461,7 @@ def substitute(x: Expression, replacement: Callable[[Symbol], Expression]) -> Ex
 
 
 def rebuild(operator: str, operands: Sequence[Expression]) -> Expression:
-    """The operator applied through its own constructor."""
+    """Apply the operator through its own constructor."""
     if operator == "multiply":
         return multiply(*operands)
     if operator == "add":
@@ -474,7 +474,7 @@ def rebuild(operator: str, operands: Sequence[Expression]) -> Expression:
 
 
 def evaluate(x: Expression, lookup: Callable[[Any], float]) -> float:
-    """The value for floats. Raises ArithmeticError or ValueError where there is none."""
+    """Value for floats. Raises ArithmeticError or ValueError if there is none."""
     known: dict[Expression, float] = {}
 
     def walk(node: Expression) -> float:

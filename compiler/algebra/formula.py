@@ -1,4 +1,4 @@
-"""A law once, its uses many times: an expression over numbered slots, bound to what stands in them."""
+"""A law shared by its uses: an expression over numbered slots, and its bindings to arguments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Formula:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A formula with what stands in its slots."""
+    """A formula with the arguments of its slots."""
 
     formula: Formula
     arguments: tuple[Any, ...]

@@ -1,6 +1,6 @@
-"""Curves through points, and reproducible random numbers: the numbers behind the operators `linear`, `cubic`, `monotone`, `noise`.
+"""Curves through points, and reproducible random numbers: values of the operators `linear`, `cubic`, `monotone`, `noise`.
 
-A curve of the third degree is kept as points with slopes (cubic Hermite). Generated code computes the same with arrays.
+A cubic curve is stored as points with slopes (cubic Hermite). Generated code computes the same with arrays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MARGIN = 1e-6  # of the range: how far beyond a table's ends rounding and a solv
 
 
 class OutsideTable(ValueError):
-    """A value is asked for where a table has none."""
+    """The argument of a table is outside of its range."""
 
 
 # ---------------------------------------------------------------- slopes
@@ -49,10 +49,10 @@ def natural_slopes(xs: tuple[float, ...], ys: tuple[float, ...]) -> tuple[float,
 
 @lru_cache(maxsize=64)
 def monotone_slopes(xs: tuple[float, ...], ys: tuple[float, ...]) -> tuple[float, ...]:
-    """Slopes that keep the curve monotone wherever the points are.
+    """Slopes that keep the curve monotone where the points are.
 
-    Inside the weighted harmonic mean of Fritsch and Butland (1984), which lies within the bounds of Fritsch and Carlson
-    (1980); at the ends three points, cut to those bounds.
+    Inside the weighted harmonic mean of Fritsch and Butland (1984), which is within the bounds of Fritsch and Carlson
+    (1980); at the ends a three-point formula, limited to those bounds.
     """
     steps, secants = _secants(xs, ys)
     if len(xs) == 2:
@@ -73,7 +73,7 @@ def _secants(xs: Points, ys: Points) -> tuple[list[float], list[float]]:
 
 
 def _end_slope(near: float, far: float, first: float, second: float) -> float:
-    """The slope at an end from its two intervals, cut so that the curve does not turn back."""
+    """Slope at an end from its two intervals, limited so that the curve stays monotone."""
     slope = ((2 * near + far) * first - near * second) / (near + far)
     if slope * first <= 0:
         return 0.0
@@ -86,7 +86,7 @@ def _end_slope(near: float, far: float, first: float, second: float) -> float:
 
 
 def linear(order: float, x: float, *points: float) -> float:
-    """Straight lines between points whose places rise or fall; `order` counts derivatives. Raises `OutsideTable`."""
+    """Straight lines between points with monotone places; `order` is the order of the derivative. Raises `OutsideTable`."""
     n = len(points) // 2
     xs, ys = points[:n], points[n:]
     if xs[0] > xs[-1]:
@@ -98,7 +98,7 @@ def linear(order: float, x: float, *points: float) -> float:
 
 
 def hermite(order: float, x: float, *points: float) -> float:
-    """The curve of the third degree through points with slopes, or a derivative of it. Raises `OutsideTable`."""
+    """Cubic curve through points with slopes, or a derivative of it. Raises `OutsideTable`."""
     n = len(points) // 3
     xs, ys, slopes = points[:n], points[n : 2 * n], points[2 * n :]
     _check_range(order, x, xs)
@@ -119,7 +119,7 @@ def hermite(order: float, x: float, *points: float) -> float:
 
 
 def inverse(order: float, y: float, *points: float) -> float:
-    """Where a rising or falling curve of the third degree has the value y. Raises `OutsideTable`."""
+    """Argument at which a monotone cubic curve has the value y. Raises `OutsideTable`."""
     n = len(points) // 3
     xs, ys = points[:n], points[n : 2 * n]
     _check_range(order, y, ys)
@@ -159,17 +159,17 @@ def _check_range(order: float, x: float, xs: Points) -> None:
 
 
 def always_rises(values: Points) -> bool:
-    """Whether each number is larger than the one before."""
+    """Return True if the numbers are strictly increasing."""
     return all(a < b for a, b in pairwise(values))
 
 
 def one_way(values: Points) -> bool:
-    """Whether the numbers rise, or fall, throughout."""
+    """Return True if the numbers are strictly monotone."""
     return always_rises(values) or always_rises(values[::-1])
 
 
 def turns(xs: Points, ys: Points, slopes: Points) -> bool:
-    """Whether a curve of the third degree turns back anywhere, or stands still between two points."""
+    """Return True if a cubic curve is not monotone, or constant between two points."""
     _, secants = _secants(xs, ys)
     if not one_way(ys):
         return True
@@ -193,7 +193,7 @@ SMOOTH_STEP = ((0, 0, 0, 10, -15, 6), (0, 0, 30, -60, 30), (0, 60, -180, 120), (
 
 
 def noise(order: float, place: float, seed: float) -> float:
-    """A random number between -1 and 1 at each whole number, joined by smooth steps; or a derivative of that."""
+    """A random number between -1 and 1 at each integer, joined by smooth steps; or a derivative of that."""
     whole = int(place // 1)
     part = place - whole
     first, second = random_number(whole, int(seed)), random_number(whole + 1, int(seed))

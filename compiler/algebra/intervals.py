@@ -1,9 +1,9 @@
-"""Ranges of operators over boxes: for each operator of the expressions one function from intervals to an interval that holds all its values.
+"""Interval arithmetic: for each operator a function from intervals to an interval that contains all its values.
 
-An interval is a pair of arrays, lower and upper ends, over many boxes at once; a quantity that does not move is a pair of equal numbers, and
-what is computed from such pairs alone is the value that a program computes. All other results are widened by the rounding of the operation, in
-proportion to them: an exact zero stays one (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, chapters 2 to 5). A range is
-everything, (-inf, inf), where a box holds the end of a domain or a pole, and not a number where no part of it has a value.
+An interval is a pair of arrays, lower and upper ends, over many boxes at once. A constant quantity is a pair of equal numbers, and
+results from such pairs alone are the values that a program computes. All other results are widened by the rounding of the operation,
+relative to their size: an exact zero stays zero (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, chapters 2 to 5).
+A range is (-inf, inf) if a box contains the end of a domain or a pole, and NaN if no part of it has a value.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ EVERYTHING: Interval = (-math.inf, math.inf)
 
 
 def is_still(x: Interval) -> bool:
-    """Whether a pair is one number for all boxes."""
+    """Return True if a pair is one number for all boxes."""
     return np.ndim(x[0]) == 0 and x[0] == x[1]
 
 
 def widened(low: Any, high: Any, part: float = BASIC) -> Interval:
-    """The interval with its ends moved outward by a part of their size."""
+    """The interval with its ends moved outward, relative to their size."""
     return low - part * np.abs(low), high + part * np.abs(high)
 
 
@@ -45,7 +45,7 @@ def _sum(*terms: Interval) -> Interval:
 
 
 def _product_of_two(a: Interval, b: Interval) -> Interval:
-    """0 times infinity is 0: an infinite end stands for values that are finite, however large."""
+    """Product of two intervals. 0 times infinity is 0: an infinite end stands for finite values of any size."""
     if is_still(a):
         a, b = b, a
     if is_still(b) and b[0] != 0 and math.isfinite(b[0]):
@@ -64,7 +64,7 @@ def _finite_product(x: Any, y: Any) -> Any:
 
 
 def _product(*factors: Interval) -> Interval:
-    """Of equal factors the power, which is never negative where it is even."""
+    """Product of factors. Equal factors give a power, which is never negative for an even exponent."""
     counts: dict[tuple[int, int], list[Interval]] = {}
     for factor in factors:
         counts.setdefault((id(factor[0]), id(factor[1])), []).append(factor)
@@ -87,7 +87,7 @@ def _quotient(a: Interval, b: Interval) -> Interval:
 
 
 def _rising(function: Callable[[Any], Any], least: float = -math.inf, most: float = math.inf) -> Callable[[Interval], Interval]:  # fmt: skip
-    """The range of a function that rises on its domain, from `least` to `most`."""
+    """Range of a function that is increasing on its domain, from `least` to `most`."""
 
     def over(x: Interval) -> Interval:
         low, high = widened(function(np.maximum(x[0], least)), function(np.minimum(x[1], most)), LIBRARY)
@@ -97,7 +97,7 @@ def _rising(function: Callable[[Any], Any], least: float = -math.inf, most: floa
 
 
 def _within_domain(x: Interval, found: Interval, least: float, most: float) -> Interval:
-    """Everything where a box leaves the domain in part, nothing where it lies outside."""
+    """Range for boxes at the end of a domain: (-inf, inf) if a box leaves it in part, NaN if it is outside."""
     if least == -math.inf and most == math.inf:
         return found
     outside = (x[1] < least) | (x[0] > most)
@@ -179,7 +179,7 @@ def _root(x: Interval, degree: Interval) -> Interval:
 
 
 def _angle(y: Interval, x: Interval) -> Interval:
-    """The range of atan2: of the corners; it jumps where a box touches the cut at the negative axis, which is as good as a pole."""
+    """Range of atan2, from the corners. It jumps if a box touches the cut at the negative axis, which is treated like a pole."""
     cut = (np.asarray(x[0]) <= 0) & (np.asarray(y[0]) <= 0) & (np.asarray(y[1]) >= 0)
     corners = [np.arctan2(b, a) for b in y for a in x]
     low, high = widened(np.minimum.reduce(corners), np.maximum.reduce(corners), LIBRARY)
@@ -187,7 +187,7 @@ def _angle(y: Interval, x: Interval) -> Interval:
 
 
 def _jumping(function: Callable[[Any], Any]) -> Callable[[Interval], Interval]:
-    """The range of a function of steps: everything where it jumps within a box."""
+    """Range of a step function: (-inf, inf) if it jumps within a box."""
 
     def over(x: Interval) -> Interval:
         low, high = function(x[0]), function(x[1])
@@ -216,7 +216,7 @@ def _chosen(condition: Interval, a: Interval, b: Interval) -> Interval:
 
 
 def _curve(kind: str) -> Callable[..., Interval]:
-    """The range of a curve through points, or of a derivative of it, from its polynomials."""
+    """Range of a curve through points, or of a derivative of it, from its polynomials."""
 
     def over(order: Interval, x: Interval, *points: Interval) -> Interval:
         if not all(map(is_still, points)):
@@ -269,12 +269,12 @@ def _piece(places: Any, values: Any, slopes: Any, i: int) -> Any:
 
 
 def _turns(polynomial: Any) -> list[float]:
-    """The places at which a polynomial of the third degree may turn."""
+    """Points at which a cubic polynomial may have an extremum."""
     return [float(r.real) for r in np.roots(polynomial.deriv())] if polynomial.order > 1 else []
 
 
 def _noise(order: Interval, place: Interval, seed: Interval) -> Interval:
-    """Between two whole places the noise is a smooth step from one random number to the next; its derivatives are those of the step."""
+    """Range of a noise: between two integers it is a smooth step from one random number to the next, and its derivatives are those of the step."""
     number = int(order[0])
     whole = np.floor(place[0])
     beyond = np.floor(place[1]) - whole
@@ -326,7 +326,7 @@ PLAIN: Mapping[str, Any] = {
 
 
 def plain(operator: str, values: Sequence[Any]) -> Any:
-    """An operator of numbers or arrays; not a number where it has no value."""
+    """Value of an operator for numbers or arrays; NaN where it has none."""
     if operator == "add":
         return sum(values[1:], values[0])
     if operator == "multiply":

@@ -1,8 +1,8 @@
-"""Laws that are not affine, solved for one of their variables where that is one real function.
+"""Nonlinear laws solved for one of their variables, if the inverse is one real function.
 
-The operations around the variable are taken off one by one, each by its inverse. Only what has one real inverse is taken: an
-odd power (as a signed root), exp, log, tanh and their like, a table that rises or falls throughout; not an even power, sin, or
-a variable that stands in two places. A general solver would return one of several branches, or not return at all.
+The operations around the variable are removed one by one, each by its inverse. Only operations with one real inverse are accepted: an
+odd power (as a signed root), exp, log, tanh and similar ones, a strictly monotone table; not an even power, sin, or
+a variable that occurs twice. A general solver would return one of several branches, or not return at all.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _INVERSES = {
 
 
 def solve_nonlinear(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
-    """The one real solution of left = right for a symbol; None where this cannot tell that there is exactly one."""
+    """The one real solution of left = right for a symbol; None unless it is certain that there is exactly one."""
     if not depends_on(right, symbol):
         found = _peel(left, right, symbol)
     elif not depends_on(left, symbol):
@@ -69,7 +69,7 @@ def _peel(x: Expression, y: Expression, symbol: Symbol) -> Expression | None:
         case "power" if inner is x.operands[0] and isinstance(x.operands[1], Number):
             root = _root(y, x.operands[1].value)
             return None if root is None else _peel(inner, root, symbol)
-        case "power" if inner is x.operands[0]:  # whether it has one inverse is seen where the exponent is known
+        case "power" if inner is x.operands[0]:  # checked when the exponent is known
             return _peel(inner, call("root", y, x.operands[1]), symbol)
         case "linear" | "cubic" | "monotone" if inner is x.operands[1]:
             place = turned_round(x, y)
@@ -83,7 +83,7 @@ def _peel(x: Expression, y: Expression, symbol: Symbol) -> Expression | None:
 
 
 def _root(y: Expression, exponent: float) -> Expression | None:
-    """The inverse of x^n on all numbers where x^n has one, on the positive ones for a fraction."""
+    """Inverse of x^n: on all numbers if x^n has one there, on the positive ones for a fraction."""
     if exponent == 0:
         return None
     if exponent != int(exponent):
@@ -99,7 +99,7 @@ def _signed(y: Expression, exponent: float) -> Expression:
 
 
 def _signed_power(x: Apply, inside: list[Expression], y: Expression, symbol: Symbol) -> Expression | None:
-    """Products such as sign(u) sqrt(abs(u)) or u abs(u): an odd power of u, which has one inverse."""
+    """Solve products such as sign(u) sqrt(abs(u)) or u abs(u): an odd power of u, which has one inverse."""
     parts = [_power_of(factor) for factor in inside]
     known = [p for p in parts if p is not None]
     if len(known) < len(parts) or len({base for base, _, _ in known}) != 1:
@@ -129,7 +129,7 @@ def _power_of(factor: Expression) -> tuple[Expression, float, int] | None:
 
 
 def obstacle(sides: Iterable[Expression]) -> str:
-    """What to do about a law that cannot be turned round, if its operators tell."""
+    """Advice for a law that cannot be inverted, if its operators show why; else ""."""
     operators = {node.operator for side in sides for node in operations(side)}
     if operators & set(KINDS):
         return (

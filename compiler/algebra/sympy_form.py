@@ -1,4 +1,4 @@
-"""To sympy and back: for what people read and go on with."""
+"""Conversion to sympy and back, for readable output and further work by users."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FUNCTIONS: dict[str, Any] = {
 
 
 def to_sympy(x: Expression, name: Callable[[Any], Any]) -> Any:
-    """The expression in sympy; `name` gives the sympy object for a symbol's key."""
+    """The expression in sympy. `name` gives the sympy object for a symbol's key."""
     known: dict[Expression, Any] = {}
 
     def walk(node: Expression) -> Any:
@@ -72,7 +72,7 @@ def _differentiated(name: str, order: Any) -> str:
 
 
 def _table(node: Apply, operands: list[Any]) -> Any:
-    """A table as people write it; a long one with the number of its points."""
+    """A readable table; a long one only with the number of its points."""
     n = len(lists(node)[0])
     points = [sympy.Tuple(*operands[2:][i * n : (i + 1) * n]) for i in range(2)]
     shown = points if n <= SHOWN_POINTS else [sympy.Symbol(f"{n} points")]

@@ -1,7 +1,7 @@
-"""Linear systems among expressions: a node with all operands of a system, of which items are taken.
+"""Linear systems among expressions: a node with all operands of a system, whose solution is read by items.
 
-`solve` has n rows of n entries, then n right sides. `banded` has n, how many diagonals lie below the main one and how many above it, the
-entries of these by rows (what would stand outside of the matrix is 0), then the right sides: a row of resistors costs as much as it is long.
+`solve` has n rows of n entries, then n right sides. `banded` has n, the numbers of diagonals below and above the main one, the
+entries of these by rows (0 outside of the matrix), then the right sides: the cost of a chain of resistors grows with its length.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from .expression import ZERO, Apply, Expression, Number
 
 SYSTEMS = frozenset({"solve", "banded"})
 LEAST = 12  # unknowns from which on a band is looked for
-NARROW = 0.4  # of the entries of a matrix: a band with more of them is none
+NARROW = 0.4  # of the entries of a matrix: a band with more of them is not narrow
 LEADING = 3  # operands of a `banded` node before its entries
 
 Thing = TypeVar("Thing")
 
 
 class Shape(NamedTuple):
-    """How many unknowns a system has, and the widths of its band."""
+    """Number of unknowns of a system, and the widths of its band."""
 
     unknowns: int
     lower: int
@@ -29,17 +29,17 @@ class Shape(NamedTuple):
 
     @property
     def width(self) -> int:
-        """Entries of a row."""
+        """Number of entries in a row."""
         return self.lower + self.upper + 1
 
 
 def size_of(node: Apply) -> int:
-    """How many unknowns a system has."""
+    """Number of unknowns of a system."""
     return shape_of(node).unknowns
 
 
 def shape_of(node: Apply) -> Shape:
-    """The shape of a system; the band of a dense one is all of it."""
+    """Shape of a system; the band of a dense one is the whole matrix."""
     if node.operator == "banded":
         return banded_shape([x.value for x in node.operands[:LEADING] if isinstance(x, Number)])
     count = dense_count(len(node.operands))
@@ -47,18 +47,18 @@ def shape_of(node: Apply) -> Shape:
 
 
 def dense_count(operands: int) -> int:
-    """The unknowns of a dense system with so many operands."""
+    """Number of unknowns of a dense system with this number of operands."""
     return int(((1 + 4 * operands) ** 0.5 - 1) / 2 + 0.5)
 
 
 def banded_shape(head: Sequence[float]) -> Shape:
-    """What the first operands of a `banded` node say."""
+    """Shape from the first operands of a `banded` node."""
     count, lower, upper = (int(x) for x in head[:LEADING])
     return Shape(count, lower, upper)
 
 
 def entries_of(node: Apply) -> tuple[list[dict[int, Expression]], tuple[Expression, ...]]:
-    """The rows of the matrix by column, and the right sides."""
+    """Rows of the matrix by column, and the right sides."""
     count, _, _ = shape = shape_of(node)
     if node.operator == "solve":
         rows = [dict(enumerate(node.operands[i * count : (i + 1) * count])) for i in range(count)]
@@ -74,7 +74,7 @@ def with_rights(node: Apply, rights: Sequence[Expression]) -> Apply:
 
 
 def dense(shape: Shape, operands: Sequence[Thing], nothing: Thing) -> list[Thing]:
-    """What stands for the operands of a `banded` node (values, places), as those of a dense one; `nothing` where nothing stands."""
+    """Operands of a dense system from those of a `banded` node (or from values or places for these); `nothing` outside of the band."""
     count = shape.unknowns
     full = [nothing] * (count * count)
     for i, row in enumerate(_places(shape)):
@@ -85,7 +85,7 @@ def dense(shape: Shape, operands: Sequence[Thing], nothing: Thing) -> list[Thing
 
 @lru_cache(maxsize=64)
 def _places(shape: Shape) -> list[dict[int, int]]:
-    """Of each row the operands by column."""
+    """Operands of each row, by column."""
     return [
         {
             j: LEADING + i * shape.width + j - i + shape.lower
@@ -96,15 +96,17 @@ def _places(shape: Shape) -> list[dict[int, int]]:
 
 
 class Layout(NamedTuple):
-    """The order of unknowns and equations in which a matrix is a band."""
+    """Order of unknowns and equations in which a matrix is a band."""
 
     order: tuple[int, ...]
     shape: Shape
 
 
 def band_of(rows: Sequence[Sequence[int]]) -> Layout | None:
-    """Where a matrix with entries in these columns of each row is a narrow band, if it is one: by the reverse order of Cuthill and
-    McKee (ACM 1969), which goes outwards from an end."""
+    """Order in which a matrix with these columns in each row is a narrow band; None if there is none.
+
+    By the reverse order of Cuthill and McKee (ACM 1969), breadth first from an end.
+    """
     count = len(rows)
     if count < LEAST:
         return None
@@ -137,7 +139,7 @@ def _outwards(beside: Sequence[set[int]]) -> list[int]:
 
 
 def _reached(begin: list[int], beside: Sequence[set[int]], left: dict[int, None]) -> list[int]:
-    """What hangs together with where it begins, level by level, those with few neighbours first."""
+    """Vertices connected with the beginning, level by level, those with few neighbours first."""
     order, seen = list(begin), set(begin)
     for i in order:  # grows
         further = sorted((j for j in beside[i] if j in left and j not in seen), key=lambda j: (len(beside[j]), j))
@@ -149,7 +151,7 @@ def _reached(begin: list[int], beside: Sequence[set[int]], left: dict[int, None]
 def solutions(
     matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: Layout | None
 ) -> list[Expression]:
-    """The unknowns of a system; rows of the matrix by column."""
+    """Unknowns of a system; rows of the matrix by column."""
     count = len(right)
     if layout is None:
         node = Apply("solve", (*(row.get(j, ZERO) for row in matrix for j in range(count)), *right))

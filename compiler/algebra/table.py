@@ -1,6 +1,6 @@
-"""Curves through points as expressions. Operands: how often differentiated, what it is taken at, places, values, slopes.
+"""Curves through points as expressions. Operands: order of the derivative, argument, places, values, slopes.
 
-Places, values and slopes may be numbers or expressions of parameters; none of them changes during a run.
+Places, values and slopes may be numbers or expressions of parameters; all are constant during a run.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ _SMOOTH = {"linear": 1, "cubic": 3, "monotone": 3, "noise": 5}  # derivatives of
 
 
 def table(kind: str, x: Expression, places: Sequence[Expression], values: Sequence[Expression]) -> Expression:
-    """The value at x of a curve through points: `linear`, `cubic` (natural spline) or `monotone`."""
+    """Value at x of a curve through points: `linear`, `cubic` (natural spline) or `monotone`."""
     if kind == "linear":
         return call(kind, ZERO, x, *places, *values)
     return call(kind, ZERO, x, *places, *values, *_slopes(kind, places, values))
 
 
 def _slopes(kind: str, places: Sequence[Expression], values: Sequence[Expression]) -> list[Expression]:
-    """The slopes of a curve in its points: all at once if they are numbers."""
+    """Slopes of a curve at its points, computed at once if the points are numbers."""
     xs, ys = _numbers(places), _numbers(values)
     if xs is not None and ys is not None:
         slopes = interpolate.natural_slopes if kind == "cubic" else interpolate.monotone_slopes
@@ -33,12 +33,12 @@ def _slopes(kind: str, places: Sequence[Expression], values: Sequence[Expression
 
 
 def is_table(x: Expression) -> bool:
-    """Whether it is a curve through points."""
+    """Return True for a curve through points."""
     return isinstance(x, Apply) and x.operator in _LISTS
 
 
 def lists(node: Apply) -> tuple[tuple[Expression, ...], ...]:
-    """The lists of a table: places, values and, but for straight lines, slopes."""
+    """Lists of a table: places, values and, except for straight lines, slopes."""
     count = _LISTS[node.operator]
     points = node.operands[2:]
     n = len(points) // count
@@ -46,12 +46,12 @@ def lists(node: Apply) -> tuple[tuple[Expression, ...], ...]:
 
 
 def domain(node: Apply) -> tuple[Expression, ...]:
-    """The list that the argument of a table is looked up in."""
+    """List in which the argument of a table is looked up."""
     return lists(node)[1 if node.operator == "inverse" else 0]
 
 
 def curve_slope(node: Apply) -> Expression:
-    """The derivative of a curve with respect to what it is taken at."""
+    """Derivative of a curve by its argument."""
     order, x, *rest = node.operands
     if node.operator == "inverse":
         slope = Apply("monotone", (ONE, node, *rest))
@@ -63,20 +63,20 @@ def curve_slope(node: Apply) -> Expression:
 
 
 def jumps_at_knots(node: Apply) -> bool:
-    """Whether it is a derivative of a curve that jumps at its points."""
+    """Return True for a derivative of a curve that jumps at its points."""
     order = node.operands[0]
     return isinstance(order, Number) and order.value >= {"linear": 1, "cubic": 3, "monotone": 2}.get(node.operator, 9)
 
 
 def last_derivative(node: Apply) -> Apply:
-    """The derivative of a curve that is constant between its points."""
+    """Derivative of a curve that is constant between its points."""
     return Apply(node.operator, (Number(float(_SMOOTH[node.operator])), *node.operands[1:]))
 
 
 def turned_round(node: Apply, y: Expression) -> Expression | None:
-    """Where the curve has the value y; None if its numbers show that there is not exactly one place.
+    """Inverse of the curve at the value y; None if its numbers show that it is not unique.
 
-    Numbers that are parameters are looked at where their values are known, before the program is made.
+    Points that are parameters are checked when their values are known, before the program is made.
     """
     if node.operands[0] != ZERO or node.operator == "inverse":
         return None
@@ -99,5 +99,5 @@ def _numbers(part: Sequence[Expression]) -> tuple[float, ...] | None:
 
 
 def noise(place: Expression, seed: Expression) -> Expression:
-    """A random number at each whole `place`, joined smoothly."""
+    """A random number at each integer `place`, joined smoothly."""
     return call("noise", ZERO, place, seed)
