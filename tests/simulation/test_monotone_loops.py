@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -14,15 +14,21 @@ import bondgraph
 Law = Callable[[float, float], tuple[float, float]]  # voltage, current -> what the law lacks, the size of its terms
 
 
-def _element(number: int, random: np.random.Generator) -> tuple[str, Law]:
+SMOOTH = ("linear", "linear", "diode", "logarithm", "cubic", "tanh", "sinh")
+BENT = ("corner", "rectifier", "two sides", "other sides", "saturation")
+
+
+def _element(number: int, random: np.random.Generator, kinds: Sequence[str]) -> tuple[str, Law]:
     """A resistive element as text, and its law."""
-    kind = random.choice(["linear", "linear", "diode", "logarithm", "cubic", "tanh", "sinh"])
+    kind = str(random.choice(kinds))
     g = float(10.0 ** random.uniform(-4, 0))
     saturation, thermal = float(10.0 ** random.uniform(-14, -6)), float(random.choice([0.0258, 0.05]))
 
     def diode(u: float, i: float) -> tuple[float, float]:
         return i - saturation * math.expm1(u / thermal), abs(i) * (1 + abs(u) / thermal) + saturation
 
+    if kind in BENT:
+        return _bent(number, kind, g, float(10.0 ** random.uniform(-1, 3)), float(10.0 ** random.uniform(-3, 0)))
     if kind == "linear":
         return f"R e{number} : u = {1 / g!r} [ohm]*i", lambda u, i: (u - i / g, abs(u) + abs(i / g))
     if kind == "diode":
@@ -46,7 +52,30 @@ def _element(number: int, random: np.random.Generator) -> tuple[str, Law]:
     )
 
 
-def _network(seed: int) -> tuple[str, list[Law], list[tuple[int, int]], int]:
+def _bent(number: int, kind: str, g: float, at: float, part: float) -> tuple[str, Law]:
+    """A law of straight pieces that meet, as text, and as what it lacks."""
+    texts: dict[str, tuple[str, Callable[[float], float]]] = {
+        "corner": (f"i = {g!r} [A/V]*max(u - {at!r} [V], 0 [V]) + {part * g!r} [A/V]*u", lambda u: g * max(u - at, 0) + part * g * u),
+        "rectifier": (f"u = {1 / g!r} [ohm]*i + {0.9 / g!r} [ohm]*abs(i)", lambda i: (i + 0.9 * abs(i)) / g),
+        "two sides": (f"u = ({1 / g!r} [ohm]*i if i > 0 [A] else {part / g!r} [ohm]*i)", lambda i: i / g if i > 0 else part / g * i),
+        "other sides": (f"i = ({g!r} [A/V]*u if u < {at!r} [V] else {part * g!r} [A/V]*u + {(1 - part) * g * at!r} [A])",
+                        lambda u: g * u if u < at else part * g * u + (1 - part) * g * at),
+        "saturation": (f"i = {g!r} [A/V]*min(max(u, -{at!r} [V]), {at!r} [V]) + {1e-4 * g!r} [A/V]*u",
+                       lambda u: g * min(max(u, -at), at) + 1e-4 * g * u),
+    }  # fmt: skip
+    text, law = texts[kind]
+
+    def lacks(u: float, i: float) -> tuple[float, float]:
+        argument, value = (u, i) if text.startswith("i") else (i, u)
+        steepest = (2 * g) if text.startswith("i") else 2 / g
+        return value - law(argument), abs(value) + steepest * (
+            abs(argument) + (at if kind != "rectifier" else 0) * 1e-3
+        )
+
+    return f"R e{number} : {text}", lacks
+
+
+def _network(seed: int, kinds: Sequence[str] = SMOOTH) -> tuple[str, list[Law], list[tuple[int, int]], int]:
     """A connected network of up to 16 nodes with one source, its laws, where its elements lie, and the node of the source."""
     random = np.random.default_rng(seed)
     nodes = int(random.integers(2, 16))
@@ -64,7 +93,7 @@ def _network(seed: int) -> tuple[str, list[Law], list[tuple[int, int]], int]:
     edges = [(b, a) if random.random() < 0.5 else (a, b) for a, b in edges]
     laws = []
     for k, (a, b) in enumerate(edges):
-        text, law = _element(k, random)
+        text, law = _element(k, random, kinds)
         lines += [" " + text, f" n{a} -> 1(e{k}) -> n{b}"]
         laws.append(law)
     read = ", ".join(f"u{k} = e{k}.u, i{k} = e{k}.i" for k in range(len(edges)))
@@ -72,11 +101,40 @@ def _network(seed: int) -> tuple[str, list[Law], list[tuple[int, int]], int]:
     return "\n".join(lines), laws, edges, at
 
 
+BENT_SEEDS = (1, 5, 6, 8, 11, 22)
+
+
 @pytest.mark.parametrize("seed", [4, 8, 15, 18, 19, 36, 39, 53, 60, 63, 127])
 def test_a_random_network_fulfils_its_laws_and_balances(seed: int) -> None:
     """What Newton's method from the last instant does not solve is solved from afar; the witness are the equations themselves."""
     text, laws, edges, at = _network(seed)
-    result = bondgraph.load(text).simulate()
+    _is_solved(bondgraph.load(text).simulate(), laws, edges, at)
+
+
+@pytest.mark.parametrize("seed", BENT_SEEDS)
+def test_a_random_network_with_laws_of_pieces_fulfils_its_laws_and_balances(seed: int) -> None:
+    """Without states, the sides of an `if` change where their condition does, and each reported instant has the side that holds there."""
+    text, laws, edges, at = _network(seed, (*SMOOTH, *BENT))
+    _is_solved(bondgraph.load(text).simulate(), laws, edges, at)
+
+
+@pytest.mark.parametrize("seed", [8, 36])
+@pytest.mark.parametrize("more", ["when", "switch", "every"])
+def test_events_leave_a_network_as_it_is(seed: int, more: str) -> None:
+    """The opened loops know what only events change, and conditions on time; conditions on states are looked at where they are."""
+    text, laws, edges, at = _network(seed)
+    if more == "switch":
+        text = text.replace(
+            " source -> 1(inner) ->",
+            " 1 feed : electric { active = closed > 0.5 }\n mode closed = 0\n when time > 0.1 s { closed = 1 }\n feed -> inner\n source -> feed ->",
+        )
+    else:
+        event = "when time > 0.6 s { n = n + 1 }" if more == "when" else "every 0.3 s { n = n + 1 }"
+        text = text.replace(" output", f" mode n = 0\n {event}\n output", 1)
+    _is_solved(bondgraph.load(text).simulate(), laws, edges, at)
+
+
+def _is_solved(result: bondgraph.Result, laws: list[Law], edges: list[tuple[int, int]], at: int) -> None:
     for j in range(5):
         fed = result["fed"][j]
         balance = np.zeros(1 + max(max(e) for e in edges))

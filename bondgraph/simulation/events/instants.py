@@ -199,6 +199,8 @@ class EventStepper(Stepper):
         is not located.
         """
         events, tolerances, count = self.events, self.tolerances, len(self.program.states.names)
+        if not count:  # no step gets shorter by it, and outputs are to be those of the side that holds
+            return False
         start, stop = self.followed
         times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))
         for time, old in zip(times, state_at(times, True), strict=True):

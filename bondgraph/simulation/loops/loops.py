@@ -24,6 +24,7 @@ TOGETHER = 12  # iterations for many instants at once: instants that need more a
 LARGEST = 100  # most unknowns of a loop that is searched from many guesses
 NEAREST = 8
 ROUNDED = 1e-5  # relative to its terms: a residual that does not fall counts as rounding below this
+SAMPLED = (0.0, *(10.0 ** np.arange(-9, 9, 0.25)).tolist())  # times at which conditions on time are compared
 GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # in units of the magnitudes
 
 
@@ -74,7 +75,8 @@ class LoopSolver:
         return np.concatenate([state[: self.count], found])
 
     def _opened(self, time: float, state: Any, mode: Any) -> OpenedLoops | None:
-        """Return the loops with both variables of each nonlinear law as unknowns; None if not available, as in models with events."""
+        """Return the loops with both variables of each nonlinear law as unknowns; None if not available. Conditions on states are
+        evaluated at each iterate; what only events change, and conditions on time, are as in the mode."""
         source = self.program.kept.get("opened")
         if source is None or self.parameters is None:
             return None
@@ -86,12 +88,28 @@ class LoopSolver:
             program, laws = prepared.program, prepared.facts.laws
         except (CompilationFailed, ValuesNeeded):
             return None
-        if not laws or program.hybrid is not None:
+        if not laws or program.states.names != self.program.states.names:
             return None
+        constants = program.constants(self.parameters)
+        fitting = self._mode_of(program, constants, np.asarray(mode))
+        return (
+            None
+            if fitting is None
+            else OpenedLoops(program, laws, (time, self.inputs, constants, fitting), state[: self.count])
+        )
+
+    def _mode_of(self, opened: Program, constants: Any, mode: Any) -> Any:
+        """Mode of the opened program: what only events change, then the conditions on time, whose order may differ there. None if
+        they are not the same."""
         hybrid = self.program.hybrid
-        timed = mode if hybrid is None else np.asarray(mode)[list(hybrid.timed)]
-        at = time, self.inputs, program.constants(self.parameters), timed
-        return OpenedLoops(program, laws, at, state[: self.count])
+        modes = () if hybrid is None else hybrid.modes.names
+        if modes != (() if opened.hybrid is None else opened.hybrid.modes.names):
+            return None
+        timed = mode if hybrid is None else mode[list(hybrid.timed)]
+        places = _matching(
+            *(np.array([p.switches(t, c) for t in SAMPLED]) for p, c in ((self.program, self.constants), (opened, constants)))
+        )  # fmt: skip
+        return None if places is None else np.concatenate([mode[: len(modes)], timed[places]])
 
     def _by_waves(self, waves: OpenedLoops, time: float, state: Any, mode: Any) -> Any:
         """Return the unknowns by an iteration in wave variables; None if it does not converge."""
@@ -103,11 +121,21 @@ class LoopSolver:
         guess[places] = state[self.count :]
         for end in solve_opened(waves, guess):
             found = self.newton(time, state, mode, end[places])
-            if found is None and self.program.hybrid is not None:
-                return end[places]  # solution of the laws as they are there: the mode differs, and has to change
             if found is not None:
                 return found
+            if self._is_beyond(time, np.concatenate([state[: self.count], end[places]]), mode):
+                return end[places]  # the laws as they are there: the mode says otherwise, and is what has to change
         return None
+
+    def _is_beyond(self, time: float, state: Any, mode: Any) -> bool:
+        """Return True if a condition that steers differs, at a state, from its truth in a mode."""
+        hybrid = self.program.hybrid
+        if hybrid is None:
+            return False
+        roots = np.asarray(hybrid.roots(time, state, self.inputs, self.constants, mode))
+        said = np.asarray(mode)[[c.position for c in hybrid.conditions]] == 1.0
+        steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
+        return bool((steers & np.isfinite(roots) & (roots != 0) & ((roots < 0) != said)).any())
 
     def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
         """Return all unknowns, solved loop after loop; None if one loop fails."""
@@ -155,7 +183,10 @@ class LoopSolver:
             return np.concatenate([states[:, : self.count], found[:, states.shape[1] :][:, self._order]], axis=1)
         found, known = self._together(times, states, mode)
         for k in np.flatnonzero(~known):
-            found[k] = self.solve(times[k], states[k], mode)
+            guess = states[k]
+            if k and (states[k] == states[k - 1]).all():  # the instants differ in time alone: the one before is nearer
+                guess = found[k - 1]
+            found[k] = self.solve(times[k], guess, mode)
         return found
 
     def _together(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
@@ -285,6 +316,17 @@ class LoopSolver:
             self.magnitude[places],
         )
         return None if near is None else self.newton(time, state, mode, _put(guess, places, near), places)
+
+
+def _matching(ours: Any, theirs: Any) -> Any:
+    """Index, for each column of the second table, of an equal column of the first (the same index if equal); None if one has none."""
+    places = []
+    for k in range(theirs.shape[1]):
+        equal = np.flatnonzero((ours == theirs[:, k : k + 1]).all(axis=0))
+        if not len(equal):
+            return None
+        places.append(k if k in equal else int(equal[0]))
+    return np.array(places, dtype=int)
 
 
 def _put(z: Any, places: Any, values: Any) -> Any:
