@@ -402,10 +402,11 @@ class Leg:
         self.notes += tuple(dict.fromkeys(self.trajectory.notes))[:1]
         self.notes += self.timed
         if self.constraints and len(self.trajectory.states):
-            from .closed.singular import told_of
+            from .closed.singular import doubts_of, told_of
 
             assembled = self.constraints.assembled if self.begin is None else None  # only of the first phase
             self.notes += told_of(assembled, self.trajectory.poses)
+            self.doubts += doubts_of(self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         if self.bandwidth is not None:
             from .bandwidth.tell import left_out_of

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
 from ..nouns import dataclass
+from .joint_order import Ranks, joint_ranks
 
 CHORDS = frozenset({"free", "distance"})
 CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow
@@ -138,8 +139,9 @@ class _Growth:
             members.setdefault(self._root(body.name), []).append(body)
         free = [j for j in self.mechanism.joints if j.kind not in CLOSING and not is_chord(j) and j.name not in merged]
         neighbours = self._neighbours(free)
-        order = self._order(neighbours)
-        if any(j.name in kept and j.name not in order for kept in self.kept_in for j in free):
+        names = list(dict.fromkeys(j.name for near in neighbours.values() for _, j in near))
+        if len(self._forest(free, names)) < len(names):
+            order = self._order(neighbours, *joint_ranks(free, members, self._group_of, self.kept_in))
             neighbours = self._neighbours(self._forest(free, order))
         self._grow(GROUND, None, members, neighbours)
         for group in members:
@@ -159,23 +161,25 @@ class _Growth:
                 found.setdefault(second, []).append((first, joint))
         return found
 
-    def _order(self, neighbours: Mapping[str, Sequence[tuple[str, Joint]]]) -> list[str]:
-        """Joints of the tree that grows breadth first from the ground, then from the remaining bodies."""
+    def _order(self, neighbours: Mapping[str, Sequence[tuple[str, Joint]]], ranks: Ranks, groups: Ranks) -> list[str]:
+        """Joints in the order in which a tree reaches them that grows breadth first from the ground, then from the remaining bodies. Of joints
+        equally near the ranks decide, so that loops are cut at the joint with the most coordinates."""
         seen: set[str] = set()
-        names: list[str] = []
+        names: dict[str, None] = {}
         for root in self.group:
-            queue = [] if root in seen or self._root(root) != root else [root]
-            seen.update(queue)
-            for near in queue:
-                for far, joint in neighbours.get(near, ()):
-                    if far not in seen:
-                        seen.add(far)
-                        names.append(joint.name)
-                        queue.append(far)
-        return names
+            level = [] if root in seen or self._root(root) != root else [root]
+            while level:
+                seen.update(level)
+                found = [
+                    (ranks[j.name], groups[far], far, j.name) for near in level for far, j in neighbours.get(near, ())
+                ]
+                found.sort(key=lambda each: each[:2])
+                names.update(dict.fromkeys(name for *_, far, name in found))
+                level = list(dict.fromkeys(far for *_, far, _ in found if far not in seen))
+        return [*names]
 
     def _forest(self, joints: Sequence[Joint], order: Sequence[str]) -> list[Joint]:
-        """Joints without a loop: first those that should not close one, then those of the other tree (J. Kruskal, 1956)."""
+        """Joints without a loop (J. Kruskal, 1956): first those that should not close one, then in the given order."""
         by_name, above = {j.name: j for j in joints}, {name: self._root(name) for name in self.group}
 
         def top(name: str) -> str:
@@ -184,9 +188,11 @@ class _Growth:
                 name = above[name]
             return name
 
-        first = [j.name for kept in self.kept_in for j in joints if j.name in kept]
+        def weight(name: str) -> tuple[bool, ...]:
+            return tuple(name not in kept for kept in self.kept_in)
+
         kept: set[str] = set()
-        for name in (*first, *order):
+        for name in sorted(order, key=weight):
             one, other = (top(self._group_of(end)) for end in (by_name[name].first, by_name[name].second))
             if one != other:
                 above[one] = other

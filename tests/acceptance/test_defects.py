@@ -30,7 +30,7 @@ Arrays = dict[str, Any]
 SECONDS = 120  # against a run without an end; some of these took a minute, and take 1 s now
 
 # Cases of the tables below that are wrong today, by their names.
-TODAY = frozenset(("kite_swing_rtol1e-11",))
+TODAY: frozenset[str] = frozenset()
 pytestmark = pytest.mark.machine_code  # bounds on time; the parts' own tests run interpreted too
 wrong_today = pytest.mark.xfail(strict=True, reason="not mended yet; remove this mark when it is")
 

@@ -67,7 +67,7 @@ def test_fourbars_at_a_tight_tolerance() -> None:
     assert (
         note.startswith("10 singular poses passed")
         and "0.714356 s" in note
-        and "`bars.right[1]`, `bars.right[2]`" in note
+        and "`bars.left[1]`, `bars.left[2]`" in note
     )
 
 

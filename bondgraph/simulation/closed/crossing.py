@@ -19,11 +19,14 @@ import numpy as np
 from ..loops.loops import Eliminated, LoopSolver
 from .constraints import Constraints
 
-STAGES, FEWER = 8, 6  # stages of the step, and of the step with which it is compared
+# Stages of the step, and of the step with which it is compared: more where the two differ by too much. All are even, as the pose is in the middle.
+ORDERS = ((8, 6), (12, 10), (16, 14))
+ROUNDED = 0.1  # fraction of the difference at the order before: where so much is left with more stages it is rounding
 ITERATIONS = 60
 DIFFERENCE = 1e-6  # relative to the magnitudes: step of difference quotients
 COMPARED = (0.05, 0.3, 0.5, 0.7, 0.95, 1.0)  # fractions of a step at which both are compared
 CLOSE = 1e-13  # change by the last iteration, in magnitudes
+STALLED, SLOWEST = 1e-8, 0.9  # changes below that which get no smaller than by that are rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,7 @@ class Crossed:
     before: Any
     slopes: Any  # (stages, n)
     error: float  # largest difference of two orders at some places
+    rounded: bool = False  # whether that is rounding: more stages make it no smaller
 
     def at(self, times: Any) -> Any:
         """Return states (not projected) at instants; shape (times, n)."""
@@ -78,17 +82,35 @@ class OnConstraints:
         return np.asarray(rates)[: constraints.count] / self.reach
 
 
-def cross(function: OnConstraints, time: float, scaled: Any, size: float) -> Crossed | None:
-    """Return a step of a given size; None if its stages do not converge. Raises nothing."""
+def cross(function: OnConstraints, time: float, scaled: Any, size: float, tolerance: float) -> Crossed | None:
+    """Return a step of a given size, with as many stages as the tolerance asks for; None if its stages do not converge. Raises nothing."""
     state = np.concatenate([scaled * function.reach, function.unknowns])
     basis = function.constraints.tangents(time, state, function.mode)
     slopes = _slopes(function, time, scaled, basis)
-    found = _collocation(function, time, scaled, size, STAGES, slopes, basis, None)
+    best: Crossed | None = None
+    for order in ORDERS:
+        crossed = _crossed(function, time, scaled, size, order, slopes, basis)
+        if crossed is None:
+            return best
+        if best is not None and crossed.error > ROUNDED * best.error:
+            return replace(min(best, crossed, key=lambda each: each.error), rounded=True)
+        best = crossed
+        if crossed.error <= tolerance:
+            break
+    return best
+
+
+def _crossed(
+    function: OnConstraints, time: float, scaled: Any, size: float, order: tuple[int, int], slopes: Any, basis: Any
+) -> Crossed | None:
+    """A step with the first number of stages, compared with one that has the second."""
+    stages, fewer = order
+    found = _collocation(function, time, scaled, size, stages, slopes, basis, None)
     if found is None:
         return None
     crossed = Crossed(time, size, scaled, found, 0.0)
-    guess = crossed.at(time + size * _method(FEWER)[0]) - scaled
-    found = _collocation(function, time, scaled, size, FEWER, slopes, basis, guess)
+    guess = crossed.at(time + size * _method(fewer)[0]) - scaled
+    found = _collocation(function, time, scaled, size, fewer, slopes, basis, guess)
     if found is None:
         return None
     other = Crossed(time, size, scaled, found, 0.0)
@@ -124,13 +146,13 @@ def _collocation(
         if not np.isfinite(norm) or norm > 1e3:
             return None
         moved = moved + change
-        if norm < CLOSE or (norm < 1e-8 and norm > 0.5 * last):
+        if norm < CLOSE or (norm < STALLED and norm > SLOWEST * last):
             return rates
         last = norm
     return None
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _method(stages: int) -> tuple[Any, Any]:
     """Return nodes and matrix of the Gauss method."""
     places = (np.polynomial.legendre.leggauss(stages)[0] + 1) / 2
@@ -148,7 +170,7 @@ def _integrals(shares: Any, stages: int) -> Any:
     return 0.5 * integrals @ _to_stages(stages).T
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _to_stages(stages: int) -> Any:
     """Return the transposed matrix that maps values at the stages to coefficients of Legendre polynomials."""
     nodes, _ = np.polynomial.legendre.leggauss(stages)

@@ -7,12 +7,13 @@ together are closed to round-off, whatever the tolerance of the run; at a near m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ...errors import RunFailed
+from ...results import ToleranceDoubt
 from ..loops.loops import LoopSolver
 from .constraints import NOISE, Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
@@ -23,6 +24,12 @@ MISSES = 0.5  # fraction of the singular value: remainder of a parabola at the z
 APART = 1e-8  # relative size from which the residual of a redundant row counts as open
 OPEN = 1e-10  # relative size from which a residual counts as open where its derivatives vanish
 VANISHED = 1e-6  # relative to the largest: a smaller singular value counts as zero
+FINE = 1e-9  # relative tolerance below which that many steps get too short: rounding grows as a crossing gets shorter
+MOST_ROUNDED = 1e-7  # in magnitudes: a crossing with more rounding than that is not taken
+ROUNDINGS = 10.0  # tolerances of rounding that a crossing may leave: what steps leave adds up to as much
+SLIGHT = 3.0  # tolerances of rounding from which a run warns
+FALLS = 0.5  # fraction of the rounding of a longer crossing: a shorter one with more than that gains nothing
+NEVER = 1e300  # time ahead: no try yet
 SEARCH = 12
 DIFFERENCE = 1e-6
 ORDER = 1 / 6  # exponent of the step size as a function of its error, a lower bound
@@ -41,6 +48,7 @@ class SingularPose:
     time: float
     lost: int  # number of constraints without effect there
     joints: tuple[str, ...]
+    rounding: float = 0.0  # that is left of the crossing, in magnitudes; 0 where the tolerance covers it
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +58,11 @@ class Point:
     state: Any
     lost: int
     joints: tuple[str, ...]
+
+
+def look_ahead(relative: float) -> float:
+    """Number of steps ahead of a singular pose at which it is crossed: as far, in time, at tight tolerances as at others."""
+    return LOOK * float(max(1.0, (FINE / relative) ** 0.25))
 
 
 class Watcher:
@@ -65,6 +78,7 @@ class Watcher:
         self.comes = False  # True if it seems to vanish there, without a minimum before
         self.point: Point | None = None  # the singular point found ahead
         self.tried = np.inf  # time ahead at the last failed try to cross
+        self.left = np.inf  # rounding of the last tries
 
     def begin(self, time: float, state: Any, mode: Any) -> None:
         """Reset the monitor at the start of a segment, or after a crossing."""
@@ -157,8 +171,10 @@ class Watcher:
     ) -> Crossed | None:
         """Return a step over the singular pose ahead, if there is one within reach that can be crossed; None otherwise."""
         size = 2 * self.ahead
-        if not self.comes or not self.ahead < LOOK * step or time + size > stop or self.ahead > 0.5 * self.tried:
+        near = self.ahead < look_ahead(tolerance) * step
+        if not self.comes or not near or time + size > stop or self.ahead > 0.5 * self.tried:
             return None
+        self.left = self.left if self.tried < NEVER else np.inf
         self.tried = self.ahead
         constraints = self.constraints
         function = OnConstraints(constraints, self.loops, mode, state[constraints.count :])
@@ -166,16 +182,21 @@ class Watcher:
         ahead = self._point_ahead(function, time, scaled, state, mode)
         if ahead is None:
             return None
-        crossed = cross(function, time, scaled, size)
+        crossed = cross(function, time, scaled, size, tolerance)
         if crossed is None:
             return None
-        if not crossed.error <= tolerance:
+        holds = crossed.error <= tolerance * (ROUNDINGS if crossed.rounded else 1.0)
+        if not holds and crossed.rounded:
+            if not (FALLS * self.left < crossed.error <= MOST_ROUNDED):
+                self.left = min(self.left, crossed.error)
+                return None
+        elif not holds:
             self.tried *= min(1.0, 2 * (tolerance / crossed.error) ** ORDER)
             return None
         pose = self._pose(crossed, ahead, state, mode)
         if pose is None:
             return None
-        self.passed.append(pose)
+        self.passed.append(replace(pose, rounding=crossed.error) if crossed.error > SLIGHT * tolerance else pose)
         return crossed
 
     def _point_ahead(self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any) -> Point | None:
@@ -282,6 +303,18 @@ class Watcher:
         shift[constraints.positions] = DIFFERENCE * constraints.reach[constraints.positions] * way
         beyond, before = (constraints.slopes(time, state + sign * shift, mode)[0] for sign in (1, -1))
         return (beyond - before)[constraints.taking] / (2 * DIFFERENCE * size[:, None])
+
+
+def doubts_of(poses: list[SingularPose]) -> tuple[ToleranceDoubt, ...]:
+    """Return a warning where rounding at singular poses is more than the tolerance covers."""
+    worst = max((pose for pose in poses if pose.rounding), key=lambda pose: pose.rounding, default=None)
+    if worst is None:
+        return ()
+    text = (
+        f"rounding keeps the tolerance from being held at a singular pose, t = {worst.time:.6g} s: differences of {worst.rounding:.1g} of the magnitudes "
+        f"are left there, so rtol = {worst.rounding:.1g} is the tightest that means what it says"
+    )
+    return (ToleranceDoubt(worst.time, "", "tolerance at a singular pose", text, (), ""),)
 
 
 def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str, ...]:

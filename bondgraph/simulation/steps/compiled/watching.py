@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from math import pow
+
 from ...closed import singular
 from .holding import least
 from .stepper import Stepper
 
-LOOK_AHEAD, NEAR, MISSES, APART = singular.LOOK, singular.NEAR, singular.MISSES, singular.APART
-NEVER = 1e300
+LOOK_AHEAD, FINE = singular.LOOK, singular.FINE
+NEAR, MISSES, APART = singular.NEAR, singular.MISSES, singular.APART
+NEVER = singular.NEVER
 GOES_ON, CROSS, REDUNDANT = 0, 8, 9
 
 
@@ -60,8 +63,9 @@ def watch(s: Stepper) -> int:
     s.longest = min(s.usual, NEAR * min(s.ahead, s.behind))
     if s.redundant != 0 and opened(s):
         return REDUNDANT
-    if s.comes != 0 and s.ahead < LOOK_AHEAD * s.size and s.time + 2.0 * s.ahead <= s.stop and s.ahead <= 0.5 * s.tried:
-        return CROSS
+    if s.comes != 0 and s.time + 2.0 * s.ahead <= s.stop and s.ahead <= 0.5 * s.tried:
+        if s.ahead < LOOK_AHEAD * max(1.0, pow(FINE / s.relative, 0.25)) * s.size:
+            return CROSS
     return GOES_ON
 
 

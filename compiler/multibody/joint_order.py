@@ -1,0 +1,69 @@
+"""Ranks of joints by what they are and join, not by their names or the order of declarations: loops are cut where these say.
+
+Colours are refined as by B. Weisfeiler and A. Leman (1968): a group of bodies differs from another where its own data or its joints do, or the
+groups behind these. Where all are alike, as the legs of a symmetrical mechanism, the order of declarations is left to decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from typing import Any
+
+from ..algebra.formula import Bound
+from ..graph.mechanism import GROUND, Body, Joint
+
+ROUNDS = 12  # of refinement: joints that far away still tell two groups apart
+Ranks = Mapping[str, int]
+
+
+def joint_ranks(
+    joints: Sequence[Joint],
+    members: Mapping[str, Sequence[Body]],
+    group_of: Callable[[str], str],
+    kept_in: Sequence[Set[str]],
+) -> tuple[Ranks, Ranks]:
+    """The rank of each joint by its name, and of each group of bodies; alike ones share it. `kept_in`: sets of joints that had better not close a loop,
+    the most important first."""
+    kinds = {
+        j.name: (*(j.name not in kept for kept in kept_in), len(j.freedoms), j.kind, *map(_words, _vectors(j)))
+        for j in joints
+    }
+    joint_rank = _ranked(kinds)
+    ends = {j.name: (group_of(j.first), group_of(j.second)) for j in joints}
+    groups = dict.fromkeys([*members, *(g for pair in ends.values() for g in pair)])
+    rank = _ranked({g: (g != GROUND, *sorted(map(_data, members.get(g, ())))) for g in groups})
+    for _ in range(ROUNDS):
+        around: dict[str, list[tuple[int, int]]] = {g: [] for g in groups}
+        for name, pair in ends.items():
+            for near, far in (pair, pair[::-1]):
+                around[near].append((joint_rank[name], rank[far]))
+        finer = _ranked({g: (rank[g], sorted(around[g])) for g in groups})
+        if finer == rank:
+            break
+        rank = finer
+    return _ranked({n: (joint_rank[n], sorted(rank[g] for g in ends[n])) for n in joint_rank}), rank
+
+
+def _ranked(keys: Mapping[str, Any]) -> dict[str, int]:
+    """The place of each key among the different ones, in their order."""
+    places = {text: place for place, text in enumerate(_distinct(keys.values()))}
+    return {name: places[repr(key)] for name, key in keys.items()}
+
+
+def _distinct(keys: Iterable[Any]) -> list[str]:
+    """Different keys in their order, as text."""
+    return [repr(key) for key in sorted({repr(k): k for k in keys}.values())]
+
+
+def _vectors(joint: Joint) -> tuple[Bound, ...]:
+    return (*joint.position, *joint.axis, *joint.other_axis, joint.ratio)
+
+
+def _data(body: Body) -> tuple[str, ...]:
+    """The mass and the place of a body."""
+    return tuple(map(_words, (body.mass, *body.position, body.inertia.zz)))
+
+
+def _words(bound: Bound) -> str:
+    """The form of an expression with its numbers, whatever its symbols are called."""
+    return repr(bound.formula.expression)

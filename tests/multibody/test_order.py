@@ -1,0 +1,72 @@
+"""The order of declarations decides no state: loops are cut at the same joints however a mechanism is written down."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bondgraph.model import Model
+from compiler.source import Source
+from tests.metamorphic.changing import parsed, permuted
+from tests.metamorphic.printing import text_of
+
+MODELS = Path(__file__).resolve().parents[2] / "models"
+NAMES = ["spatial_slider_crank", "slider_crank", "crank_linkage", "published/andrews", "published/iftomm_A04_bricard"]
+
+
+def states(text: str) -> set[str]:
+    return set(Model(Source("made.bg", text)).states)
+
+
+def loop(kinds: tuple[str, ...], swapped: bool = False) -> str:
+    """A closed loop of these joints and the ground, of bodies that all differ; the middle ones hang on no bond, nor does anybody read them."""
+    count = len(kinds) - 1
+    places = [(0.3 * k, 0.1 * k * (count - k), 0.05 * k * k) for k in range(count + 1)]
+    lines = [
+        f"body b{k} {{ mass = {1 + k} kg, inertia = (1 [kg*m^2], 2 [kg*m^2], 3 [kg*m^2]), at = ({0.3 * k + 0.15} [m], 0.1 [m], 0) }}"
+        for k in range(count)
+    ]
+    for k, kind in enumerate(kinds):
+        first, second = ("ground" if k == 0 else f"b{k - 1}"), ("ground" if k == count else f"b{k}")
+        way = {"hinge": ", about = (0, 0.2, 1)", "slide": ", along = (1, 0, 0.1)", "ball": ""}.get(
+            kind, ", about = (1, 0, 0), then = (0, 1, 0)"
+        )
+        lines.append(
+            f"{kind} j{k} : {first} to {second} {{ at = ({places[k][0]} [m], {places[k][1]} [m], {places[k][2]} [m]){way} }}"
+        )
+    body = "\n    ".join(reversed(lines) if swapped else lines)
+    return f"model Loop {{\n  multibody m : spatial {{\n    {body}\n  }}\n  output turn = m.j0.{'x' if kinds[0] == 'slide' else 'phi'}\n}}\n"
+
+
+LOOPS = [
+    ("hinge", "ball", "ball", "hinge"),
+    ("hinge", "ball", "universal", "slide"),
+    ("hinge", "universal", "ball", "slide"),
+    ("slide", "ball", "universal", "hinge"),
+    ("hinge", "universal", "universal", "hinge", "hinge"),
+    ("hinge", "hinge", "hinge", "hinge", "hinge", "hinge", "hinge"),
+    ("hinge", "hinge", "ball", "hinge", "universal"),
+    ("slide", "hinge", "ball", "hinge", "hinge"),
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_order_in_a_model_decides_no_state(name: str) -> None:
+    text = (MODELS / f"{name}.bg").read_text(encoding="utf-8")
+    first = states(text)
+    assert all(states(text_of(permuted(parsed(text), seed))) == first for seed in (1, 2, 3))
+
+
+@pytest.mark.parametrize("kinds", LOOPS, ids="-".join)
+def test_the_order_in_a_loop_decides_no_state(kinds: tuple[str, ...]) -> None:
+    text = loop(kinds)
+    first = states(text)
+    assert states(loop(kinds, swapped=True)) == first
+    assert all(states(text_of(permuted(parsed(text), seed))) == first for seed in (1, 2, 3, 4))
+
+
+def test_loops_are_cut_at_the_joint_with_the_most_coordinates() -> None:
+    """Of those that are as far from the ground: a ball in the tree is seven states, a universal joint four."""
+    for kinds in (("hinge", "ball", "universal", "slide"), ("slide", "universal", "ball", "hinge")):
+        assert len(states(loop(kinds))) == 8
