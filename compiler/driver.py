@@ -176,7 +176,17 @@ class Compilation:
                 return space
             refuse_singular_loops(space, self.equations, self.scene.free)
             refuse_idle_coordinates(space)
+            if len(space.balances) < len(self.equations.balances):
+                self._refuse_idle_unread()
             return space
+
+    def _refuse_idle_unread(self) -> None:
+        """Raise what a run with all of its energies would: massless bodies that nothing reads must be determined all the same."""
+        try:
+            whole = reduce_equations(self.equations, True, self.graph.span, self.scene.opened)
+        except CompilationFailed:  # what cancels is left out, and was looked at as it was (`_reduced`)
+            return
+        refuse_idle_coordinates(whole)
 
     @cached_property
     def _reduced(self) -> StateSpace:

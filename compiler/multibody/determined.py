@@ -39,7 +39,7 @@ def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, Le
     """Check the inertia along all coordinates. `around`: for each link within a closed loop, its fictitious inertias."""
     values = Values(kinematics.script)
     count = len(kinematics.moving)
-    free = [[[values.of(x) for x in row] for row in recursion.inertias[i].matrix(m.branch.active)] for i, m in enumerate(kinematics.moving)]  # fmt: skip
+    free = [[[values.of(x) for x in row] for row in recursion.own_matrix(m)] for m in kinematics.moving]  # fmt: skip
     held = [[list(row) for row in rows] for rows in free]
     own = [[list(row) for row in rows] for rows in free]
     lent: dict[Place, float] = {}

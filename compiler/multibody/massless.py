@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import frexp, inf
 
-from ..graph.mechanism import COUPLINGS, GROUND, Joint
+from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Joint
 from ..nouns import dataclass
 from .kinematics import Kinematics
 from .recursion import Recursion
@@ -49,13 +49,17 @@ def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Le
     if not tree.closing:
         return {}
     values = Values(kinematics.script)
-    whole = _measured(kinematics, recursion, values, set(range(len(tree.links))))
+    whole = measured(kinematics, recursion, values, set(range(len(tree.links))))
     result: dict[int, Lent] = {}
     for joint in tree.closing:
         loop = links_around(tree, joint, kinematics.on)
         if joint.kind in COUPLINGS:
             loop |= _outside(tree, loop)
-        found = _measured(kinematics, recursion, values, loop) or whole
+        found = (
+            measured(kinematics, recursion, values, loop)
+            or whole
+            or _reached(kinematics, recursion, values, joint, loop)
+        )
         for index in loop if found else ():
             assert found is not None
             if index not in result or found.inertia < result[index].inertia:
@@ -91,7 +95,26 @@ def _outside(tree: Tree, links: set[int]) -> set[int]:
     return found
 
 
-def _measured(kinematics: Kinematics, recursion: Recursion, values: Values, links: set[int]) -> Lent | None:
+def _reached(
+    kinematics: Kinematics, recursion: Recursion, values: Values, joint: Joint, links: set[int]
+) -> Lent | None:
+    """Mass and inertia of links that all turn in one point, by how far the closing joint is from it; None as before."""
+    if joint.kind in COUPLINGS:
+        return None
+    script, spans = kinematics.script, joint.kind in SPANS
+    ends = (
+        [script.place(kinematics.mechanism.point_of(e), f"{e} at") for e in (joint.first, joint.second)]
+        if spans
+        else [script.place(joint.position, f"{joint.name} at")]
+    )
+    mass = sum(values.of(recursion.inertias[i].mass) for i in links)
+    pins = [kinematics.moving[i].origin for i in links]
+    arms = [sum(values.of(a - b) ** 2 for a, b in zip(end, pin, strict=True)) for end in ends for pin in pins]
+    turning = mass * max(arms, default=0.0)
+    return Lent(mass, turning) if 0 < mass < inf and 0 < turning < inf else None
+
+
+def measured(kinematics: Kinematics, recursion: Recursion, values: Values, links: set[int]) -> Lent | None:
     """Mass of some links, and their inertia about each other; None if both are zero."""
     mass = turning = 0.0
     points = []

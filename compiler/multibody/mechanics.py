@@ -10,6 +10,7 @@ from .chords import Chords
 from .closure import Closure
 from .determined import survey
 from .energy import energy
+from .idle_turns import idle_turns
 from .kinematics import Kinematics
 from .massless import lent_around
 from .motion import MechanismEquations, Motion
@@ -45,6 +46,7 @@ class Mechanics:
         wanted: Set[str], reacting: Set[str], builder: Writer,
     ) -> None:  # fmt: skip
         self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, dict(efforts), wanted
+        self.driving = frozenset((*efforts, *flows))
         self.script = Script(mechanism, builder)
         self.result = MechanismEquations()
         self.claimed = claimed_parts(mechanism, tree)
@@ -61,6 +63,7 @@ class Mechanics:
         if self.result.diagnostics:
             return self.result
         claim_starts(self.script, self.claimed, self.result)
+        self.recursion.idle = idle_turns(self.kinematics, self.recursion, self.driving)
         found = survey(self.kinematics, self.recursion, lent_around(self.kinematics, self.recursion))
         self.recursion.lend(found.lent)
         self.recursion.run()

@@ -9,6 +9,7 @@ there is no 3 x 3 inverse. Gravity is an upward acceleration of the ground: all 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import sqrt
 
 from ..algebra.expression import MINUS_ONE, ONE, ZERO, Expression, Number, Symbol, add, divide, multiply, negate
@@ -20,7 +21,7 @@ from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics
 from .moving import Moving
 from .placed import Placed
-from .vectors import NULL, Matrix, Vector, cross, is_null, negated, plus
+from .vectors import NULL, Matrix, Vector, cross, is_null, negated, plus, summed
 
 Row = list[Expression]  # of six
 PLACES = range(6)
@@ -50,6 +51,9 @@ class Recursion:
         self.loads: list[Row] = []
         self.steps: list[list[Elimination]] = [[] for _ in self.moving]
         self.lent: dict[tuple[int, int], tuple[Expression, int]] = {}
+        self.idle: Mapping[
+            int, Matrix
+        ] = {}  # links with turns that move nothing: an inertia about these (`idle_turns.py`)
         self.known: dict[int, Row] = {}  # accelerations of points of reference and axes
         self.pushed: dict[int, Vector] = {}  # loads not in these yet: world forces on floating bodies
         self.gravity = self.script.place(kinematics.mechanism.gravity, "gravity", "m/s^2")
@@ -58,13 +62,20 @@ class Recursion:
     def run(self) -> None:
         """Write the accelerations of all coordinates."""
         for moving, inertia in zip(self.moving, self.inertias, strict=True):
-            self.matrices.append(inertia.matrix(moving.branch.active))
+            self.matrices.append(self.own_matrix(moving))
             self.loads.append(self._load(moving, inertia))
         for index in reversed(range(len(self.moving))):
             self._inwards(index)
         if not self.diagnostics:
             for index in range(len(self.moving)):
                 self._outwards(index)
+
+    def own_matrix(self, moving: Moving) -> Square:
+        """The inertia of what a link carries, with what is added about idle turns."""
+        inertia, added = self.inertias[moving.index], self.idle.get(moving.index)
+        if added is not None:
+            inertia = replace(inertia, tensor=summed(inertia.tensor, added))
+        return inertia.matrix(moving.branch.active)
 
     def lend(self, inertias: Mapping[tuple[int, int], float]) -> None:
         """Give coordinates (links, and their numbers) a fictitious inertia, which an unknown cancels: see `massless.py`."""

@@ -1,4 +1,4 @@
-"""Numbers for expressions of a mechanism: parameters with the values of this scene, arbitrary values for states."""
+"""Numbers for expressions of a mechanism: parameters with the values of this scene or beside these, arbitrary values for states."""
 
 from __future__ import annotations
 
@@ -20,6 +20,10 @@ class Values:
         self._find([s.key for s in symbols(x)])
         return evaluate(x, self.known.__getitem__)
 
+    def parameter(self, variable: int, value: float) -> float:
+        """The number for a parameter: its value."""
+        return value
+
     def _find(self, wanted: list[int]) -> None:
         while wanted:  # not by recursion: angles of a long chain are sums of sums
             variable = wanted[-1]
@@ -31,7 +35,9 @@ class Values:
                     if not missing:
                         self.known[variable] = self._value(variable, definition)
                 else:  # a state: some number that no other has
-                    self.known[variable] = _anything(variable) if definition is None else definition
+                    self.known[variable] = (
+                        _anything(variable) if definition is None else self.parameter(variable, definition)
+                    )
                 if missing:
                     wanted += missing
                     continue
@@ -42,6 +48,14 @@ class Values:
             return evaluate(definition, self.known.__getitem__)
         except (ArithmeticError, ValueError):  # the root of what a run sets, which may be anything here
             return _anything(variable)
+
+
+class Elsewhere(Values):
+    """Numbers for expressions in another scene: no parameter has its value."""
+
+    def parameter(self, variable: int, value: float) -> float:
+        """The number for a parameter: some percents beside its value."""
+        return value + 0.03 * _anything(variable) * (abs(value) or 1.0)
 
 
 def _anything(variable: int) -> float:

@@ -260,7 +260,6 @@ def test_a_smoothed_bridge_of_shockley_diodes(tmp_path: Path) -> None:
     np.testing.assert_allclose(found["u"], truth.y[0], atol=1e-4)
 
 
-@wrong_today
 def test_a_point_mass_on_a_rod(tmp_path: Path) -> None:
     """x'' = g - (v v + g x) x on the unit sphere."""
     gravity = np.array([0, 0, -9.81])

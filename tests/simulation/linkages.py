@@ -1,5 +1,5 @@
-"""Closed mechanisms with random dimensions, and where each of their coordinates is after some were turned from the drawing: a fine continuation of
-hand-written closure equations, independent of the product."""
+"""Closed mechanisms with random dimensions, and where each of their coordinates is after some were turned from the drawing: closed forms along the
+whole path (two bars between known points; two solutions of a cos + b sin = c), for a ring of six hinges a continuation in small steps by hand."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 
-STEPS = 500
-CLOSE = 1e-9  # of a Newton step, after which one more goes to rounding
-NEAR = 0.02  # of the smallest singular value at the start: whether the path passes is left open
+SAMPLES = 20_001  # along a path
+QUICK = 0.5  # radians between two samples: whole turns are not counted surely
+NEAR = 1e-5  # of 1 - |cosine| of the angle that vanishes at a dead centre: whether the path passes is left open
+LONGEST, SHORTEST = 0.02, 1e-10  # steps by hand: radians, share of the path
+BEND = 0.02  # of a step: what the first correction may be
+WEAK = 0.01  # of the smallest singular value at the start: whether the path passes is left open
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,44 +29,67 @@ class Case:
     open_: bool
 
 
-def continued(residual: Callable[[Any, float], Any], count: int, steps: int = STEPS) -> tuple[Any, bool]:
-    """The unknowns at share 1 of residual(x, share) = 0 from zeros at share 0; None if the path ends before; whether it is nearly singular."""
+def angle(cosine: Any) -> tuple[Any, float]:
+    """The angle between 0 and pi along a path, and the least distance of its cosine from a dead centre, negative beyond one."""
+    margin = float(np.min(1.0 - np.abs(cosine)))
+    return np.arccos(np.clip(cosine, -1.0, 1.0)), margin
 
-    def slopes(x: Any, share: float) -> Any:
-        shifted = x[None, :] + 1e-30j * np.eye(count)
-        return np.stack([residual(row, share).imag / 1e-30 for row in shifted], axis=1)
 
-    x, before, least, first = np.zeros(count), None, np.inf, None
-    for share in np.linspace(0.0, 1.0, steps + 1):
-        old = x
-        for _ in range(12):
-            matrix = slopes(x, share)
-            move, *_ = np.linalg.lstsq(matrix, -np.real(residual(x, share)), rcond=1e-9)
-            x = x + move
-            if np.abs(move).max() < CLOSE:
-                break
-        else:
-            return None, True
-        values = np.linalg.svd(matrix, compute_uv=False)
-        weight = float(values[count - 1])
-        first = weight if first is None else first
-        sign = float(np.sign(np.linalg.det(matrix))) if matrix.shape[0] == count else None
-        if np.abs(x - old).max() > 0.2 or (before is not None and sign != before):
-            return None, True
-        before, least = sign, min(least, weight / first)
-    for _ in range(3):
-        x = x + np.linalg.lstsq(slopes(x, 1.0), -np.real(residual(x, 1.0)), rcond=1e-9)[0]
-    return x, least < NEAR
+def wound(angles: Any) -> tuple[float, bool]:
+    """The change of an angle along a path, with its whole turns; whether these are counted surely."""
+    moves = (np.diff(angles) + np.pi) % (2 * np.pi) - np.pi
+    return float(moves.sum()), bool(np.abs(moves).max() < QUICK)
+
+
+def continued(residual: Callable[[Any, Any], Any], count: int) -> tuple[Any, bool]:
+    """The unknowns at share 1 of residual(x, share) = 0 from zeros at share 0; None if the path turns back before; whether it is nearly singular.
+
+    `residual` takes many rows of unknowns and shares at once; its slopes are by complex steps.
+    """
+    shifts = 1e-30j * np.eye(count + 1)
+
+    def at(x: Any, share: float) -> tuple[Any, Any, Any]:
+        """Values, slopes by the unknowns, slopes by the share."""
+        rows = residual(x + shifts[:, :count], share + shifts[:, count])
+        slopes = rows.imag.T / 1e-30
+        return rows[0].real, slopes[:, :count], slopes[:, count]
+
+    def solved(slopes: Any, value: Any) -> Any:
+        return np.linalg.lstsq(slopes, value, rcond=1e-11)[0]
+
+    x, share, step = np.zeros(count), 0.0, 1e-3
+    _, slopes, pull = at(x, 0.0)
+    tangent, first = solved(slopes, -pull), float(np.linalg.svd(slopes, compute_uv=False)[-1])
+    least = first
+    while share < 1.0:
+        step = min(step, 1.0 - share, LONGEST / max(float(np.abs(tangent).max()), 1.0))
+        trial, moves = x + step * tangent, []
+        for _ in range(6):
+            value, slopes, pull = at(trial, share + step)
+            moves.append(solved(slopes, -value))
+            trial = trial + moves[-1]
+        new = solved(slopes, -pull)
+        long = step * float(np.abs(tangent).max())
+        if np.abs(moves[0]).max() > BEND * long + 1e-13 or np.abs(moves[-1]).max() > 1e-12 or tangent @ new < 0:
+            step /= 2
+            if step < SHORTEST:
+                return None, least > WEAK * first
+            continue
+        x, share, tangent, step = trial, share + step, new, 2 * step
+        least = min(least, float(np.linalg.svd(slopes, compute_uv=False)[-1]))
+    return x, least < WEAK * first
 
 
 # ---------------------------------------------------------------- in the plane
 @dataclass(frozen=True, slots=True)
 class Planar:
-    """Bars between points, hinges at points, and loops of vectors from point to point along bars."""
+    """Bars between points, hinges at points, and pairs of bars that close loops, in the order in which they follow from each other."""
 
     bars: Mapping[str, str]  # bar -> its points, a letter each
     hinges: Mapping[str, tuple[str, str, str]]  # hinge -> first bar (or ground), second bar, point
-    loops: tuple[tuple[tuple[str, str], ...], ...]  # bars with two of their points each
+    pairs: tuple[
+        tuple[str, str], ...
+    ]  # two bars, and three points: end of the first, where they meet, end of the second
     led: tuple[str, ...]  # hinges to the ground with a start
 
     @property
@@ -100,35 +126,54 @@ class Planar:
         """Random places and starts of up to a turn and more."""
         places = {p: rng.uniform(-1, 1, 2) for p in self.points}
         turns = {h: float(rng.choice([0.5, 1.5, 7.0]) * rng.uniform(-1, 1)) for h in self.led}
-        fixed = {self.hinges[h][1]: v for h, v in turns.items()}
-        free = [b for b in self.bars if b not in fixed]
-
-        def residual(x: Any, share: float) -> Any:
-            angles = {**{b: share * v for b, v in fixed.items()}, **dict(zip(free, x, strict=True))}
-            rows: list[Any] = []
-            for loop in self.loops:
-                vectors = [(angles[bar], places[ends[1]] - places[ends[0]]) for bar, ends in loop]
-                rows.append(sum((np.cos(t) - 1) * v[0] - np.sin(t) * v[1] for t, v in vectors))
-                rows.append(sum(np.sin(t) * v[0] + (np.cos(t) - 1) * v[1] for t, v in vectors))
-            return np.array(rows, dtype=complex)
-
-        x, near = continued(residual, len(free))
         settings = {f"{p}{c}": float(v) for p, place in places.items() for c, v in zip("xy", place, strict=True)}
         settings |= {f"start_{h}": v for h, v in turns.items()}
-        if x is None:
-            return Case(settings, None, True)
-        angles = {"ground": 0.0, **fixed, **dict(zip(free, x, strict=True))}
-        return Case(settings, {f"o_{h}": float(angles[b] - angles[a]) for h, (a, b, _) in self.hinges.items()}, near)
+        angles, margin, sure = self.followed({p: complex(*place) for p, place in places.items()}, turns)
+        if margin <= 0:
+            return Case(settings, None, margin > -NEAR)
+        wanted = {f"o_{h}": angles[b] - angles[a] for h, (a, b, _) in self.hinges.items()}
+        return Case(settings, wanted, margin < NEAR or not sure)
+
+    def followed(
+        self, drawn: Mapping[str, complex], turns: Mapping[str, float]
+    ) -> tuple[dict[str, float], float, bool]:
+        """Angles of all bars at the end of the path; its margin to a dead centre; whether whole turns are counted surely."""
+        share, least, sure = np.linspace(0.0, 1.0, SAMPLES), np.inf, True
+        now = {p: np.full(SAMPLES, drawn[p]) for a, _, p in self.hinges.values() if a == "ground"}
+        angles = {"ground": 0.0}
+
+        def carry(bar: str, pin: str, turned: Any) -> None:
+            now.update({p: now[pin] + (drawn[p] - drawn[pin]) * turned for p in self.bars[bar] if p != pin})
+
+        for hinge, turn in turns.items():
+            _, bar, pin = self.hinges[hinge]
+            angles[bar] = turn
+            carry(bar, pin, np.exp(1j * turn * share))
+        for bars, (begin, meet, end) in self.pairs:
+            first, second = drawn[meet] - drawn[begin], drawn[meet] - drawn[end]
+            base = now[end] - now[begin]
+            far, one, two = np.abs(base), abs(first), abs(second)
+            _, margin = angle((one**2 + two**2 - far**2) / (2 * one * two))
+            least = min(least, margin)
+            side = np.sign((first * base[0].conjugate()).imag)
+            lean = np.arccos(np.clip((one**2 + far**2 - two**2) / (2 * one * far), -1.0, 1.0))
+            now[meet] = now[begin] + one * base / far * np.exp(1j * side * lean)
+            for bar, pin, arm in ((bars[0], begin, first), (bars[1], end, second)):
+                turned = (now[meet] - now[pin]) / arm
+                angles[bar], counted = wound(np.angle(turned))
+                sure &= counted
+                carry(bar, pin, turned)
+        return angles, least, sure
 
 
 FOUR_BAR = Planar(
     {"p": "AB", "q": "BC", "s": "CD"}, {"a": ("ground", "p", "A"), "b": ("p", "q", "B"), "c": ("q", "s", "C"), "d": ("ground", "s", "D")},
-    ((("p", "AB"), ("q", "BC"), ("s", "CD")),), ("a",),
+    (("qs", "BCD"),), ("a",),
 )  # fmt: skip
 FIVE_BAR = Planar(
     {"p": "AB", "q": "BC", "r": "CE", "s": "ED"},
     {"a": ("ground", "p", "A"), "b": ("p", "q", "B"), "c": ("q", "r", "C"), "f": ("s", "r", "E"), "d": ("ground", "s", "D")},
-    ((("p", "AB"), ("q", "BC"), ("r", "CE"), ("s", "ED")),), ("a", "d"),
+    (("qr", "BCE"),), ("a", "d"),
 )  # fmt: skip
 STEPHENSON = Planar(
     {"p": "AB", "q": "BCP", "s": "CD", "u": "PQ", "w": "QF"},
@@ -136,7 +181,7 @@ STEPHENSON = Planar(
         "a": ("ground", "p", "A"), "b": ("p", "q", "B"), "c": ("q", "s", "C"), "d": ("ground", "s", "D"),
         "g": ("q", "u", "P"), "h": ("u", "w", "Q"), "f": ("ground", "w", "F"),
     },
-    ((("p", "AB"), ("q", "BC"), ("s", "CD")), (("p", "AB"), ("q", "BP"), ("u", "PQ"), ("w", "QF"))), ("a",),
+    (("qs", "BCD"), ("uw", "PQF")), ("a",),
 )  # fmt: skip
 
 
@@ -166,24 +211,23 @@ class SliderCrank:
             th = float(rng.uniform(-np.pi, np.pi))
         d = float(rng.uniform(-8, 8))
         settings = {"r": r, "l": l, "th": th, "start_a": d, "off": off, "side": side}
-        heights = (
-            off - r * np.sin(th + np.linspace(0, d, 4001))
-        ) / l  # sine of the rod's angle, from the piston's side
-        if np.abs(heights).max() >= 1:
-            return Case(settings, None, True)
+        # The sine of the rod's angle, from the piston's side.
+        heights = (off - r * np.sin(th + np.linspace(0, d, SAMPLES))) / l
+        margin = float(np.min(1.0 - np.abs(heights)))
+        if margin <= 0:
+            return Case(settings, None, margin > -NEAR)
         leans = side * np.arcsin(heights)
         x = r * np.cos(th + d) + side * l * np.cos(leans[-1])
         # The wrist's angle is that of the piston, which does not turn, less that of the rod.
-        return Case(
-            settings, {"o_a": d, "o_x": x, "o_wrist": float(leans[0] - leans[-1])}, bool(np.abs(heights).max() > 0.9999)
-        )
+        return Case(settings, {"o_a": d, "o_x": x, "o_wrist": float(leans[0] - leans[-1])}, margin < NEAR)
 
 
 # ---------------------------------------------------------------- in space
-def turned(axis: Any, angle: Any, vector: Any) -> Any:
-    """A vector turned about an axis (Rodrigues)."""
-    a = axis / np.linalg.norm(axis)
-    return vector * np.cos(angle) + np.cross(a, vector) * np.sin(angle) + a * (a @ vector) * (1 - np.cos(angle))
+def turn_about(axis: Any, angles: Any) -> Any:
+    """The turns about an axis by some angles, shape (angles, 3, 3) (Rodrigues)."""
+    cross = np.cross(np.eye(3), axis / np.linalg.norm(axis))
+    turns = angles[:, None, None]
+    return np.eye(3) + np.sin(turns) * cross + (1 - np.cos(turns)) * (cross @ cross)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,19 +253,27 @@ class Rssr:
         """Random places, axes and turns."""
         b, c, d, axis = (rng.uniform(-1, 1, 3) for _ in range(4))
         turn = float(rng.choice([0.5, 1.5, 7.0]) * rng.uniform(-1, 1))
-        rod = (c - b) @ (c - b)
-
-        def residual(x: Any, share: float) -> Any:
-            gap = d + turned(axis, x[0], c - d) - turned(np.array([0.0, 0.0, 1.0]), share * turn, b)
-            return np.array([gap @ gap - rod])
-
-        x, near = continued(residual, 1)
+        shares = turn * np.linspace(0.0, 1.0, SAMPLES)
+        tip = np.stack([b[0] * np.cos(shares) - b[1] * np.sin(shares), b[0] * np.sin(shares) + b[1] * np.cos(shares), 0 * shares + b[2]], axis=1)  # fmt: skip
+        about = axis / np.linalg.norm(axis)
+        along = about * (about @ (c - d))
+        across, beside = c - d - along, np.cross(about, c - d)
+        base = d + along - tip
+        even, odd = base @ across, base @ beside  # even cos(x) + odd sin(x) = level keeps the rod's length
+        level = ((c - b) @ (c - b) - np.sum(base**2, axis=1) - across @ across) / 2
+        lean, margin = angle(level / np.hypot(even, odd))
+        middle = np.arctan2(odd, even)
+        side = -np.sign(np.sin(middle[0]))
+        end, sure = wound(middle + side * lean)
         settings = {
             f"{p}{k}": float(v)
             for p, place in zip("BCDe", (b, c, d, axis), strict=True)
             for k, v in zip("xyz", place, strict=True)
         }
-        return Case({**settings, "start_a": turn}, None if x is None else {"o_a": turn, "o_d": float(x[0])}, near)
+        settings |= {"start_a": turn}
+        if margin <= 0:
+            return Case(settings, None, margin > -NEAR)
+        return Case(settings, {"o_a": turn, "o_d": end}, margin < NEAR or not sure)
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,18 +317,14 @@ class Bricard:
         turn = float(rng.choice([0.3, 1.0, 7.0]) * rng.uniform(-1, 1))
         marks = np.eye(3)
 
-        def residual(x: Any, share: float) -> Any:
+        def residual(x: Any, share: Any) -> Any:
             """Where three marks are after all six turns, less where they were."""
-            angles = [share * turn, *x]
-            rows: list[Any] = []
-            for mark in marks:
-                point: Any = mark
-                for (at, axis), angle in reversed(list(zip(lines, angles, strict=True))):
-                    point = at + turned(axis, angle, point - at)
-                rows.append(point - mark)
-            return np.concatenate(rows)
+            points: Any = marks
+            for (at, axis), turns in reversed(list(zip(lines, [share * turn, *x.T], strict=True))):
+                points = at + (points - at) @ turn_about(axis, turns).swapaxes(1, 2)
+            return (points - marks).reshape(len(x), -1)
 
-        x, near = continued(residual, 5, STEPS // 2)
+        x, near = continued(residual, 5)
         settings = {
             f"{w}{i + 1}{c}": float(v)
             for w, rows in (("p", places), ("n", axes))

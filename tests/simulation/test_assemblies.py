@@ -18,7 +18,7 @@ EXACT = 1e-9
 
 @pytest.mark.parametrize("name", CASES)
 def test_random_linkages_start_on_the_branch_that_is_drawn(name: str) -> None:
-    """Against a fine continuation of closure equations by hand; what a dead centre keeps apart is refused."""
+    """Against closed forms along the whole path, and a continuation by hand; what a dead centre keeps apart is refused."""
     linkage, rng = LINKAGES[name], np.random.default_rng(7)
     model = bondgraph.load(linkage.text())
     for _ in range(CASES[name]):

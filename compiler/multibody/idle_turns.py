@@ -1,0 +1,224 @@
+"""Turns that move nothing and that nothing drives: of a point mass on rods, of one on a hinge through its centre, of a thin bar hung at its ends.
+
+A link about whose point (or line) all that it carries and all that holds or pushes it is symmetric feels no torque there and has no inertia there. As the
+limit of a body with ever less inertia it keeps its spin. So an inertia about that point or line is added to its matrix, of any size: along it the spin's
+rate vanishes, and so does all that the addition does. Loads and energies are written without it.
+
+Symmetry is looked at by numbers, with the parameters of this scene and with others: what holds for these values alone is no symmetry, as a run may
+set them. A ball that leaves a turn about a line alone is refused as before: its coordinates are the model's own, and a universal joint has none too many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Set
+from math import cos, hypot, sin
+
+from ..algebra.expression import ZERO, Expression, Number, add, multiply
+from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Body
+from ..nouns import dataclass
+from .axes import to_own
+from .coordinates import is_turning
+from .kinematics import Kinematics
+from .massless import measured
+from .moving import Moving
+from .recursion import Recursion
+from .tree import bonded_joints
+from .turns import unit
+from .values import Elsewhere, Values
+from .vectors import UNIT, Matrix, Vector, minus
+
+Numbers = tuple[float, float, float]
+SAME = 1e-11  # of the sizes: places and directions that are one
+HINGED = frozenset({"hinge", "cylinder"})
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Whatever holds, pushes or weighs a link: points, and lines through points; in the drawing, world axes."""
+
+    points: tuple[Vector, ...]
+    lines: tuple[tuple[Vector, Vector], ...]
+
+    @property
+    def places(self) -> tuple[Vector, ...]:
+        """All points, those of the lines too."""
+        return (*self.points, *(p for p, _ in self.lines))
+
+
+def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) -> Mapping[int, Matrix]:
+    """For each link with an idle turn, the inertia that is added: 3 x 3, own axes. `driving`: ports with efforts or flows."""
+    values = (Values(kinematics.script), Elsewhere(kinematics.script))
+    driven = bonded_joints(driving) | {
+        end for j in kinematics.tree.closing if j.kind in COUPLINGS for end in (j.first, j.second)
+    }
+    whole = measured(kinematics, recursion, values[0], set(range(len(kinematics.moving))))
+    size = 1.0 if whole is None else whole.of(True)
+    result: dict[int, Matrix] = {}
+    for moving in kinematics.moving:
+        weighs = recursion.inertias[moving.index].mass != ZERO and not moving.link.fixed
+        thin = weighs and all(_is_singular(kinematics, b, values[0]) for b in moving.link.bodies)
+        held = _held(kinematics, moving, driving, driven) if thin else None
+        way = None if held is None else _way(kinematics, moving, held, values)
+        if way is not None:
+            result[moving.index] = _about(way, size, values[0])
+    return result
+
+
+def _about(way: Sequence[Vector], size: float, values: Values) -> Matrix:
+    """Some inertia about directions: the sum of their squares."""
+    shares = [Number(size / sum(values.of(x) ** 2 for x in v)) for v in way]
+    a, b, c = (
+        [add(*(multiply(s, v[row], v[k]) for s, v in zip(shares, way, strict=True))) for k in range(3)]
+        for row in range(3)
+    )
+    return (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])
+
+
+# ---------------------------------------------------------------- what holds a link
+def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set[str]) -> Held | None:
+    """Whatever holds, pushes or weighs a link; None where that is more than points and lines."""
+    on, place, index = kinematics.on, kinematics.tree.place, moving.index
+    points: list[Vector] = []
+    lines: list[tuple[Vector, Vector]] = []
+    steps = [m for m in kinematics.moving if m is moving or m.parent == index]
+    for step in steps:
+        link = step.link
+        if link.step.kind == "float" or (isinstance(link.part, Body) and link.step.kind == "hinge" and step is moving):
+            continue
+        if link.fixed or link.part.name in driven or link.step.kind not in ("hinge", "ball"):
+            return None
+        if link.step.kind == "ball":
+            points.append(kinematics.pin(link))
+        else:
+            lines.append((kinematics.pin(link), step.direction))
+    for joint in (*kinematics.tree.closing, *kinematics.tree.chords):
+        ends = (
+            [] if joint.kind in COUPLINGS else [e for e in (joint.first, joint.second) if _is_on(on, place, e, index)]
+        )
+        for end in ends:
+            if joint.kind in SPANS:
+                points.append(_place(kinematics, end))
+            elif joint.kind == "free" and joint.name not in driven:
+                continue
+            elif joint.name in driven or joint.locked or joint.kind not in (*HINGED, "ball"):
+                return None
+            elif joint.kind == "ball":
+                points.append(kinematics.script.place(joint.position, f"{joint.name} at"))
+            else:
+                axis = unit(kinematics.script.place(joint.axis, f"{joint.name}.axis", "1"))
+                lines.append((kinematics.script.place(joint.position, f"{joint.name} at"), axis))
+    pushed = _pushed(kinematics, index, driving)
+    if pushed is None:
+        return None
+    return Held((*points, *pushed, *_weighed(kinematics, moving)), tuple(lines))
+
+
+def _is_on(on: Mapping[str, str], place: Mapping[str, int | None], end: str, index: int) -> bool:
+    return on[end] != GROUND and place[on[end]] == index
+
+
+def _place(kinematics: Kinematics, end: str) -> Vector:
+    """Where an end of a rod or distance is in the drawing."""
+    return kinematics.script.place(kinematics.mechanism.point_of(end), f"{end} at")
+
+
+def _pushed(kinematics: Kinematics, index: int, driving: Set[str]) -> list[Vector] | None:
+    """Points of a link at which ports push; None if one twists."""
+    mechanism, place = kinematics.mechanism, kinematics.tree.place
+    own = {b.name: "world" for b in mechanism.bodies if place[b.name] == index}
+    own |= {f.name: f.axes for f in mechanism.frames if _is_on(kinematics.on, place, f.name, index)}
+    points = []
+    for port in sorted(driving):
+        name, _, letter = port.partition(".")
+        if name in own:
+            if own[name] != "world" or is_turning(letter):
+                return None
+            points.append(_place(kinematics, name))
+    return points
+
+
+def _weighed(kinematics: Kinematics, moving: Moving) -> list[Vector]:
+    """Centres of bodies with mass."""
+    script = kinematics.script
+    return [
+        kinematics.centres[b.name]
+        for b in moving.link.bodies
+        if script.constant(b.mass, f"{b.name} mass", "kg") != ZERO
+    ]
+
+
+# ---------------------------------------------------------------- symmetry
+def _way(kinematics: Kinematics, moving: Moving, held: Held, values: Sequence[Values]) -> Sequence[Vector] | None:
+    """The directions, own axes, about which a link turns idly: three for a point, one for a line; None if there is none."""
+    places = held.places
+    apart = [minus(p, places[0]) for p in places[1:]]
+    apart = [v for v in apart if not _is_nothing(v, places, values)]
+    if not apart and not held.lines:
+        return UNIT if all(_is_point(kinematics, b) for b in moving.link.bodies) else None
+    ways = [*(d for _, d in held.lines), *apart]
+    if moving.link.step.kind == "ball" or not all(_is_along(ways[0], v, values) for v in ways):
+        return None
+    if not all(_is_thin(kinematics, b, ways[0], values) for b in moving.link.bodies):
+        return None
+    return (to_own(moving.basis, ways[0]),)
+
+
+def _inertia(kinematics: Kinematics, body: Body) -> list[Expression]:
+    """xx, yy, zz, xy, xz, yz."""
+    of, letters = body.inertia, ("xx", "yy", "zz", "xy", "xz", "yz")
+    return [kinematics.script.constant(getattr(of, c), f"{body.name} inertia {c}", "kg*m^2") for c in letters]
+
+
+def _is_point(kinematics: Kinematics, body: Body) -> bool:
+    return all(x == ZERO for x in _inertia(kinematics, body))
+
+
+def _is_singular(kinematics: Kinematics, body: Body, values: Values) -> bool:
+    """Whether a body has no inertia about some direction that it may turn about."""
+    xx, yy, zz, xy, xz, yz = (values.of(x) for x in _inertia(kinematics, body))
+    if kinematics.mechanism.planar:
+        return zz == 0.0
+    whole = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    return abs(whole) <= SAME * max(abs(xx), abs(yy), abs(zz)) ** 3
+
+
+def _is_thin(kinematics: Kinematics, body: Body, way: Vector, values: Sequence[Values]) -> bool:
+    """Whether a body has no inertia about a direction through its centre."""
+    turn = kinematics.script.place(body.turn, f"{body.name} turn", "1")
+    for each in values:
+        xx, yy, zz, xy, xz, yz = (each.of(x) for x in _inertia(kinematics, body))
+        x, y, z = _turned_back(_of(each, way), _of(each, turn))
+        left = (xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z)
+        if hypot(*left) > SAME * max(abs(xx), abs(yy), abs(zz)) * hypot(x, y, z):
+            return False
+    return True
+
+
+def _turned_back(v: Numbers, turn: Numbers) -> Numbers:
+    """A vector of the world in axes that are turned by a rotation vector (Rodrigues)."""
+    angle = hypot(*turn)
+    if angle == 0.0:
+        return v
+    axis = (-turn[0] / angle, -turn[1] / angle, -turn[2] / angle)
+    swept, along = _cross(axis, v), sum(a * b for a, b in zip(axis, v, strict=True)) * (1 - cos(angle))
+    x, y, z = (cos(angle) * v[k] + sin(angle) * swept[k] + along * axis[k] for k in range(3))
+    return x, y, z
+
+
+def _is_nothing(v: Vector, places: Sequence[Vector], values: Sequence[Values]) -> bool:
+    """Whether a difference of places is rounding."""
+    return all(hypot(*_of(each, v)) <= SAME * max(hypot(*_of(each, p)) for p in places) for each in values)
+
+
+def _is_along(a: Vector, b: Vector, values: Sequence[Values]) -> bool:
+    """Whether two directions are one, or opposite."""
+    pairs = [(_of(each, a), _of(each, b)) for each in values]
+    return all(hypot(*_cross(x, y)) <= SAME * hypot(*x) * hypot(*y) for x, y in pairs)
+
+
+def _of(values: Values, v: Vector) -> Numbers:
+    return values.of(v[0]), values.of(v[1]), values.of(v[2])
+
+
+def _cross(a: Numbers, b: Numbers) -> Numbers:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
