@@ -1,4 +1,4 @@
-"""Equations to state space: what this run needs, in the order in which it is computed, loops solved."""
+"""Equations to state space: the equations that this run needs, in order of computation, with loops solved."""
 
 from ..certificate import Certificate, Loop
 from .cancel import without_what_cancels

@@ -1,8 +1,8 @@
-"""Terms of a sum that cancel because they are the same product of the same quantities, met on two ways round.
+"""Cancellation of terms of a sum that are the same product of the same quantities, reached by two paths.
 
-A gyrator between two junctions of one flow gives back what it takes: the effort that is left is nothing, whatever the flow. Left
-standing, the sum would seem to depend on the flow, and a storage behind it on its own derivatives without end. Only then are such
-terms looked for: a loop in which they cancel has no solution, which is told while they stand.
+A gyrator between two junctions of one flow gives back the power that it takes: the remaining effort is zero for every flow. With these
+terms, the sum seems to depend on the flow, and a storage behind it on its own derivatives without end. Only in that case such
+terms are searched for: a loop in which they cancel has no solution, which is reported while they are present.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Product = tuple[float, frozenset[tuple[Expression, int]]]
 
 
 def without_what_cancels(system: EquationSystem) -> EquationSystem | None:
-    """The same equations without the terms that cancel; None if there are none."""
+    """Return the same equations without the terms that cancel; None if there are none."""
     products = _products(system.assignments)
     changed = {a.target: left for a in system.assignments if (left := _left(a, products)) is not None}
     if not changed:
@@ -31,7 +31,7 @@ def without_what_cancels(system: EquationSystem) -> EquationSystem | None:
 
 
 def _left(assignment: Assignment, products: Mapping[int, Product]) -> Assignment | None:
-    """What is left of a sum; None if it is none, or nothing cancels."""
+    """The assignment without the terms of its sum that cancel; None if it is no sum, or nothing cancels."""
     expression = assignment.expression
     if not (isinstance(expression, Apply) and expression.operator == "add"):
         return None
@@ -50,7 +50,7 @@ def _left(assignment: Assignment, products: Mapping[int, Product]) -> Assignment
 
 
 def _products(assignments: Sequence[Assignment]) -> dict[int, Product]:
-    """Variables that are nothing but a product."""
+    """Variables whose assignment is only a product."""
     found = {}
     for assignment in assignments:
         if not assignment.implicit:
@@ -61,7 +61,7 @@ def _products(assignments: Sequence[Assignment]) -> dict[int, Product]:
 
 
 def _product(x: Expression) -> Product | None:
-    """An expression as a product of powers; None if it is too long a one."""
+    """An expression as a product of powers; None if the product is too long."""
     if isinstance(x, Number):
         return x.value, frozenset()
     if not (isinstance(x, Apply) and x.operator in ("multiply", "divide")):
@@ -77,7 +77,7 @@ def _product(x: Expression) -> Product | None:
 
 
 def _times(a: Product, b: Product, power: int) -> Product | None:
-    """a times a power of b."""
+    """Product of a and a power of b."""
     powers = dict(a[1])
     for factor, of_it in b[1]:
         powers[factor] = powers.get(factor, 0) + power * of_it
@@ -88,7 +88,7 @@ def _times(a: Product, b: Product, power: int) -> Product | None:
 
 
 def _opened(product: Product, products: Mapping[int, Product]) -> Product | None:
-    """A product with all in it that is a product itself opened; None if that ends nowhere."""
+    """A product with all products in it opened; None if that does not end."""
     result: Product | None = product
     for _ in range(LONGEST):
         assert result is not None

@@ -1,7 +1,7 @@
-"""State space to certificate: what kind of equations came out, told before anything is run.
+"""State space to certificate: the kind of the resulting equations, reported before a run.
 
-Nothing here changes a number. Names appear as the author wrote them and in the order of the text; all else (form, index,
-counts, linear or not) does not depend on the order of declarations, but for the sizes of loops: where they are cut is a greedy
+Nothing here changes a number. Names are as the author wrote them and in the order of the text; all other data (form, index,
+counts, linear or not) do not depend on the order of declarations, except the sizes of loops, which are cut by a greedy
 choice.
 """
 
@@ -25,7 +25,7 @@ SPEEDS = ("m/s", "1/s")
 def certify(
     space: StateSpace, system: EquationSystem, left_out: tuple[str, ...], notes: tuple[str, ...]
 ) -> Certificate:
-    """The certificate of a state space of a system; `left_out` are the nodes that pruning took from the graph, `notes` on its laws."""
+    """Certificate of the state space of a system. `left_out` are the nodes that pruning removed from the graph, `notes` those on its laws."""
     loops = tuple(_loops(space))
     needed = {s.variable for s in space.states}
     dependence = _Dependence(space)
@@ -52,7 +52,7 @@ def _name(space: StateSpace, variable: int) -> str:
 
 
 def _events(space: StateSpace) -> Iterator[str]:
-    """What happens at instants, each with its line."""
+    """Text of each event, switched junction and delay, with its line."""
 
     def place(span: Span) -> str:
         return f"{PurePath(span.source.name).name}:{span.line}"
@@ -67,7 +67,7 @@ def _events(space: StateSpace) -> Iterator[str]:
 
 
 def _degrees_of_freedom(space: StateSpace, system: EquationSystem) -> int:
-    """Momenta are the states whose rate is the effort of an inertia's port; a mechanism's speeds are told by their unit."""
+    """Number of momenta and speeds. A momentum is a state whose rate is the effort of an inertia's port; a mechanism's speed has that unit."""
     efforts = {(p.element, p.effort) for p in system.ports if p.kind in ("I", "IC")}
     mechanisms = tuple(f"{name}." for name in system.stored)
     count = 0
@@ -91,10 +91,10 @@ def _loops(space: StateSpace) -> Iterator[Loop]:
 
 
 class _Dependence:
-    """How rates and residuals depend on what moves (states and unknowns) and on what is given from outside (time, inputs).
+    """Dependence of rates and residuals on states and unknowns, and on time and inputs.
 
-    Step by step: one that is not affine in what moves makes the whole nonlinear, and one whose slopes read what is given
-    from outside makes it time-varying. What outputs alone need does not count.
+    A step that is not affine in states and unknowns makes the whole nonlinear; one whose partial derivatives depend on time or inputs
+    makes it time-varying. Steps that only outputs need do not count.
     """
 
     def __init__(self, space: StateSpace) -> None:
@@ -138,7 +138,7 @@ class _Dependence:
 
 @lru_cache(maxsize=65536)
 def _slopes(x: Expression, moving: frozenset[Symbol]) -> list[Expression] | None:
-    """The slopes of an expression over what moves; None if it is not affine in it together."""
+    """Partial derivatives of an expression by states and unknowns; None if it is not jointly affine in them."""
     slopes: list[Expression] = []
     if isinstance(x, Apply) and x.operator == "add":  # a junction may have thousands of terms
         for term in x.operands:
@@ -159,7 +159,7 @@ def _slopes(x: Expression, moving: frozenset[Symbol]) -> list[Expression] | None
 
 
 def _behind_the_rates(space: StateSpace) -> Iterator[Assignment | LinearLoop]:
-    """The steps that rates and residuals need, in order."""
+    """Steps that rates and residuals need, in order."""
     needed = {s.rate for s in space.states} | {u.residual for u in space.unknowns}
     if not space.states and not space.unknowns:
         needed.update(space.outputs.values())

@@ -1,10 +1,10 @@
-"""Storages in derivative form: d/dt of what they store, by the chain rule over the assignments that lead to it.
+"""Storages in derivative form: d/dt of the stored quantity, by the chain rule over the assignments that it depends on.
 
 This is index reduction on a causal graph: a stroke that denies a storage its integral form marks the constraint to be
 differentiated, and the storage's own rate is its dummy derivative (Mattsson and Söderlind, SIAM J. Sci. Comput. 14, 1993).
-What the storage holds stays computed from the states, so that hidden constraints hold to round-off. The derivative of a
-variable is a variable of its own, defined by one assignment; where a loop leads back to it, the equations for the derivatives
-form a loop as well, linear in them whatever the laws are (I-TF-I and C||C are the simplest), which joins the others.
+The stored quantity stays computed from the states, so that hidden constraints hold to round-off. The derivative of a
+variable is a variable of its own, defined by one assignment; if a loop leads back to it, the equations for the derivatives
+form a loop as well, linear in them for any laws (I-TF-I and C||C are the simplest), which joins the others.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HIGHEST = 6  # derivatives of derivatives; a chain of more ends nowhere
 
 
 class Differentiator:
-    """Adds the assignments of time derivatives, each variable's on first demand."""
+    """Builder of the assignments of time derivatives, each on first demand."""
 
     def __init__(self, system: EquationSystem) -> None:
         self.variables: list[Variable] = list(system.variables)
@@ -32,7 +32,7 @@ class Differentiator:
         self.order: dict[
             int, int
         ] = {}  # variable that is a derivative -> how often something was differentiated for it
-        self.forced: list[tuple[int, Derivative]] = []  # what time alone moves and was differentiated: it must not jump
+        self.forced: list[tuple[int, Derivative]] = []  # differentiated signals of time alone, which must not jump
         self._rates = {s.variable: s.rate for s in system.states}
         self._derivatives: dict[int, int] = {}  # variable -> that of its derivative
         self._waiting: deque[tuple[int, Derivative]] = deque()
@@ -40,7 +40,7 @@ class Differentiator:
         self._system = system
 
     def run(self) -> None:
-        """Every derivative that the system asks for, and those behind it."""
+        """Write every derivative that the system contains, and those that they need."""
         self._moving = {item.target: True for item in self._system.derivatives}  # until their own assignments are known
         for item in self._system.derivatives:
             self._assign(item.target, self._derivative(item.of, item), item)
@@ -65,7 +65,7 @@ class Differentiator:
         self.assigned[target] = Assignment(target, bound.formula, tuple(bound.arguments), item.span, owner)
 
     def _derivative(self, variable: int, item: Derivative) -> Expression:
-        """The time derivative of a variable: a number, or the variable that holds it."""
+        """Time derivative of a variable: a number, or the variable for it."""
         if variable in self._rates:
             return Symbol(self._rates[variable])
         role = self.variables[variable].role
@@ -90,7 +90,7 @@ class Differentiator:
         return Symbol(self._derivatives[variable])
 
     def _moves(self, variable: int) -> bool:
-        """Whether a variable changes in time: what depends on parameters alone does not."""
+        """Return True if a variable changes in time, that is, depends not only on parameters."""
         stack = [variable]
         while stack:
             node = stack[-1]
@@ -115,7 +115,7 @@ class Differentiator:
         return self._moving[variable]
 
     def _chain(self, variable: int, item: Derivative) -> Expression:
-        """The chain rule over what computes a variable; of an implicit law the part that its own derivative does not bear."""
+        """Chain rule over the assignment of a variable; for an implicit law the part without its own derivative."""
         assignment = self.assigned[variable]
         terms: list[Expression] = []
         by_time = False
@@ -136,10 +136,10 @@ class Differentiator:
         return multiply(Number(-1.0), total) / _put(own, assignment)
 
     def _without_end(self) -> Derivative | None:
-        """The storage first found to depend on derivatives of ever higher order; None if none does, or if it cannot be told.
+        """The first storage that depends on derivatives of ever higher order; None if there is none, or if it is unknown.
 
-        Of an n-th derivative only the terms with n-th derivatives matter: their factors are the slopes of the first one, and all that the
-        other terms ask for has been asked for before. So orders are counted without writing any expression of higher order.
+        In an n-th derivative only the terms with n-th derivatives matter: their factors are the partial derivatives of the first one, and the
+        other terms need only derivatives of lower order. So orders are counted without writing any expression of higher order.
         """
         of_target = {item.target: item.of for item in self._system.derivatives}
         leading: dict[int, list[tuple[int, int]] | None] = {}
@@ -166,9 +166,9 @@ class Differentiator:
         return None
 
     def _leading(self, variable: int) -> list[tuple[int, int]] | None:
-        """The variables whose derivatives stand in that of a variable, and what their order differs by: -1 for the rate of a state.
+        """Variables whose derivatives occur in that of a variable, with the difference of their order: -1 for the rate of a state.
 
-        None where that cannot be told: of what is not computed.
+        None if that is unknown, for a variable that is not computed.
         """
         assignment = self.assigned.get(variable)
         if assignment is None:
@@ -187,7 +187,7 @@ class Differentiator:
         return [(~key, 0) if key < 0 else (key, -1) for key in sorted(keys)]
 
     def _shorten(self) -> None:
-        """Derivatives that turned out to be a copy or a number need no variable of their own."""
+        """Remove variables of derivatives that turned out to be a copy or a number."""
         short: dict[int, int | float] = {}
         for variable in self.order:
             expression = self.assigned[variable].expression if variable in self.assigned else None
@@ -217,7 +217,7 @@ class Differentiator:
 
 
 def _put(expression: Expression, assignment: Assignment) -> Expression:
-    """An expression over the slots of an assignment, over its variables."""
+    """An expression over the slots of an assignment, rewritten over its variables."""
 
     def value(symbol: Symbol) -> Expression:
         argument = assignment.arguments[symbol.key]

@@ -1,4 +1,4 @@
-"""What can be wrong with the equations as a whole: BG5xx."""
+"""Errors of the equations as a whole: BG5xx."""
 
 from __future__ import annotations
 

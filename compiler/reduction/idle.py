@@ -1,7 +1,7 @@
-"""Coordinates that move no inertia, not even through closing joints: told by numbers where a mechanism starts.
+"""Coordinates that move no inertia, not even through closing joints, found numerically at the start of a mechanism.
 
-The matrix of multipliers and balances is eliminated, multipliers first. What is left for a coordinate that is lent an inertia is the
-share that the mechanism's own inertias have in its motion, with a minus; where that is nothing but rounding, nothing moves.
+The matrix of multipliers and balances is eliminated, multipliers first. The remaining pivot of a coordinate with a fictitious inertia is
+minus the share that the mechanism's own inertias have in its motion; if that is only rounding, nothing moves.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Matrix = list[list[float]]
 
 
 def refuse_idle_coordinates(space: StateSpace) -> None:
-    """Raises `CompilationFailed` for balances that no inertia decides."""
+    """Raise `CompilationFailed` for balances that no inertia determines."""
     bound = [i.multiplier for i in space.invariants if i.multiplier is not None]
     places = [*bound, *(b.variable for b in space.balances)]
     if not space.balances or len(places) > LARGEST:

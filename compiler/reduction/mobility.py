@@ -1,7 +1,7 @@
-"""How many motions closing joints leave a mechanism, told where it was drawn, before anything is run.
+"""Mobility: number of motions that closing joints leave to a mechanism, in the position of the drawing, before a run.
 
-The slopes of the gaps by the states are numbers there (`slopes.py`); elimination with the best pivot of all that is
-left gives their rank, and the rows that bring nothing new.
+The Jacobian of the constraint residuals by the states is numeric there (`slopes.py`). Elimination with full pivoting
+gives its rank, and the dependent rows.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ LARGEST = 200  # gaps that are looked at
 
 
 def redundant_constraints(space: StateSpace) -> tuple[str, ...] | None:
-    """The constraints that follow from others where the mechanism was drawn; None if that cannot be told before a run."""
+    """Constraints that depend on others in the position of the drawing; None if that cannot be computed before a run."""
     bound = [i for i in space.invariants if i.multiplier is not None]
     if not 0 < len(bound) <= LARGEST:
         return () if not bound else None
@@ -34,7 +34,7 @@ def redundant_constraints(space: StateSpace) -> tuple[str, ...] | None:
 
 
 def _dependent(rows: list[Slopes]) -> set[int]:
-    """The rows that elimination leaves nothing of."""
+    """Rows that elimination reduces to zero."""
     left = {i: dict(row) for i, row in enumerate(rows)}
     while left:
         best = max(left, key=lambda i: max(map(abs, left[i].values()), default=0.0))

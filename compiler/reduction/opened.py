@@ -1,7 +1,7 @@
-"""Laws of a nonlinear loop that bind two of its variables, one of them nonlinearly: where a loop is opened, both become unknowns.
+"""Laws of a nonlinear loop that relate two of its variables, one of them nonlinearly: when the loop is cut, both become unknowns.
 
-What is left of the loop is then linear in its unknowns but for one function of one variable in each of these rows. That is what a solution from
-far away needs: along each law it can move by whichever of its two variables changes less.
+The rest of the loop is then linear in its unknowns, except for one function of one variable in each of these rows. A solution from
+far away needs this: along each law it can move by the one of its two variables that changes less.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .state_space import OpenedLaw
 
 
 def opened_laws(block: Mapping[int, Assignment], flows: Set[int]) -> list[OpenedLaw]:
-    """The laws among the assignments of a loop (target -> assignment); `flows`: the variables that are flows of elements."""
+    """Laws among the assignments of a loop (target -> assignment). `flows`: the variables that are flows of elements."""
     found = []
     for target, assignment in block.items():
         bound = _bound(target, assignment, block)
@@ -25,7 +25,7 @@ def opened_laws(block: Mapping[int, Assignment], flows: Set[int]) -> list[Opened
 
 
 def _bound(target: int, assignment: Assignment, block: Mapping[int, Assignment]) -> tuple[int, int] | None:
-    """The argument and the value of a law of a loop; None if the assignment is none."""
+    """Argument and value of a law of a loop; None if the assignment is no such law."""
     expression = assignment.expression
     inside = [s for s in symbols(expression) if s.key in block]
     if not assignment.implicit:
@@ -40,7 +40,7 @@ def _bound(target: int, assignment: Assignment, block: Mapping[int, Assignment])
 
 
 def _is_shifted(expression: Expression, argument: Symbol, value: Symbol) -> bool:
-    """Whether something is a nonlinear function of one variable and a linear one of the other, added."""
+    """Return True if an expression is a nonlinear function of one variable plus a linear one of the other."""
     parts = affine_parts(expression, value)
     if parts is None or parts[0] == ZERO or depends_on(parts[0], argument):
         return False

@@ -1,4 +1,4 @@
-"""Order on integers: what is needed, what depends on what, strongly connected blocks (Tarjan, SIAM J. Comput. 1, 1972)."""
+"""Graph algorithms on integers: needed nodes, dependence, strongly connected blocks (Tarjan, SIAM J. Comput. 1, 1972)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from heapq import heapify, heappop, heappush
 def needed(
     targets: Iterable[int], inputs: Sequence[Sequence[int]], known: set[int] | None = None
 ) -> set[int]:  # fmt: skip
-    """Everything that the targets depend on, themselves included; added to what is `known`, with all that this depends on."""
+    """All nodes that the targets depend on, with the targets. They are added to `known`, whose dependences are complete already."""
     seen: set[int] = set() if known is None else known
     stack = list(targets)
     while stack:
@@ -73,8 +73,8 @@ def tear(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> tuple[list[in
     ready = [m for m in block if not waiting[m]]
     left = set(block)
     reads = {m: list(waiting[m]) for m in block}
-    dependents = {m: len(users[m]) for m in block}  # that are left
-    most = [(-dependents[m], place, m) for place, m in enumerate(block)]  # what it says may be too many, never too few
+    dependents = {m: len(users[m]) for m in block}  # remaining ones
+    most = [(-dependents[m], place, m) for place, m in enumerate(block)]  # its count may be too high, never too low
     heapify(most)
 
     def leave(member: int) -> None:

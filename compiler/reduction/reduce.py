@@ -1,4 +1,4 @@
-"""Equations to state space: what the run needs, in order, loops solved."""
+"""Equations to state space: the equations that the run needs, in order, with loops solved."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .state_space import Dependent, Entry, Forced, LinearLoop, OpenedLaw, StateS
 
 
 def reduce_equations(system: EquationSystem, everything: bool, span: Span, opened: bool = False) -> StateSpace:
-    """Order what is needed for the outputs (`everything`: for all states and powers too, as an energy balance asks).
+    """Order the equations that the outputs need (`everything`: all states and powers too, for an energy balance).
 
-    `opened`: nonlinear loops are cut at both variables of each law besides.
+    `opened`: nonlinear loops are also cut at both variables of each law.
     """
     return _Reduction(system, everything, span, opened).run()
 
@@ -52,13 +52,13 @@ class _Reduction:
         rates = {s.variable: s.rate for s in system.states}
         reach = [*inputs]
         for variable, rate in rates.items():
-            reach[variable] = [rate]  # who needs a state needs its rate, at the next instant
+            reach[variable] = [rate]  # a state needs its rate
         for delay in system.delays:  # and who needs a delayed signal needs what it will be
             reach[delay.variable] = [delay.value]
         wanted = list(system.outputs.values())
         if self.everything or not wanted:
             wanted += [s.variable for s in system.states]
-        for limit in system.limits:  # validity is part of every run, whatever it reports
+        for limit in system.limits:  # every run checks its validity limits
             wanted += [limit.condition, *(v for _, v, _ in limit.values if isinstance(v, int))]
         if self.everything:
             wanted += [v for p in system.ports for v in (p.effort, p.flow)] + list(system.stored.values())
@@ -109,7 +109,7 @@ class _Reduction:
     def _events(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[EventRow, ...]:  # fmt: skip
-        """The events that set what this run needs, and of those what it needs; what they read is used as well."""
+        """Events that set a variable of this run, with the settings that it needs. The variables that they read are added to `used`."""
         states = {s.variable for s in self.system.states}
         kept: dict[tuple[int, int], None] = {}
         growing = True
@@ -131,7 +131,7 @@ class _Reduction:
     def _claims(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[Claim, ...]:  # fmt: skip
-        """The claims that bind a state of this run, or none of the model, which is told; what they read is used as well."""
+        """Claims on a state of this run, or on no state of the model, which is reported. The variables that they read are added to `used`."""
         kept: list[Claim] = []
         left = list(self.system.claims)
         states = {s.variable for s in self.system.states}
@@ -153,7 +153,7 @@ class _Reduction:
     def _invariants(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[Invariant, ...]:  # fmt: skip
-        """The constraints whose multipliers this run needs, and other invariants of its states."""
+        """Constraints with multipliers that this run needs, and other invariants of its states."""
         kept = []
         states = {s.variable for s in self.system.states}
         behind: set[int] = set()
@@ -167,7 +167,7 @@ class _Reduction:
         return tuple(kept)
 
     def _index(self, used: set[int], steps: Sequence[Step]) -> int:
-        """The index of the equations before reduction: one more than the highest derivative that was formed."""
+        """Index of the equations before reduction: one more than the highest derivative that was formed."""
         order = max((self.differentiator.order.get(v, 0) for v in used), default=0)
         if self.multipliers & used:
             return max(order, 2) + 1
@@ -176,7 +176,7 @@ class _Reduction:
         return 1 if self.unknowns or any(isinstance(s, LinearLoop) for s in steps) else 0
 
     def _block(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
-        """One strongly connected block: an assignment, or a loop."""
+        """Steps of one strongly connected block: an assignment, or a loop."""
         first = block[0]
         if len(block) == 1 and first not in inputs[first] and first not in self.multipliers:
             if first in self.assigned:
@@ -187,7 +187,7 @@ class _Reduction:
         return self._loop(block, inputs)
 
     def _loop(self, block: list[int], inputs: Sequence[Sequence[int]]) -> list[Step]:
-        """Cut a loop so that the rest follows in order; linear ones are solved where they stand, others by whoever runs."""
+        """Cut a loop so that the rest is computed in order. A linear loop becomes a linear system, a nonlinear one is solved by the run."""
         bound = [v for v in block if v in self.multipliers]
         free = [v for v in block if v not in self.multipliers]
         members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
@@ -212,7 +212,7 @@ class _Reduction:
         return self._nonlinear(cut, order, members)
 
     def _made_total(self, block: list[int]) -> list[int]:
-        """Members of a loop whose formula has no value everywhere take their implicit form, which has: an iteration may lead anywhere."""
+        """Use the implicit form, which is defined everywhere, for members of a loop whose formula is not: an iteration may lead anywhere."""
         partial = [v for v in block if self.assigned[v].residual is not None]
         for v in partial:
             assignment = self.assigned[v]
@@ -222,7 +222,7 @@ class _Reduction:
         return partial
 
     def _nonlinear(self, cut: list[int], order: list[int], members: tuple[str, ...]) -> list[Step]:
-        """The cut variables are unknowns; what each should be, less what it is, must vanish."""
+        """Unknowns for the cut variables. The residual is the computed value minus the unknown."""
         inner: list[Step] = [self.assigned[v] for v in order]
         sums = Sums({v: self.assigned[v].expression for v in order})
         loop = self.unknowns[-1].loop + 1 if self.unknowns else 0
@@ -243,7 +243,7 @@ class _Reduction:
     def _linear(
         self, block: list[int], cut: list[int], order: list[int], members: tuple[str, ...]
     ) -> list[Step] | None:  # fmt: skip
-        """An affine loop: each member expressed in the cut variables, those solved for; None if it is not affine."""
+        """An affine loop: each member expressed in the cut variables, then solved for these; None if it is not affine."""
         named = ", ".join(f"`{m}`" for m in members[:8]) + ("…" if len(members) > 8 else "")
         inside = set(block)
         parts = {v: self._affine(self.assigned[v].expression, inside) for v in block}
@@ -285,7 +285,7 @@ class _Reduction:
 
     @staticmethod
     def _affine(expression: Expression, block: set[int]) -> tuple[dict[int, Expression], Expression] | None:
-        """Slopes over the members of a block and the rest; None if it is not affine in them together."""
+        """Slopes by the members of a block and the rest; None if it is not jointly affine in them."""
         slopes: dict[int, Expression] = {}
         inside = [s for s in symbols(expression) if s.key in block]
         rest = expression
@@ -313,7 +313,7 @@ class _Reduction:
     def _held(
         self, combined: tuple[dict[int, Expression], Expression], name: str, assignment: Assignment, steps: list[Step]
     ) -> tuple[dict[int, Expression], Expression]:
-        """The same with names for what is longer than one, so that nothing is written twice."""
+        """The same with variables for longer expressions, so that nothing is written twice."""
         slopes, rest = combined
         held = {v: self._name(x, f"{name} per {self.variables[v].name}", assignment, steps) for v, x in slopes.items()}
         return held, self._name(rest, f"{name} without the loop", assignment, steps)

@@ -1,7 +1,7 @@
-"""Terms of a residual that come back through the sums of junctions and cancel: a current that circulates between two nodes of a loop.
+"""Terms of a residual that return through the sums of junctions and cancel: a current that circulates between two nodes of a loop.
 
-Left standing they are subtracted as numbers. What remains is rounding of a current that may be 1e10 times as large as those that decide the
-node (a diode that blocks beside a capacitor and its load), and no iteration settles.
+Without this they are subtracted as numbers. The remainder is the rounding of a current that may be 1e10 times as large as those that
+determine the node (a diode that blocks beside a capacitor and its load), and no iteration converges.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ Terms = dict[Expression, float]
 
 
 class Sums:
-    """The computed members of a loop, opened on demand where they are sums with numbers as coefficients."""
+    """Computed members of a loop, opened on demand if they are sums with numbers as coefficients."""
 
     def __init__(self, expressions: Mapping[object, Expression]) -> None:
         self.expressions = expressions
         self.opened: dict[object, Terms | None] = {}
 
     def terms(self, variable: object) -> Terms | None:
-        """A member as coefficients of what is no such sum itself; None if it is none, or too long a one."""
+        """Coefficients of a member over terms that are no such sums; None if the member is no such sum, or too long."""
         if variable not in self.opened:
             self.opened[variable] = None
             expression = self.expressions.get(variable)
@@ -33,7 +33,7 @@ class Sums:
         return self.opened[variable]
 
     def open(self, expression: Expression) -> tuple[Terms, bool]:
-        """Coefficients of a sum, and whether terms of it cancelled."""
+        """Coefficients of a sum, and True if some of its terms cancelled."""
         total: Terms = {}
         sizes: Terms = {}
         for term in _added(expression):
@@ -47,7 +47,7 @@ class Sums:
 
 
 def without_round_trips(residual: Expression, sums: Sums) -> Expression:
-    """The residual with what cancels taken out; itself where nothing does."""
+    """The residual without the terms that cancel; unchanged if none do."""
     if not _is_sum(residual):
         return residual
     terms, cancelled = sums.open(residual)
@@ -55,12 +55,12 @@ def without_round_trips(residual: Expression, sums: Sums) -> Expression:
 
 
 def _added(x: Expression) -> tuple[Expression, ...]:
-    """The terms of a sum; of anything else, itself."""
+    """Terms of a sum; for any other expression, the expression alone."""
     return x.operands if isinstance(x, Apply) and x.operator == "add" else (x,)
 
 
 def _is_sum(x: Expression) -> bool:
-    """Whether something is a sum, or a variable with a number before it."""
+    """Return True for a sum, or a variable with a number as factor."""
     return len(_added(x)) > 1 or isinstance(_scaled(x)[1], Symbol)
 
 

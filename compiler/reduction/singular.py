@@ -1,8 +1,8 @@
-"""Loops that have strokes but no solution at the values of this run: a gain of exactly 1, storages that sum to nothing.
+"""Loops that have strokes but no solution with the values of this run: a gain of exactly 1, storages whose sum is zero.
 
-What this scene fixes has its value, what a run may change takes several at random: only a loop that is singular at all of them
-is refused. Each number is carried with what rounding may have done to it (a running error analysis, Wilkinson 1986), so that what
-cancels is told from what is small.
+Values fixed by the scene are used as they are; values that a run may change are sampled at random several times: only a loop that is
+singular for all samples is refused. Each number has a bound of its rounding errors (a running error analysis, Wilkinson 1986), to
+distinguish cancellation from small values.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from ..errors import CompilationFailed
 from .errors import SingularLoop
 from .state_space import Entry, LinearLoop, StateSpace
 
-ROUNDING = 5e-15  # what is left of terms that cancel
+ROUNDING = 5e-15  # remainder of terms that cancel
 LARGEST = 60  # unknowns of a loop that is looked at; a larger one shows at the start of its run
 SAMPLES = 6  # a loop that is singular in all of them is taken to be so always
 DECADES = (-6.0, 3.0)
 
 
 class Sized(NamedTuple):
-    """A value, and a measure of its rounding errors, in units of the last place of 1: the size of the terms of a sum."""
+    """A value, and a measure of its rounding errors in units of the last place of 1: the size of the terms of a sum."""
 
     value: float
     size: float
@@ -36,7 +36,7 @@ class Sized(NamedTuple):
 
 
 def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: frozenset[str]) -> None:
-    """Raises `CompilationFailed` for loops of `space` (what `system` was reduced to) without a unique solution.
+    """Raise `CompilationFailed` for loops of `space` (the reduced `system`) without a unique solution.
 
     `free` parameters may take other values ("*": all may).
     """
@@ -67,7 +67,7 @@ def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: froze
 
 
 def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[list[Assignment], list[int]]:
-    """What must be computed before the matrices of the loops, in order, and what that begins with; solutions of loops are not computed."""
+    """Assignments needed for the matrices of the loops, in order, and their inputs. Solutions of loops count as inputs."""
     wanted = {e for loop in loops for e in loop.gains}
     steps = []
     for step in reversed(space.steps):
@@ -79,7 +79,7 @@ def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[list[Assign
 
 
 def _guess(sample: int, variable: int) -> Sized:
-    """A value for what a run may change (time, states, inputs), another one in each sample."""
+    """Random value for a quantity that a run may change (time, states, inputs), different in each sample."""
     source = random.Random(f"{sample} {variable}")
     value = source.choice((-1, 1)) * 10 ** source.uniform(*DECADES)
     return Sized(value, abs(value))
@@ -93,7 +93,7 @@ def _evaluated(steps: Sequence[Assignment], known: Mapping[int, Sized]) -> Mappi
 
 
 def behind_loops(space: StateSpace) -> frozenset[str]:
-    """The parameters that the matrices of linear loops depend on."""
+    """Parameters that the matrices of linear loops depend on."""
     steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
     loops = [s for s in space.steps if isinstance(s, LinearLoop)]
     work = [e for loop in loops for e in loop.gains]
@@ -107,7 +107,7 @@ def behind_loops(space: StateSpace) -> frozenset[str]:
 
 
 def _members(space: StateSpace, loop: LinearLoop) -> str:
-    """The elements of a loop, and the parameters that its matrix depends on."""
+    """Elements of a loop, and the parameters that its matrix depends on."""
     steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
     work = list(loop.gains)
     seen, values = set(work), []
@@ -125,7 +125,7 @@ def _members(space: StateSpace, loop: LinearLoop) -> str:
 
 
 def _matrix(loop: LinearLoop, known: Mapping[int, Sized | None], explicit: Set[int]) -> list[list[Sized]] | None:
-    """The numbers of a loop; None if one is not known. On the diagonal stands 1 less a gain, perhaps folded to one number."""
+    """Numbers of a loop's matrix; None if one is unknown. The diagonal has 1 minus a gain, perhaps folded to one number."""
     matrix: list[list[Sized]] = []
     for i, row in enumerate(loop.matrix):
         matrix.append([])
@@ -143,7 +143,7 @@ def _entry(entry: Entry, known: Mapping[int, Sized | None]) -> Sized | None:
 
 
 def _value(expression: Expression, arguments: Sequence[Sized | None]) -> Sized | None:
-    """The value of a formula for its arguments; None if one is not known, or if there is no value."""
+    """Value of a formula for its arguments; None if one is unknown, or if there is no value."""
     known = [a for a in arguments if a is not None]
     if len(known) < len(arguments):
         return None
@@ -173,7 +173,7 @@ def _size_of_sum(parts: list[Sized], value: float) -> float:
 
 
 def _size_of_product(parts: list[Sized], value: float) -> float:
-    """Relative errors add up; a factor of zero leaves its error times the others."""
+    """Error of a product. Relative errors add up; a factor of zero leaves its error times the others."""
     total = abs(value)
     for i, part in enumerate(parts):
         total += part.size * math.prod(abs(p.value) for j, p in enumerate(parts) if j != i)
@@ -186,7 +186,7 @@ def _size_of_quotient(parts: list[Sized], value: float) -> float:
 
 
 def _size_of_value(parts: list[Sized], value: float) -> float:
-    """Of a function that is nowhere steep."""
+    """Error of a function that is nowhere steep."""
     return abs(value) * (1 + sum(p.size / abs(p.value) for p in parts if p.value))
 
 
@@ -196,7 +196,7 @@ _SIZES: Mapping[str, Callable[[list[Sized], float], float]] = {
 
 
 def _is_singular(rows: list[list[Sized]]) -> bool:
-    """Whether elimination, with the best pivot of each row, comes to a row of nothing."""
+    """Return True if elimination, with the best pivot of each row, gives a row of zeros."""
     rows = [list(row) for row in rows]
     while rows:
         best = max(rows, key=_pivot_of)
@@ -223,6 +223,6 @@ def _less(x: Sized, factor: Sized, y: Sized) -> Sized:
 
 
 def _pivot_of(row: list[Sized]) -> float:
-    """How large the largest entry of a row is, as a share of what the row was summed from."""
+    """Size of the largest entry of a row, relative to the terms from which the row was summed."""
     size = max((x.size for x in row), default=0.0)
     return max((abs(x.value) / size for x in row if not x.is_zero), default=0.0) if size else 0.0

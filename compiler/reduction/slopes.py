@@ -1,4 +1,4 @@
-"""Slopes of variables at the start of a run, as numbers, from the assignments that lead to them."""
+"""Partial derivatives of variables at the start of a run, as numbers, from the assignments that they depend on."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Slopes = dict[int, float]  # by variable
 def slopes_at_start(
     space: StateSpace, targets: Iterable[int], by: Iterable[State] | Iterable[Unknown]
 ) -> list[Slopes] | None:
-    """Of variables by the states or unknowns, these at zero; None if they depend on loops, or have no value there."""
+    """Partial derivatives by the states or unknowns, with unknowns at zero; None if they depend on loops, or have no value there."""
     try:
         return _slopes(space, targets, {x.variable for x in by})
     except (ArithmeticError, ValueError, KeyError):
@@ -53,7 +53,7 @@ def _slopes(space: StateSpace, targets: Iterable[int], chosen: Set[int]) -> list
 
 
 def _behind(space: StateSpace, steps: Mapping[int, Assignment], targets: Iterable[int]) -> list[Assignment]:
-    """The assignments that lead to some variables, in order."""
+    """Assignments that some variables depend on, in order."""
     needed, stack = set[int](), list(targets)
     while stack:
         number = stack.pop()
@@ -74,7 +74,7 @@ def _value(step: Assignment, values: Mapping[int, float]) -> float:
 
 
 def _at(expression: Expression, step: Assignment, values: Mapping[int, float]) -> float:
-    """An expression over the slots of an assignment, for its arguments."""
+    """An expression over the slots of an assignment, with its arguments put in."""
     return evaluate(expression, lambda slot: _argument(step, slot, values))
 
 

@@ -1,4 +1,4 @@
-"""The noun of this room: steps in the order in which they are computed, for what a run needs and nothing else."""
+"""State space: the steps that a run needs, in order of computation."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Step = Assignment | LinearLoop
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A cut of a nonlinear algebraic loop: the variable is what makes the residual vanish, together with all others."""
+    """A cut of a nonlinear algebraic loop: the variable makes the residual zero, together with all other unknowns."""
 
     variable: int
     residual: int
@@ -69,12 +69,12 @@ class OpenedLaw:
     row: int
     argument: int
     value: int
-    effort: bool  # whether the argument is an effort
+    effort: bool  # True if the argument is an effort
 
 
 @dataclass(frozen=True, slots=True)
 class Dependent:
-    """What a port of a storage in derivative form stores, computed from states."""
+    """Stored quantity of a storage port in derivative form, computed from states."""
 
     variable: int
     element: str  # "" for what shares the state of another, and may have to become a state where storages change places
@@ -83,7 +83,7 @@ class Dependent:
 
 @dataclass(frozen=True, slots=True)
 class Forced:
-    """What time alone moves and a storage in derivative form differentiates: where it jumps, a flow is an impulse."""
+    """Signal of time alone that a storage in derivative form differentiates: at its jumps, a flow is an impulse."""
 
     variable: int
     element: str
@@ -94,7 +94,7 @@ class Forced:
 class StateSpace:
     """x' = f(x, z, t), 0 = g(x, z, t), y = h(x, z, t) as ordered steps over variables: states x, unknowns z of loops.
 
-    `outputs` are the author's, `powers` and `stored` what an energy balance reads.
+    `outputs` are the author's; an energy balance reads `powers` and `stored`.
     """
 
     name: str
@@ -107,7 +107,7 @@ class StateSpace:
     ports: tuple[PowerPort, ...]
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]
-    dependents: tuple[Dependent, ...]  # what storages in derivative form hold
+    dependents: tuple[Dependent, ...]  # contents of storages in derivative form
     claims: tuple[Claim, ...]
     forced: tuple[Forced, ...]
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
@@ -126,17 +126,17 @@ class StateSpace:
 
     @property
     def posed(self) -> tuple[Claim, ...]:
-        """The claims that bind coordinates of mechanisms alone."""
+        """Claims on coordinates of mechanisms alone."""
         return tuple(c for c in self.claims if c.on_pose)
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Places, among the states, of the coordinates that start beside the drawing where others have to follow them."""
+        """Places, among the states, of the coordinates with a start other than the drawing, which others have to follow."""
         if not self.posed and all(i.multiplier is None for i in self.invariants):
             return ()
         return tuple(i for i, s in enumerate(self.states) if s.drawn is not None and s.drawn != s.start)
 
     @property
     def dependent(self) -> tuple[str, ...]:
-        """The storages in derivative form."""
+        """Storages in derivative form."""
         return tuple(dict.fromkeys(d.element for d in self.dependents if d.element))
