@@ -1,4 +1,4 @@
-"""Bond graph to text: the way back."""
+"""Bond graph to text."""
 
 from .write import write_text
 

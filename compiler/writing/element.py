@@ -1,4 +1,4 @@
-"""An element as text: its law, over its own variables and what it reads, and its attributes."""
+"""An element as text: its law, over its own variables and the quantities it reads, and its attributes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .words import Words
 
 
 def element_line(node: Element, words: Words, heating: bool) -> str:
-    """The declaration of an element. `heating`: its last equation is the heat that an `RS` gives by itself."""
+    """Declaration of an element. `heating`: its last equation is the heat, which an `RS` has without writing it."""
     name = words.names.nodes[node.name]
     listed = ", ".join(p.name if words.plain else f"{p.name}: {p.domain}" for p in node.ports)
     sides = _sides(node, words, heating)
@@ -50,7 +50,7 @@ def _keys(sides: Sequence[Expression]) -> set[object]:
 
 
 def _is_modulated(node: Element, words: Words, sides: Sequence[Expression]) -> bool:
-    """Whether the law reads what changes elsewhere."""
+    """Return True if the law reads a quantity that changes."""
     present = _keys(sides)
     read = [a for a in node.arguments if not isinstance(a, float)]
     return any(words.reference(a) in present and _changes(node, a, words) for a in read)

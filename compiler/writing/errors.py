@@ -1,4 +1,4 @@
-"""What no text can say: BG7xx."""
+"""Errors of graphs that cannot be written as text: BG7xx."""
 
 from __future__ import annotations
 

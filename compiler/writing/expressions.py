@@ -1,8 +1,8 @@
-"""Expressions as text, with the units that their numbers have lost.
+"""Expressions as text, with units for their numbers.
 
-Units are gone in a graph, so the number in `F = 2e4*x^3` has lost its own. What a number stands beside gives it back: names and
-variables have known dimensions, and a number takes the one that its sum, law or definition needs. Where no number is left to take
-it, `1 [N/m]` is written as a factor, which vanishes again when the text is read: the laws are the same expressions, bit by bit.
+A graph has no units, so the number in `F = 2e4*x^3` has lost its own. Its context restores it: names and variables have known
+dimensions, and a number takes the one that its sum, law or definition needs. If there is no number to take it, `1 [N/m]` is
+written as a factor, which is folded when the text is read: the laws are the same expressions, bit by bit.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ MAXIMUM_TERMS = 200_000  # of one expression: what is shared in the graph is wri
 
 
 class Word(NamedTuple):
-    """What a symbol is in the text."""
+    """Text and dimension of a symbol."""
 
     text: str
     dimension: Dimension
 
 
-# How tightly a piece of text holds together; the order of the grammar.
+# Precedences of texts, in the order of the grammar.
 CHOICE, OR, AND, NOT, COMPARISON, SUM, PRODUCT, SIGN, POWER, ATOM = range(10)
 FUNCTIONS = frozenset(
     ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "log10", "floor", "ceil"]
 )  # fmt: skip
-SHARING = frozenset(["add", "min", "max", "abs", "select"])  # what has the dimension of all its parts
+SHARING = frozenset(["add", "min", "max", "abs", "select"])  # operators with the dimension of all their parts
 COMPARED = {"less": "<", "less_equal": "<=", "equal": "=="}
 
 
 class Printer:
-    """Expressions over `Word`s as text of a wanted dimension."""
+    """Conversion of expressions over `Word`s to text of a wanted dimension."""
 
     def __init__(self, plain: bool) -> None:
         self.plain = plain
@@ -65,13 +65,13 @@ class Printer:
 
     # ------------------------------------------------------------ dimensions
     def rigid(self, x: Expression) -> Dimension | None:
-        """The dimension of an expression; None if a number in it can take any."""
+        """Dimension of an expression; None if a number in it can take any."""
         if x not in self._rigid:
             self._rigid[x] = self._dimension(x, None)
         return self._rigid[x]
 
     def usual(self, x: Expression) -> Dimension:
-        """The dimension of an expression in which numbers that are free have no unit."""
+        """Dimension of an expression if its free numbers have no unit."""
         found = self.rigid(x)
         if found is None:
             found = self._dimension(x, ONE)
@@ -117,7 +117,7 @@ class Printer:
         return text if found >= level else f"({text})"
 
     def _write(self, x: Expression, wanted: Dimension) -> tuple[str, int]:
-        """Text of the wanted dimension, and how tightly it holds together."""
+        """Text of the wanted dimension, and its precedence."""
         if isinstance(x, Number):
             return self._number(x.value, wanted)
         assert isinstance(x, Symbol | Apply)
@@ -132,7 +132,7 @@ class Printer:
         return self._apply(x, wanted)
 
     def _mixed(self, x: Expression) -> bool:
-        """Whether it is a sum or choice of parts that do not have one known dimension, so that each is brought to the wanted one."""
+        """Return True for a sum or choice whose parts have no common known dimension, so that each is converted to the wanted one."""
         return isinstance(x, Apply) and x.operator in SHARING and len(set(map(self.rigid, _parts(x)))) > 1
 
     @staticmethod
@@ -151,7 +151,7 @@ class Printer:
 
     @staticmethod
     def _scaled(text: str, level: int, unit: Dimension) -> tuple[str, int]:
-        """Brought to another unit by a factor of one, which vanishes when it is read."""
+        """Convert to another unit by a factor of one, which is folded when it is read."""
         if unit == ONE:
             return text, level
         apart = level < PRODUCT or text.startswith("-")
@@ -198,7 +198,7 @@ class Printer:
         return f"{x.operator}({self._write(at, unit)[0]}, {', '.join(f'({part})' for part in listed)})"
 
     def condition(self, x: Expression) -> str:
-        """A condition, that is 1 where it holds and 0 elsewhere."""
+        """A condition: 1 if it holds, else 0."""
         if isinstance(x, Number):
             return "true" if x.value else "false"
         return self._condition(x.operands[0])[0] if isinstance(x, Apply) else f"{self._write(x, ONE)[0]} > 0.5"
@@ -237,7 +237,7 @@ class Printer:
         if self.rigid(top) is None:
             below = self.usual(bottom)
             above = wanted * below
-        else:  # if the bottom were known too, the whole would be
+        else:  # the dimension of the bottom is free
             above = self.usual(top)
             below = above / wanted
         zero = isinstance(bottom, Number) and bottom.value == 0 and below != ONE  # elsewhere a zero needs no unit
@@ -273,7 +273,7 @@ class Printer:
 
 
 def _check_depth(text: str) -> None:
-    """Refuse what is nested deeper than the language reads."""
+    """Refuse an expression that is nested more deeply than the language accepts."""
     try:
         parse_expression(Source("expression", text))
     except CompilationFailed:
@@ -281,7 +281,7 @@ def _check_depth(text: str) -> None:
 
 
 def _exponent(x: Apply) -> Fraction | None:
-    """The exponent of a power or root as the compiler takes it for units; None if it is no number."""
+    """Exponent of a power or root as the compiler uses it for units; None if it is no number."""
     if x.operator == "sqrt":
         return Fraction(1, 2)
     exponent = x.operands[1]
@@ -290,7 +290,7 @@ def _exponent(x: Apply) -> Fraction | None:
 
 
 def _leading(x: Expression, numbers: bool) -> bool:
-    """Whether the text of a factor begins with a sum in brackets, or a number."""
+    """Return True if the text of a factor begins with a sum in brackets, or a number."""
     while isinstance(x, Apply) and x.operator in ("divide", "multiply"):
         x = x.operands[0]
     return (isinstance(x, Apply) and x.operator == "add") or (numbers and isinstance(x, Number))

@@ -1,4 +1,4 @@
-"""What the compiler adds to a graph by itself, and a text therefore leaves out."""
+"""Implicit nodes: parts that the compiler adds to a graph, and that a text therefore leaves out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..graph.network import BondGraph, Element, End, Junction, Kind, MechanismNo
 
 
 def shared_ports(graph: BondGraph) -> dict[str, End]:
-    """Junctions that the compiler puts where several bonds meet a part of a mechanism -> that port."""
+    """Map from the junctions that the compiler adds at a mechanism's port with several bonds to that port."""
     found = {}
     for bond in graph.bonds:
         node, other = graph.nodes[bond.tail.node], graph.nodes[bond.head.node]
@@ -19,7 +19,7 @@ def shared_ports(graph: BondGraph) -> dict[str, End]:
 
 
 def heating_resistors(graph: BondGraph) -> set[str]:
-    """Resistors with a last port that a bond leaves, which gives what the others lose: in text an `RS`, without that equation."""
+    """Resistors whose last port has an outgoing bond and gives the heat: in text an `RS`, without that equation."""
     found = set()
     for bond in graph.bonds:
         node = graph.nodes[bond.tail.node]

@@ -1,4 +1,4 @@
-"""The smallest pieces of text: numbers, units, descriptions, comments, names, and bonds in chains; and what is none."""
+"""The smallest pieces of text: numbers, units, descriptions, comments, names, and bonds in chains."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAXIMUM_FAN = 12  # places of one line
 
 
 class Refused(Exception):
-    """Something cannot be written; where it stands is known further out."""
+    """Something that cannot be written. Its place is added by a caller."""
 
     def __init__(self, kind: Callable[..., Diagnostic], **values: Any) -> None:
         self.kind, self.values = kind, values
@@ -28,7 +28,7 @@ class Refused(Exception):
 
 
 def number_text(value: float) -> str:
-    """A finite number that is read again as the same double, also beyond what one literal of the language can say."""
+    """A finite number that is read back as the same double, also beyond the range of the language's literals."""
     size = abs(value)
     if size and not 1e-299 < size < 1e299:  # powers of two cost no digit
         return f"{value * 2.0**600!r}/2^600" if size < 1 else f"{value / 2.0**600!r}*2^600"
@@ -40,7 +40,7 @@ def number_text(value: float) -> str:
 
 @cache
 def dimension_of(unit: str) -> Dimension:
-    """The dimension of a unit as graphs write it. Raises `Refused` if the language cannot read it."""
+    """Dimension of a unit in the notation of graphs. Raises `Refused` if the language cannot read it."""
     try:
         return read_unit(Source("unit", unit)).dimension
     except CompilationFailed:
@@ -48,20 +48,20 @@ def dimension_of(unit: str) -> Dimension:
 
 
 def unit_text(dimension: Dimension) -> str:
-    """The SI unit of a dimension. Raises `Refused` if the language cannot write it."""
+    """SI unit of a dimension. Raises `Refused` if the language cannot write it."""
     if any(abs(e.numerator) > 20 or e.denominator > 20 for e in dimension.exponents):
         raise Refused(UnwrittenUnit, unit=str(dimension))
     return str(dimension)
 
 
 def unit_after(dimension: Dimension) -> str:
-    """The unit as it follows a number: in brackets, unless it is one symbol."""
+    """Unit as it follows a number: in brackets, unless it is one symbol."""
     unit = unit_text(dimension)
     return f" {unit}" if unit.isidentifier() else f" [{unit}]"
 
 
 def word_of(name: str) -> str | None:
-    """`mass` for the names `mass` and `mass[2]`; None for what is no name of the language."""
+    """`mass` for the names `mass` and `mass[2]`; None for an invalid name."""
     match = re.fullmatch(r"([A-Za-z_][A-Za-z_0-9]*)(\[[0-9]{1,9}\])?", name)
     return None if match is None else match.group(1)
 
@@ -73,19 +73,19 @@ def braces(attributes: Iterable[str]) -> str:
 
 
 def description_text(text: str) -> str:
-    """A description as it follows a declaration. What came from a text has neither quotation marks nor line breaks."""
+    """A description as it follows a declaration. Descriptions from a text have neither quotation marks nor line breaks."""
     if '"' in text or "\n" in text:
         raise InternalError(f"a description that no text can have: {text!r}")
     return f' "{text}"' if text else ""
 
 
 def former_name(before: str, now: str) -> str:
-    """The name in the graph as a comment, if the text has another."""
+    """Comment with the name in the graph, if the text has another."""
     return "" if before == now else f"  # {printable(before.replace(chr(9), ' '))}"
 
 
 def bond_lines(bonds: Iterable[tuple[str, str, str]]) -> Iterator[str]:
-    """Bonds (tail, arrow, head) as chains and fans that are read again in the same order."""
+    """Bonds (tail, arrow, head) as chains and fans that are read back in the same order."""
     groups: list[list[str]] = []
     arrows: list[str] = []
     for tail, arrow, head in bonds:

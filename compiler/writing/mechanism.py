@@ -20,7 +20,7 @@ ABOUT = frozenset({"hinge", "universal"})  # in space; in the plane there is one
 
 
 def mechanism_lines(mechanism: Mechanism, names: Names, words: Words) -> Iterator[str]:
-    """The lines of its block."""
+    """Lines of its block."""
     mapped = {own: name for (owner, own), name in names.parts.items() if owner == mechanism.name}
     frames = {f.name for f in mechanism.frames}
     writer = _Parts(words, mechanism.planar)
@@ -46,7 +46,7 @@ def mechanism_lines(mechanism: Mechanism, names: Names, words: Words) -> Iterato
 
 
 class _Parts:
-    """The attributes of parts of a planar or spatial mechanism."""
+    """Attributes of the parts of a planar or spatial mechanism."""
 
     def __init__(self, words: Words, planar: bool) -> None:
         self.text, self.words, self.planar = words.bound, words, planar
@@ -78,7 +78,7 @@ class _Parts:
         yield from self._starts(frame.starts)
 
     def joint(self, joint: Joint, on_frame: bool) -> Iterator[str]:
-        """`on_frame`: a place that is left out would be the frame's."""
+        """A joint. `on_frame`: without a position it would be at the frame."""
         if joint.kind in COUPLINGS:
             rack = joint.kind == "rack"
             yield f"{'radius' if rack else 'ratio'} = {self.text(joint.ratio, METRE if rack else ONE)}"
@@ -110,7 +110,7 @@ class _Parts:
             yield f"lead = {self.text(joint.ratio, METRE)}"
 
     def _along(self, joint: Joint) -> str:
-        """The direction of a slide in the plane: by its angle, if it was drawn so."""
+        """Direction of a slide in the plane, as an angle if it was drawn so."""
         angle = joint.turn[2].expression
         by_angle = all(
             b.expression == call(f, angle) for b, f in zip(joint.axis[:2], ("cos", "sin"), strict=True)
@@ -118,7 +118,7 @@ class _Parts:
         return self.text(joint.turn[2], ONE) if by_angle else self._direction(joint.axis)
 
     def _direction(self, axis: Vector) -> str:
-        """Bare numbers, or lengths."""
+        """Direction as bare numbers, or lengths."""
         lengths = METRE in [self.words.usual(b) for b in axis]
         return self.vector(axis, METRE if lengths else ONE, needed=True)
 

@@ -1,6 +1,6 @@
-"""Names of the text for names of the graph: those that are valid stay, also `mass[1]`; `comb[1].folded` becomes `comb_1_folded`.
+"""Names of the text for names of the graph. Valid ones stay, also `mass[1]`; `comb[1].folded` becomes `comb_1_folded`.
 
-No two become one, and none takes a letter that a law needs for its own variables.
+All stay distinct, and none takes a letter that a law needs for its own variables.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TWO_SIDED = (Kind.TRANSFORMER, Kind.GYRATOR)
 
 @dataclass(slots=True)
 class Names:
-    """Names of the graph -> names of the text."""
+    """Map from names of the graph to names of the text."""
 
     quantities: dict[str, str] = field(default_factory=dict)
     outputs: dict[str, str] = field(default_factory=dict)
@@ -32,7 +32,7 @@ class Names:
     taken: set[str] = field(default_factory=set)
 
     def free(self, name: str, blocked: set[str], taken: set[str]) -> str:
-        """A valid name like this one that nothing has yet."""
+        """An unused valid name similar to this one."""
         word = re.sub(r"[^A-Za-z0-9_]+", "_", name)
         word = (word if word == name else word.strip("_")) or "unnamed"
         word = word if not word[0].isdigit() else f"n{word}"
@@ -44,7 +44,7 @@ class Names:
 
 
 def _own_words(node: Element) -> set[str]:
-    """The words that the law of an element takes for its own variables."""
+    """Words that the law of an element uses for its own variables."""
     if is_field(node):
         return {p.name for p in node.ports}
     letters = [(p, v, DOMAINS[p.domain].letter(v)) for p in node.ports for v in _variables(node)]
@@ -52,17 +52,17 @@ def _own_words(node: Element) -> set[str]:
 
 
 def _variables(node: Element) -> str:
-    """The variables that the law of an element may relate."""
+    """Variables that the law of an element may relate."""
     return LAW_VARIABLES[node.kind.value]
 
 
 def is_field(node: Element) -> bool:
-    """Whether its ports have names, and its variables are written `port.letter`."""
+    """Return True for an element with named ports, whose variables are written `port.letter`."""
     return node.kind not in TWO_SIDED and bool(node.ports[0].name)
 
 
 def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence[str], plain: bool) -> Names:
-    """Give every name of the graph one of the text; those that are valid stay. `separate` outputs need a name of their own."""
+    """Give every name of the graph a name of the text; valid ones stay. `separate` outputs need a name of their own."""
     elements = [n for n in graph.nodes if isinstance(n, Element)]
     always = set(RESERVED) | {"energy"} | _blocked_letters(graph, elements, plain)
     blocked = _blocked_by_readers(graph, elements)
@@ -93,7 +93,7 @@ def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence
 
 
 def _blocked_by_readers(graph: BondGraph, elements: Sequence[Element]) -> dict[tuple[str, str], set[str]]:
-    """What a law reads cannot be called like the law's own variables."""
+    """Names that a quantity or node cannot have, because a law that reads it uses them for its own variables."""
     blocked: dict[tuple[str, str], set[str]] = {}
     for element in elements:
         words = _own_words(element)
@@ -106,7 +106,7 @@ def _blocked_by_readers(graph: BondGraph, elements: Sequence[Element]) -> dict[t
 
 
 def _part_names(mechanism: Mechanism, names: Names, always: set[str]) -> None:
-    """Parts are looked up before quantities, so none has the name of one."""
+    """Names of parts, which are looked up before quantities: no quantity may have the name of one."""
     taken = {w for name in names.quantities.values() for w in (name, word_of(name) or name)}
     bodies, frames, joints = mechanism.bodies, mechanism.frames, mechanism.joints
     parts = [b.name for b in bodies] + [f.name for f in frames] + [j.name for j in joints]
@@ -119,7 +119,7 @@ def _part_names(mechanism: Mechanism, names: Names, always: set[str]) -> None:
 
 
 def _blocked_letters(graph: BondGraph, elements: Sequence[Element], plain: bool) -> set[str]:
-    """Letters that no quantity may have: a law could not name its own variable otherwise, or would not tell its domain."""
+    """Letters that no quantity may have, because a law needs them to name its own variable or to imply its domain."""
     # An output that an experiment does not report is written as a signal, which a law could read.
     read = {n for n, q in graph.quantities.items() if q.role != "output" or n not in graph.outputs}
     blocked: set[str] = set()
@@ -137,7 +137,7 @@ def _blocked_letters(graph: BondGraph, elements: Sequence[Element], plain: bool)
 
 
 def lone_bonds(graph: BondGraph) -> Iterator[tuple[Element, Element, Bond]]:
-    """Bonds between two elements: no junction, field or mechanism tells their domain, so the letters of a law must."""
+    """Bonds between two elements. No junction, field or mechanism gives their domain, so the letters of a law must imply it."""
     for bond in graph.bonds:
         tail, head = graph.nodes[bond.tail.node], graph.nodes[bond.head.node]
         if isinstance(tail, Element) and isinstance(head, Element) and not is_field(tail) and not is_field(head):

@@ -1,4 +1,4 @@
-"""Ports of models in a flat text: there are none, so what is read of one is read of a node at its bond."""
+"""Readings of model ports in a flat text, which has no such ports: they become readings of a node at the bond."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from ..graph.network import BondGraph, Element, Junction, Kind, MechanismNode, R
 
 
 def seen_at_a_node(graph: BondGraph, reading: Reading) -> Reading | None:
-    """The same variable as a text can read it; None if neither end of the bond shows it.
+    """The same variable as a reading that a text can have; None if neither end of the bond shows it.
 
-    An element shows both, a junction what its bonds share, a mechanism the flow (its effort has the sign of the part).
+    An element shows both variables, a junction the one that its bonds share, a mechanism the flow (its effort has the sign of the part).
     """
     number = graph.walls.get((reading.node, reading.port))
     if number is None:

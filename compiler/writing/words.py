@@ -1,4 +1,4 @@
-"""What references of the graph are called in the text, and the dimensions that they have."""
+"""Names in the text for references of the graph, with their dimensions."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Words:
         self.constants: dict[float, str] = {}  # numbers that need a name
         self._nodes = {n.name: n for n in graph.nodes}
         outputs = {n for n in graph.outputs if n not in names.outputs}
-        self._readable = {w for n, w in names.quantities.items() if n not in outputs}  # what laws may read
+        self._readable = {w for n, w in names.quantities.items() if n not in outputs}  # words that laws may read
 
     def bound(self, bound: Bound, wanted: Dimension) -> str:
         """A bound formula as text, in the SI unit of a dimension."""
         return self.printer.text(self._named(bound), wanted)
 
     def usual(self, bound: Bound) -> Dimension:
-        """The dimension of a bound formula in which bare numbers have none."""
+        """Dimension of a bound formula in which bare numbers have none."""
         return self.printer.usual(self._named(bound))
 
     def condition(self, bound: Bound) -> str:
@@ -50,19 +50,19 @@ class Words:
         return substitute(bound.formula.expression, put)
 
     def dimension(self, named: Named) -> Dimension:
-        """The dimension of a quantity."""
+        """Dimension of a quantity."""
         return ONE if self.plain else dimension_of(named.unit)
 
     def letter(self, domain: str, variable: str) -> str:
-        """The letter for `e`, `f`, `q` or `p`."""
+        """Letter for `e`, `f`, `q` or `p`."""
         return variable if self.plain else DOMAINS[domain].letter(variable)
 
     def is_time(self, reference: Quantity) -> bool:
-        """Whether it is the time, and no quantity of that name."""
+        """Return True for the time, unless a quantity has that name."""
         return reference.name == "time" and "time" not in self.graph.quantities
 
     def reference(self, reference: Quantity | Reading) -> Word:
-        """What a law or definition reads."""
+        """Word for a reference in a law or definition."""
         if isinstance(reference, Reading):
             return self._reading(reference)
         if self.is_time(reference):
@@ -94,7 +94,7 @@ class Words:
         return Word(path if alone else f"{path}.{domain.letter(variable)}", domain.dimension(variable))
 
     def _at_a_node(self, reading: Reading) -> Reading:
-        """A reading of a model's port as one of a node. Raises `Refused`."""
+        """A reading of a model's port as a reading of a node. Raises `Refused`."""
         found = seen_at_a_node(self.graph, reading)
         if found is None:
             domain = self.graph.bonds[self.graph.walls[reading.node, reading.port]].domain
@@ -103,7 +103,7 @@ class Words:
         return found
 
     def own(self, node: Element, own: Own) -> Word:
-        """An element's own variable: by its domain's letter, or by `e f q p` if something else has that name."""
+        """An element's own variable: by its domain's letter, or by `e f q p` if another name equals that letter."""
         port = node.ports[own.port]
         domain = DOMAINS[port.domain]
         letter = self.letter(port.domain, own.variable) if domain.guessed else own.variable
@@ -118,7 +118,7 @@ class Words:
         return Word(text, domain.dimension(own.variable))
 
     def constant(self, value: float) -> Word:
-        """A number under a name."""
+        """A number with a name."""
         if value not in self.constants:
             self.constants[value] = name = self.names.free("constant_1", set(), self.names.taken)
             self.names.taken.add(name)

@@ -1,4 +1,4 @@
-"""Back to text: a flat graph as one model without instances, which compiles to an equal graph."""
+"""A flat bond graph as the text of one model without instances, which compiles to an equal graph."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ ROLES = {"parameter": "parameter", "constant": "constant", "input": "input", "mo
 
 
 def write_text(graph: BondGraph) -> str:
-    """The .bg text of a graph: elements, bonds, laws, quantities, mechanisms, with numbers in SI.
+    """Return the .bg text of a graph: elements, bonds, laws, quantities, mechanisms, with numbers in SI.
 
     Names that a text cannot have (`comb[1].folded`) are mapped one to one; the former ones follow in comments. Raises
-    `CompilationFailed` with everything that no text can say.
+    `CompilationFailed` with all parts that cannot be written.
     """
     return _Writer(graph).text()
 
 
 def _is_plain(graph: BondGraph) -> bool:
-    """Whether the graph has ports, all of them untyped, and no unit anywhere."""
+    """Return True if the graph has ports, all of them untyped, and no units."""
     domains = {d for n in graph.nodes for d in ([n.domain] if isinstance(n, Junction) else [p.domain for p in n.ports])}
     named = (*graph.quantities.values(), *graph.outputs.values())
     return domains == {"untyped"} and all(n.unit == "1" for n in named)
 
 
 class _Writer:
-    """Writes one graph."""
+    """Writer of one graph."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
@@ -82,7 +82,7 @@ class _Writer:
         yield "}"
 
     def _told(self, item: Node | Named | Requirement | Event, lines: Iterator[str]) -> list[str]:
-        """The lines of one thing, or none and a mistake."""
+        """Lines of one part; none if it cannot be written, which adds a diagnostic."""
         try:
             return list(lines)
         except Refused as refused:
@@ -90,7 +90,7 @@ class _Writer:
             return []
 
     def _check_domains(self) -> None:
-        """Where only a law tells the domain of a bond, its letters must be able to."""
+        """Check the bonds whose domain only a law can imply: its letters must be able to."""
         for tail, head, bond in lone_bonds(self.graph):
             domain = DOMAINS[bond.domain]
             if not (self.plain or (domain.typed and domain.guessed)):
