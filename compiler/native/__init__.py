@@ -1,1 +1,1 @@
-"""Plain numeric Python to machine code, through LLVM IR; nothing here knows what a bond graph is."""
+"""Plain numeric Python to machine code, through LLVM IR, without any knowledge of bond graphs."""

@@ -1,4 +1,4 @@
-"""Types of what the subset works on: arrays of numpy when it runs as Python, bare addresses in machine code; and records of them."""
+"""Types of the subset: arrays, which are numpy arrays in Python and bare addresses in machine code; and records of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Floats(Protocol):
 
 
 class Ints(Protocol):
-    """An array of whole numbers of 64 bits."""
+    """An array of 64-bit integers."""
 
     @overload
     def __getitem__(self, place: int) -> int: ...
@@ -25,13 +25,13 @@ class Ints(Protocol):
     def __setitem__(self, place: int, value: int) -> None: ...
 
 
-Numbers = tuple[float, ...]  # a list that stands in the source
+Numbers = tuple[float, ...]  # a literal list in the source
 
 
 class Record:
-    """What several functions work on together: a class whose annotations are its fields, in this order, each eight bytes wide.
+    """Common data of several functions: a class whose annotations are its fields, in this order, each eight bytes wide.
 
-    No dataclass, whose making takes longer than all else for a hundred fields.
+    It is no dataclass: making one with a hundred fields would take longer than all other work.
     """
 
     def __init__(self, **fields: object) -> None:

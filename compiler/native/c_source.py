@@ -1,4 +1,4 @@
-"""Functions of the subset -> C source: the same operations as `translate.py`, for who has a C compiler and wants no LLVM."""
+"""Functions of the subset to C source, with the same operations as `translate.py`, for use with a C compiler and without LLVM."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ static inline int64_t more(int64_t a, int64_t b) { return b > a ? b : a; }
 
 
 def c_source(exported: Sequence[Callable[..., Any]]) -> str:
-    """Definitions of these functions, and before them of all that they call."""
+    """Definitions of these functions, after those of all functions that they call."""
     writer = _Writer({f.__name__ for f in exported})
     for function in exported:
         writer.need(function)
@@ -36,7 +36,7 @@ def c_source(exported: Sequence[Callable[..., Any]]) -> str:
 
 
 def c_number(value: float) -> str:
-    """A double, exactly."""
+    """A double, written exactly."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):
@@ -46,7 +46,7 @@ def c_number(value: float) -> str:
 
 
 class _Writer:
-    """What the functions share."""
+    """Common data of the functions."""
 
     def __init__(self, exported: set[str]) -> None:
         self.exported = exported
@@ -58,13 +58,13 @@ class _Writer:
         self.bodies: list[str] = []
 
     def need(self, function: Callable[..., Any]) -> None:
-        """Write this function too."""
+        """Add this function to those to be written."""
         if function not in self.seen:
             self.seen.add(function)
             self.waiting.append(function)
 
     def array(self, values: tuple[float, ...]) -> str:
-        """The name of a list of numbers."""
+        """Name of a list of numbers."""
         whole = all(isinstance(v, int) for v in values)
         name = f"list_{len(self.lists) + 1}"
         if values not in self.lists:
@@ -74,7 +74,7 @@ class _Writer:
         return self.lists[values].split()[3].partition("[")[0]
 
     def declared(self, kind: Any, name: str) -> str:
-        """A variable or argument of a type."""
+        """Declaration of a variable or argument."""
         if isinstance(kind, Fields):
             self.records[kind.name] = kind
             return f"struct {kind.name} *{name}"
@@ -84,13 +84,13 @@ class _Writer:
         return f"{_WORDS[kind]} {name}".replace("* ", "*")
 
     def record(self, kind: Fields) -> str:
-        """The struct of a record."""
+        """Struct of a record."""
         fields = "".join(f"    {self.declared(k, n)};\n" for n, k in kind.fields.items())
         return f"struct {kind.name} {{\n{fields}}};\n"
 
 
 class _Function:
-    """One function."""
+    """Writer of one function."""
 
     def __init__(self, writer: _Writer, function: Callable[..., Any]) -> None:
         tree = ast.parse(inspect.getsource(function)).body[0]
@@ -103,7 +103,7 @@ class _Function:
         self.depth = 1
 
     def text(self) -> str:
-        """The definition; its declaration goes to the writer."""
+        """Definition of the function. Its declaration is added to the writer."""
         self._block(self.tree.body)
         given = ", ".join(self.writer.declared(k, n) for n, k in self.arguments.items())
         static = "" if self.tree.name in self.writer.exported else "static "

@@ -1,4 +1,4 @@
-"""The types of the subset, from the annotations of functions and records."""
+"""Types of the subset, from the annotations of functions and records."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Numbers":
 ITEMS = {FLOATS: FLOAT, INTS: INT}
 
 
-# What lies in one of these is never in another: neither in a record what is in an array, nor among numbers what points to them.
+# Disjoint kinds of memory: records and arrays never overlap, nor do numbers and pointers.
 MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64")
 
 
@@ -24,26 +24,26 @@ class TranslationError(TypeError):
 
 @dataclass(frozen=True)
 class Fields:
-    """The type of a record: its fields in order, each eight bytes wide."""
+    """Type of a record: its fields in order, each eight bytes wide."""
 
     name: str
     fields: dict[str, Any]
 
     def place(self, name: str) -> int:
-        """The number of a field."""
+        """Number of a field."""
         return list(self.fields).index(name)
 
 
 @dataclass(frozen=True)
 class Handed:
-    """The type of a function that is handed in."""
+    """Type of a function that is passed as an argument."""
 
     arguments: tuple[Any, ...]
     result: Any
 
 
 class Value(NamedTuple):
-    """A type and the text of a value; of a place, which of `MEMORIES` it is in, if any."""
+    """Type and text of a value; for an address, the kind of memory (of `MEMORIES`), if any."""
 
     kind: Any
     text: str
@@ -51,7 +51,7 @@ class Value(NamedTuple):
 
 
 def kind_of(annotation: Any, home: dict[str, Any]) -> Any:
-    """The type that an annotation means, in the namespace where it stands."""
+    """Type of an annotation, in the namespace of its function or record."""
     if getattr(annotation, "__forward_arg__", None):
         annotation = annotation.__forward_arg__
     if annotation is None or annotation is type(None):
@@ -74,7 +74,7 @@ _KNOWN: dict[type, Fields] = {}
 
 
 def record_of(noun: type) -> Fields:
-    """The type of a record."""
+    """Type of a record."""
     if noun not in _KNOWN:
         home = vars(sys.modules[noun.__module__])
         _KNOWN[noun] = Fields(noun.__name__, {n: kind_of(a, home) for n, a in noun.__annotations__.items()})
@@ -82,12 +82,12 @@ def record_of(noun: type) -> Fields:
 
 
 def text_of(kind: Any) -> str:
-    """The type in LLVM's words."""
+    """The type in LLVM's notation."""
     return kind if kind in (FLOAT, INT, BOOL, NOTHING) else "ptr"
 
 
 def signature(function: Callable[..., Any]) -> tuple[tuple[Any, ...], Any]:
-    """The types of a function's arguments and of its value."""
+    """Types of a function's arguments and of its result."""
     kinds = {n: kind_of(a, function.__globals__) for n, a in function.__annotations__.items()}
     result = kinds.pop("return")
     return tuple(kinds.values()), result

@@ -1,4 +1,4 @@
-"""LLVM IR as text -> object code -> addresses, by llvmlite. Imported on use: a machine without it is told so by `available`."""
+"""LLVM IR as text to object code to addresses, by llvmlite. It is imported on use; `available` tells if it is installed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
 
-# What generated code calls of the mathematical library.
+# Functions of the mathematical library that generated code calls.
 LIBRARY = (
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "log10", "pow",
     "sincos", "memset", "memcpy", "memmove", "malloc", "free",
@@ -21,23 +21,23 @@ AS_WRITTEN = -1  # a level: what the text says with the best instructions, but w
 
 @lru_cache
 def available() -> bool:
-    """Whether there is an LLVM to compile with, looked up without loading it."""
+    """Return True if LLVM is installed, without loading it."""
     return find_spec("llvmlite") is not None
 
 
 class MachineCode:
-    """Object code in memory, by the names of its functions. It lives as long as this object."""
+    """Object code in memory, with its functions by name. Valid as long as this object lives."""
 
     def __init__(self, *codes: bytes) -> None:
         self._engines = [_engine(code) for code in codes]
         self._kept: list[object] = []
 
     def keep(self, data: object) -> None:
-        """What the code points to lives as long as it."""
+        """Keep data that the code points to alive as long as the code."""
         self._kept.append(data)
 
     def address(self, name: str) -> int:
-        """Where a function begins."""
+        """Address of a function."""
         for engine in self._engines:
             found = int(engine.get_function_address(name))
             if found:
@@ -45,13 +45,15 @@ class MachineCode:
         raise KeyError(name)
 
     def addresses(self, names: Iterable[str]) -> Mapping[str, int]:
-        """Where functions begin."""
+        """Addresses of functions."""
         return {name: self.address(name) for name in names}
 
 
 def address_of(array: Any) -> int:
-    """Where an array of numpy begins, in a fifth of the time of `__array_interface__`, which tells its type as well: a short run asks two
-    hundred times."""
+    """Address of the first item of a numpy array, five times faster than `__array_interface__`, which also gives the type.
+
+    A short run calls it two hundred times.
+    """
     try:
         return ctypes.addressof(_view(array))
     except TypeError:  # it is not to be written, or has gaps
@@ -60,7 +62,7 @@ def address_of(array: Any) -> int:
 
 
 def object_code(text: str, level: int) -> bytes:
-    """The object code of a module. `level`: how much is made of it, 0 to 3, or `AS_WRITTEN`."""
+    """Object code of a module. `level`: optimization level, 0 to 3, or `AS_WRITTEN`."""
     from llvmlite import binding
 
     machine = _machine(2 if level == AS_WRITTEN else level)
@@ -76,7 +78,7 @@ def object_code(text: str, level: int) -> bytes:
 
 
 def _engine(code: bytes) -> Any:
-    """Object code in memory: an empty module, for which a cache says that its code is known; so the engine owns all that it has."""
+    """Load object code into memory: an empty module whose cache returns the code, so that the engine owns all its data."""
     from llvmlite import binding
 
     machine = _machine(1)  # one for each engine, which owns it
@@ -89,7 +91,7 @@ def _engine(code: bytes) -> Any:
 
 
 def processor() -> str:
-    """What the code is made for."""
+    """Identification of the target: LLVM's version, platform, processor and its features."""
     from llvmlite import binding
 
     _prepare()
@@ -130,7 +132,7 @@ def _features() -> str:
 
 
 def _library() -> Iterable[tuple[str, int]]:
-    """The mathematical library of this process: object code is bound to it whatever the system's loader would find."""
+    """The mathematical library of this process, to which object code is bound directly, without the system's loader."""
     if sys.platform == "win32":
         places = [ctypes.CDLL("ucrtbase")]
     else:

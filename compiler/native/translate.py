@@ -1,9 +1,9 @@
-"""Functions written in a small subset of Python -> LLVM IR as text.
+"""Functions in a small subset of Python to LLVM IR as text.
 
-The subset: floats, whole numbers, truths, arrays of one axis, records (dataclasses of these), functions that are handed in; assignments,
-arithmetic, comparisons, `if`, `while`, `for … in range(…)`, calls of other such functions and of a few of `math`. A slice `x[k:]` is the
+The subset: floats, integers, booleans, one-dimensional arrays, records (dataclasses of these), functions as arguments; assignments,
+arithmetic, comparisons, `if`, `while`, `for … in range(…)`, calls of other such functions and of some of `math`. A slice `x[k:]` is the
 array from there on. The same source runs as plain Python over numpy arrays, with the same numbers bit by bit: nothing is reordered, nothing
-is contracted. What lies outside of the subset is a `TranslationError` with its line.
+is contracted. Anything outside of the subset is a `TranslationError` with its line.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .values import Module, Values, apart
 
 
 def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> str:
-    """The text of a module with these functions and all that they call; those exported keep their names visible."""
+    """Text of a module with these functions and all that they call. The names of the exported ones are visible."""
     module = Module()
     for function in exported:
         module.need(function)
@@ -29,10 +29,10 @@ def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> s
 
 
 class _Function(Values):
-    """The text of one function."""
+    """Writer of one function."""
 
     def text(self, attributes: str) -> str:
-        """The definition."""
+        """Definition of the function."""
         names = [a.arg for a in self.tree.args.args]
         for name, kind in zip(names, self.arguments, strict=True):
             self._variable(name, kind)

@@ -1,4 +1,4 @@
-"""Values of the subset: one operation of LLVM after another."""
+"""Values of the subset, as sequences of LLVM operations."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ _COMPARE = {ast.Lt: "lt", ast.LtE: "le", ast.Gt: "gt", ast.GtE: "ge", ast.Eq: "e
 
 
 def float_text(value: float) -> str:
-    """A double, exactly."""
+    """A double, written exactly."""
     return f"0x{struct.unpack('>Q', struct.pack('>d', value))[0]:016X}"
 
 
 def apart() -> list[str]:
-    """What tells LLVM that memories of different kinds do not overlap (type-based alias analysis)."""
+    """Metadata for LLVM: memories of different kinds do not overlap (type-based alias analysis)."""
     lines = ['!0 = !{!"memories"}']
     for number, name in enumerate(MEMORIES, 1):
         lines += [
@@ -63,7 +63,7 @@ def _apart(place: Value) -> str:
 
 
 class Module:
-    """What the functions of a module share."""
+    """Common data of the functions of a module."""
 
     def __init__(self) -> None:
         self.waiting: list[Callable[..., Any]] = []
@@ -72,7 +72,7 @@ class Module:
         self.declared: dict[str, str] = {}
 
     def need(self, function: Callable[..., Any]) -> None:
-        """Translate this function too."""
+        """Add this function to those to be translated."""
         name = function.__name__
         if self.known.setdefault(name, function) is not function:
             raise TranslationError(f"two functions are called `{name}`")
@@ -81,12 +81,12 @@ class Module:
             self.waiting.append(function)
 
     def external(self, name: str, result: str, arguments: Sequence[str]) -> str:
-        """A function of LLVM or of the mathematical library."""
+        """Declare a function of LLVM or of the mathematical library."""
         self.declared[name] = f"declare {result} @{name}({', '.join(arguments)})"
         return f"@{name}"
 
     def array(self, values: tuple[float, ...]) -> Value:
-        """A list of numbers."""
+        """Constant for a list of numbers."""
         kind, one = (INTS, INT) if all(isinstance(v, int) for v in values) else (FLOATS, FLOAT)
         name = f"@list.{len(self.constants) + 1}"
         if values not in self.constants:
@@ -96,7 +96,7 @@ class Module:
 
 
 class Values:
-    """Writes the values of one function."""
+    """Writer of the values of one function."""
 
     def __init__(self, module: Module, function: Callable[..., Any], exported: set[str]) -> None:
         self.module, self.function = module, function
@@ -109,8 +109,8 @@ class Values:
         self.lines: list[str] = []
         self.opening: list[str] = []
         self.count = 0
-        self.loops: list[tuple[str, str]] = []  # where `continue` and `break` go
-        self.ended = False  # whether the block has its last instruction
+        self.loops: list[tuple[str, str]] = []  # targets of `continue` and `break`
+        self.ended = False  # True if the block has its last instruction
         self.arguments, self.result = signature(function)
 
     # ------------------------------------------------------------ pieces of text
@@ -153,7 +153,7 @@ class Values:
 
     # ------------------------------------------------------------ places
     def _place(self, node: ast.expr) -> Value | None:
-        """Where a field or an item lies; its type is that of what lies there."""
+        """Address of a field or an item, with the type of its content."""
         if isinstance(node, ast.Attribute):
             owner = self._value(node.value)
             if not isinstance(owner.kind, Fields):
@@ -229,7 +229,7 @@ class Values:
         raise self._fail(node, f"`{ast.unparse(node)}` is unknown")
 
     def _power(self, node: ast.BinOp) -> Value:
-        """A number like 2.0**-52; other powers are products, or `pow` of math."""
+        """A constant power such as 2.0**-52. Other powers are written as products, or as `pow` of math."""
         try:
             base, exponent = ast.literal_eval(node.left), ast.literal_eval(node.right)
         except ValueError:
@@ -278,7 +278,7 @@ class Values:
         return self._emit(BOOL, f"icmp {word if word in ('eq', 'ne') else 's' + word} i64 {a.text}, {b.text}")
 
     def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
-        """`and`, `or`, `a if c else b`: what is not needed is not evaluated."""
+        """`and`, `or`, `a if c else b`: operands that are not needed are not evaluated."""
         self.count += 1
         name = f"chosen.{self.count}"
         end = self._labels("end")[0]
@@ -313,7 +313,7 @@ class Values:
         raise self._fail(node, "not a truth")
 
     def _as(self, value: Value, kind: Any, node: ast.AST) -> Value:
-        """The value in another type, where that loses nothing."""
+        """The value in another type, if the conversion is exact."""
         if value.kind == kind:
             return value
         if kind == FLOAT and value.kind == INT:
@@ -389,7 +389,7 @@ class Values:
         return self._emit(INT, f"select i1 {below.text}, i64 {opposite.text}, i64 {value.text}")
 
     def _extreme(self, node: ast.Call) -> Value:
-        """`min` and `max` as Python has them: the first, unless another is smaller or larger."""
+        """`min` and `max` as in Python: the first, unless another is smaller or larger."""
         assert isinstance(node.func, ast.Name)
         values = [self._value(a) for a in node.args]
         kind = FLOAT if any(v.kind == FLOAT for v in values) else INT
