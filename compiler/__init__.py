@@ -1,1 +1,1 @@
-"""Bond-graph text in, program out. The rooms, in the order of the pipeline, are listed in `README.md` of this folder."""
+"""Compiler of bond-graph text to programs. `README.md` of this folder lists the rooms in the order of the pipeline."""

@@ -1,4 +1,4 @@
-"""The noun that says what kind of equations a model has; `reduction/certificate.py` makes it. Results carry it, so it loads nothing."""
+"""Certificate: the kind of a model's equations. `reduction/certificate.py` makes it. Results contain it, so this module imports nothing else."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ LISTED = 12  # names on one line of text
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """An algebraic loop: how many unknowns are solved for together, and the elements and junctions in it."""
+    """An algebraic loop: the number of its unknowns, and its elements and junctions."""
 
-    linear: bool  # solved where it stands; else by Newton's method, together with the step of the run
+    linear: bool  # solved in each evaluation; else by Newton's method with the step of the run
     size: int
     members: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What a compilation gave.
+    """Result of a compilation: the kind of the equations.
 
-    `form` is what a run solves: `explicit ODE`; `linear-implicit ODE` (linear loops, closing joints, or dependent storages that share the
-    rates: solved in every evaluation); `index-1 DAE` (with unknowns of nonlinear loops); `algebraic` without any state.
-    `index` is that of the equations as written: 0 explicit, 1 with loops, from 2 on with storages in derivative form.
+    `form` is the form that a run solves: `explicit ODE`; `linear-implicit ODE` (linear loops, closing joints, or dependent storages that
+    share the rates: solved in every evaluation); `index-1 DAE` (with unknowns of nonlinear loops); `algebraic` without any state.
+    `index` is that of the equations as written: 0 explicit, 1 with loops, 2 and more with storages in derivative form.
     """
 
     model: str
@@ -36,22 +36,20 @@ class Certificate:
     dependent: tuple[str, ...]  # storages in derivative form: they follow from the states
     loops: tuple[Loop, ...]
     linear: bool  # affine in states and unknowns, for given time and inputs
-    time_varying: bool  # whether coefficients change with time or inputs
-    driven: bool  # whether time or inputs come in at all; else the equations are autonomous
+    time_varying: bool  # True if coefficients change with time or inputs
+    driven: bool  # True if time or inputs occur; else the equations are autonomous
     left_out: tuple[str, ...]  # elements and junctions that give nothing
     unneeded: tuple[str, ...]  # states behind no requested output
     degrees_of_freedom: int  # states that are momenta, or speeds of a mechanism: independent flows
     notes: tuple[str, ...]  # laws that do what one may not expect, such as a resistor that creates energy
-    constraints: int = 0  # of closing joints, solved for where they stand and held by projection
+    constraints: int = 0  # of closing joints, solved in each evaluation and kept by projection
     redundant: tuple[str, ...] = ()  # those that follow from others where the mechanism was drawn
-    events: tuple[
-        str, ...
-    ] = ()  # what happens at instants: `when`, `every`, switched junctions, delays, with their lines
+    events: tuple[str, ...] = ()  # events: `when`, `every`, switched junctions, delays, with their lines
     following: tuple[str, ...] = ()  # storages and `integral` signals that share the state of another
 
     @property
     def reduced(self) -> bool:
-        """Whether derivatives had to be formed to get here."""
+        """True if derivatives had to be formed."""
         return self.index > 1
 
     @property
@@ -93,7 +91,7 @@ class Certificate:
         yield "left out, as no output needs it", self.unneeded
 
     def to_json(self) -> dict[str, Any]:
-        """For `json.dumps`: `bondgraph-certificate/1`, the fields under their own names."""
+        """Data for `json.dumps`: `bondgraph-certificate/1`, the fields under their own names."""
         return {
             "schema": SCHEMA, "model": self.model, "form": self.form, "index": self.index, "states": list(self.states),
             "degrees_of_freedom": self.degrees_of_freedom, "dependent": list(self.dependent),

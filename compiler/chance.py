@@ -1,4 +1,4 @@
-"""Distributions of what is not known exactly: their kinds, and which of them there are."""
+"""Distributions of uncertain quantities: their kinds, and checks of their numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SPREAD = "standard deviation"  # a difference, of temperatures one without their
 
 
 def fault(kind: str, numbers: Sequence[float], low: float = -math.inf, high: float = math.inf) -> str:
-    """Why there is no such distribution, cut off at `low` and `high`; "" if there is."""
+    """Reason why there is no such distribution, truncated at `low` and `high`; "" if there is one."""
     if not all(map(math.isfinite, numbers)):
         return "a distribution has finite numbers"
     match kind, tuple(numbers):

@@ -1,4 +1,4 @@
-"""The pipeline, stage by stage; each stage is a type, and each can be had by itself."""
+"""The pipeline, stage by stage. Each stage is a type, and each can be requested separately."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class Compilation:
-    """One model for one scene. A stage is computed when it is first asked for. Raises `CompilationFailed`."""
+    """One model for one scene. Each stage is computed on first access. Raises `CompilationFailed`."""
 
     source: Source
     scene: Scene
@@ -63,7 +63,7 @@ class Compilation:
 
     @property
     def is_part(self) -> bool:
-        """Whether the model has ports, so that it only lives inside a larger one."""
+        """True if the model has ports, so that it is only usable in a larger one."""
         return is_part(self.tree, self.scene.model)
 
     @cached_property
@@ -73,7 +73,7 @@ class Compilation:
 
     @property
     def whole_graph(self) -> BondGraph:
-        """The graph with everything that the text says."""
+        """The graph of the whole text."""
         return self._built.graph
 
     @property
@@ -82,23 +82,23 @@ class Compilation:
 
     @property
     def files(self) -> tuple[Source, ...]:
-        """What was read besides the text itself: imported files and columns of numbers."""
+        """Files read in addition to the text: imported files and columns of numbers."""
         return self._built.files
 
     @cached_property
     def zeros(self) -> frozenset[str]:
-        """Quantities that are zero whatever this run does."""
+        """Quantities that are always zero in this run."""
         overridden = {o.path for o in self.scene.overrides if o.role == "set"} - self.scene.fixed
         return known_zeros(self.whole_graph, self.scene.free | overridden)
 
     @property
     def later(self) -> frozenset[str]:
-        """What is set when a run begins: no stage may depend on its value."""
+        """Names of quantities set when a run begins: no stage may depend on their values."""
         return frozenset(o.path for o in self.scene.overrides if o.value is None)
 
     @cached_property
     def graph(self) -> BondGraph:
-        """The graph without what gives nothing in this run, and without the wishes that give way."""
+        """The graph without elements that contribute nothing in this run, and without the preferences that are dropped."""
         return preferring(self._wished, dict.fromkeys(self.given_way))
 
     @cached_property
@@ -110,7 +110,7 @@ class Compilation:
 
     @cached_property
     def valves(self) -> tuple[Valve, ...]:
-        """The switched junctions whose effort and flow are complementary."""
+        """Switched junctions whose effort and flow are complementary."""
         return valves(self.whole_graph) if self.whole_graph.switches else ()
 
     @cached_property
@@ -120,21 +120,22 @@ class Compilation:
 
     @property
     def _free(self) -> frozenset[str]:
-        """The inputs and parameters that stay arguments of the program."""
+        """Inputs and parameters that stay arguments of the program."""
         return self.scene.free if not self.scene.companion else self.scene.free | {*companion_inputs(self.gaps)}
 
     @cached_property
     def off(self) -> tuple[str, ...]:
-        """The switched junctions that are off; at the start those that are so as far as modes tell."""
+        """Switched junctions that are off; at the start, those that the modes alone determine to be off."""
         if self.scene.off is not None:
             return self.scene.off
         return off_at_the_start(self.whole_graph, self.plan.start) if self.whole_graph.switches else ()
 
     @cached_property
     def given_way(self) -> tuple[str, ...]:
-        """Storages that would like the derivative form, but with it nothing would decide what they or others hold.
+        """Storages whose preferred derivative form was dropped because it would leave them or others undetermined.
 
-        Whether the laws leave a storage to its own derivatives shows only in the equations, so these are tried."""
+        Only the equations show if the laws leave a storage to its own derivatives, so they are derived to find out.
+        """
         graph, given_way = self._wished, tuple[str, ...]()
         while wishes := derivative_wishes(graph, but=self._changed):
             try:
@@ -145,7 +146,7 @@ class Compilation:
             except CompilationFailed as failed:
                 endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
                 if len(endless) < len(failed.diagnostics):
-                    break  # something else is wrong, which is told as it is
+                    break  # another error, which is reported unchanged
                 ending = [n for n in wishes if n in endless] or wishes
                 graph, given_way = preferring(graph, dict.fromkeys(ending)), given_way + tuple(ending)
             else:
@@ -155,7 +156,7 @@ class Compilation:
 
     @property
     def _changed(self) -> frozenset[str]:
-        """Storages that changed places in the middle of a run."""
+        """Storages whose form changed in the middle of a run."""
         return frozenset(name for name, _ in self.scene.preferences)
 
     @cached_property
@@ -197,12 +198,12 @@ class Compilation:
             less = without_what_cancels(self.equations)
             if less is None or not all(isinstance(d, DerivativeWithoutEnd) for d in failed.diagnostics):
                 raise
-        # What nothing reads any longer must have a solution all the same.
+        # Parts that nothing reads any longer must have a solution too.
         refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
         return reduce_equations(less, self.everything, span, self.scene.opened)
 
     def look_at_laws(self) -> None:
-        """Raise what would go wrong where laws become a program; neither the slopes of one by another nor products that are shared can."""
+        """Raise the errors of turning laws into a program, without forming products of derivatives or common factors, which cannot fail."""
         with self._instances():
             lower(self.state_space, whole=False)
 
@@ -220,7 +221,7 @@ class Compilation:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What kind of equations a run of this scene solves."""
+        """Kind of the equations that a run of this scene solves."""
         kept = {node.name for node in self.graph.nodes}
         left_out = tuple(node.name for node in self.whole_graph.nodes if node.name not in kept)
         wishes = (
@@ -243,7 +244,7 @@ class Compilation:
 
     @cached_property
     def facts(self) -> Facts:
-        """What a run asks besides."""
+        """Further data that a run needs."""
         space = self.state_space
         places = {v: i for i, v in enumerate(moving(space))}
         shown = {name: places[v] for name, v in space.outputs.items() if v in places}
@@ -263,7 +264,7 @@ class Compilation:
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
-        """Raises `CompilationFailed` where a linear loop has no solution with these values of what is set when a run begins."""
+        """Raise `CompilationFailed` if a linear loop has no solution with these values of quantities set when a run begins."""
         space = self.state_space
         known = tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
         refuse_singular_loops(replace(space, variables=known), self.equations, self.scene.free)
@@ -292,7 +293,7 @@ class Compilation:
             return write_c(with_shared_products(lower(space, located=False)))
 
     def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
-        """The program as data and machine code; `compile_` makes object code of LLVM's text, at a level of optimisation."""
+        """The program as data and machine code. `compile_` makes object code of LLVM's text, at an optimization level."""
         from .codegen.llvm.generate import generate_code
 
         with uncollected():
@@ -300,7 +301,7 @@ class Compilation:
 
     @contextmanager
     def _instances(self) -> Iterator[None]:
-        """What is wrong inside an instance is told with the line where the instance stands: the part may be another's."""
+        """Add to errors inside an instance the line where the instance is declared: the part may be by another author."""
         try:
             with uncollected():
                 yield
@@ -310,7 +311,7 @@ class Compilation:
 
 
 def _following(space: StateSpace, places: Mapping[int, int]) -> dict[str, tuple[int, float | None]]:
-    """See `Facts.following`."""
+    """Value of `Facts.following`."""
     names: dict[int, list[str]] = {}
     for name, variable in space.outputs.items():
         names.setdefault(variable, []).append(name)
@@ -322,7 +323,7 @@ def _following(space: StateSpace, places: Mapping[int, int]) -> dict[str, tuple[
 
 
 def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
-    """The diagnostic with the places of the instances that it is in, as the names in it say."""
+    """The diagnostic with the places of the instances that it is in, found by the names in it."""
     if item.stands:
         return item
     names = (getattr(item, word, "") for word in ("element", "owner", "culprit", "node"))
@@ -333,14 +334,14 @@ def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
 
 
 def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
-    """Everything that is wrong with a text: each of its models by itself, then the one that would be run, up to its equations."""
+    """Return all errors of a text: each of its models separately, then the main model up to its equations."""
     return examine(source, model, library)[0]
 
 
 def examine(
     source: Source, model: str | None = None, library: Path | None = None
 ) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
-    """What is wrong with a text; and if nothing is, the certificate of the model that would be run, if it has one."""
+    """Return the errors of a text; if there are none, also the certificate of the main model, if there is one."""
     with uncollected():
         return _examine(source, model, library)
 
@@ -380,7 +381,7 @@ _NO_BRACES = re.compile(r'"[^"\n]*"|#[^\n]*')  # texts and comments: braces in t
 
 
 def _models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[str]:
-    """The models that have a line that cannot be read; none if such a line stands outside of all, where it says what names mean."""
+    """Models with a line that cannot be parsed; none if such a line is outside of all models, where it defines the meaning of names."""
     found = set()
     for place in [d.span.start for d in mistakes]:
         before = [m for m in tree.models.values() if m.span.start <= place]
@@ -395,7 +396,7 @@ def _models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[
 
 
 def _too_long(tree: SyntaxTree) -> Diagnostic:
-    """What is said where the stages nest more deeply than Python follows them."""
+    """Diagnostic for a model that is nested more deeply than Python's recursion limit."""
     model = list(tree.models.values())[-1]
     return TooLongRow(model.name_span, model.name)
 

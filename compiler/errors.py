@@ -1,4 +1,4 @@
-"""Errors are values: a diagnostic names its code, its place, what is wrong in the author's own names, and what to do.
+"""Diagnostics: errors as values, with a code, a place, a sentence in the author's own names, and advice.
 
 Every room lists its diagnostics in its own `errors.py`, with a range of codes of its own:
 BG0xx syntax, BG1xx semantics, BG2xx graph and mechanisms, BG3xx causality, BG4xx equations, BG5xx reduction, BG6xx code,
@@ -18,7 +18,7 @@ from .source import Span
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One thing that is wrong. Subclasses set `code`, `title` and `advice`, templates over their own fields."""
+    """One error in a text. Subclasses set `code`, `title` and `advice`, templates over their own fields."""
 
     code: ClassVar[str] = "BG000"
     title: ClassVar[str] = ""
@@ -34,25 +34,25 @@ class Diagnostic:
 
     @property
     def sentence(self) -> str:
-        """What is wrong."""
+        """Description of the error."""
         return self._fill(self.title)
 
     @property
     def help(self) -> str:
-        """What to do about it."""
+        """Advice for the author."""
         return self._fill(self.advice)
 
     def related(self) -> tuple[tuple[Span, str], ...]:
-        """Other places that matter, each with a word why."""
+        """Other relevant places, each with a word why."""
         return ()
 
 
 class CompilationFailed(Exception):
-    """The text is wrong; `diagnostics` says where and why, all of it at once."""
+    """The text has errors; `diagnostics` lists all of them, with places and causes."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         unique: dict[tuple[str, str, int, str], Diagnostic] = {}
-        for item in diagnostics:  # one mistake in a definition is told once, not once for each instance
+        for item in diagnostics:  # an error in a definition is reported once, not once for each instance
             words = re.sub(r"`[^`]*`", "", item.sentence)
             unique.setdefault((item.code, item.span.source.name, item.span.start, words), item)
         self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.start, d.code)))
@@ -63,9 +63,10 @@ class CompilationFailed(Exception):
 
 
 class ValuesNeeded(Exception):
-    """The stages ask for values that only a run knows: what these decide is more than numbers (a length, a choice).
+    """The compiler needs values that only a run knows, because they decide more than numbers (a length, a choice).
 
-    `why`: for each name the place that asks for it, in the author's words."""
+    `why`: for each name the place that needs it, in the author's words.
+    """
 
     def __init__(self, why: Mapping[str, str]) -> None:
         self.names, self.why = frozenset(why), dict(why)
@@ -73,7 +74,7 @@ class ValuesNeeded(Exception):
 
 
 class InternalError(Exception):
-    """A defect of ours, not of the text."""
+    """A defect of the compiler, not of the text."""
 
     def __init__(self, what: str) -> None:
         super().__init__(f"defect in the compiler, please report it: {what}")

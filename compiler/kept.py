@@ -1,4 +1,4 @@
-"""What is costly to make and the same for every text, kept from one process to the next by whoever has a place for it."""
+"""Persistent cache for results that are costly and independent of the text, if a caller provides a place for it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Thing = TypeVar("Thing")
 
 
 class Shelf(Protocol):
-    """Where things are kept by a key; `fetch` gives None for what is not there."""
+    """Cache backend: values by key. `fetch` returns None for a missing key."""
 
     def key_of(self, *parts: object) -> str: ...
     def fetch(self, key: str) -> object: ...
@@ -20,12 +20,12 @@ _shelves: list[Shelf] = []
 
 
 def keep_on(shelf: Shelf) -> None:
-    """From now on things are kept there."""
+    """Set the cache backend."""
     _shelves[:] = [shelf]
 
 
 def kept(kind: type[Thing], content: str, make: Callable[[str], Thing]) -> Thing:
-    """What `make` makes of a content: from the shelf if it is there, else made and kept."""
+    """Result of `make` for a content: from the cache if it is there, else computed and stored."""
     if not _shelves:
         return make(content)
     shelf = _shelves[0]

@@ -1,4 +1,4 @@
-"""Python's cyclic garbage collector, kept away from work that only makes what stays."""
+"""Python's cyclic garbage collector, paused during work whose results all stay alive."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """No collection of cycles within.
+    """Pause the collection of cycles.
 
-    Trees, scopes and graphs live until a stage is done and hold few cycles, but each collection walks through all of them:
-    on a file of a megabyte that was half of the time, and more than linear in it. What is no cycle is freed as ever.
+    Trees, scopes and graphs live until a stage is done and have few cycles, but each collection walks through all of them:
+    on a file of a megabyte that was half of the time, and more than linear in it. Objects without cycles are freed as usual.
     """
     collecting = gc.isenabled()
     gc.disable()

@@ -1,8 +1,8 @@
-"""`dataclass` as the standard library means it, for a house of many nouns: methods are written when they are first called.
+"""Fast `dataclass`, compatible with the standard library's: methods are generated at their first call.
 
-The standard one writes and compiles six methods of each class while it is imported, most of which no run ever calls: that was half of the time of
-importing the compiler. And its frozen `__init__` looks up and calls `object.__setattr__` for each field; here each slot is set by its own descriptor,
-which takes half of the time. Fields, slots, `replace` and `match` are the standard library's, and type checkers see nothing else.
+The standard one writes and compiles six methods of each class on import, most of which no run ever calls: that was half of the time of
+importing the compiler. And its frozen `__init__` looks up and calls `object.__setattr__` for each field; here each slot is set by its own
+descriptor, which takes half of the time. Fields, slots, `replace` and `match` are the standard library's, and type checkers see no difference.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 else:
 
     def dataclass(cls=None, /, *, frozen=False, slots=False, eq=True, repr=True):
-        """Make a dataclass; a method that the class has of its own stays."""
+        """Make a dataclass. A method that the class defines is kept."""
 
         def made(cls):
             own = dict(vars(cls))
@@ -50,7 +50,7 @@ def _methods(cls: type, frozen: bool, slots: bool, eq: bool, repr: bool) -> dict
 
 
 def _later(cls: type, name: str, write: Callable[[], Any]) -> Callable[..., Any]:
-    """A method that is written when it is first called."""
+    """A method that is generated at its first call."""
 
     def method(*given: Any, **named: Any) -> Any:
         written = write()
@@ -62,7 +62,7 @@ def _later(cls: type, name: str, write: Callable[[], Any]) -> Callable[..., Any]
 
 
 def _written(name: str, given: Sequence[str], body: Sequence[str], known: dict[str, Any]) -> Any:
-    """A function of source that is made of the names of fields alone; `known` is what it finds besides."""
+    """Function compiled from source that contains only names of fields; `known` are its other names."""
     lines = [f"def made({', '.join(known)}):", f" def {name}({', '.join(given)}):", *(f"  {b}" for b in body)]
     found: dict[str, Any] = {}
     exec("\n".join([*lines, f" return {name}"]), found)
@@ -98,7 +98,7 @@ def _init(cls: type, frozen: bool) -> Any:
 
 
 def _tuple(cls: type, owner: str) -> str:
-    """What of a thing is compared."""
+    """Source of the tuple of compared fields."""
     return "(" + "".join(f"{owner}.{f.name}, " for f in dataclasses.fields(cls) if f.compare) + ")"
 
 

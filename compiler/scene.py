@@ -1,4 +1,4 @@
-"""What a run asks of a model: which experiment, what is set from outside, what must stay adjustable, what to report."""
+"""Scene: a run's request to a model. Experiment, settings from outside, adjustable quantities, outputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .syntax.tree import Expression
 
 
-# What an experiment may ask to solve with: the run chooses; matrix exponential, explicit pair, Radau, Rodas5P, a method that conserves energy.
+# Solvers of an experiment: the run chooses; matrix exponential, DOP853, Radau, Rodas5P, a method that conserves energy.
 SOLVERS = ("automatic", "exponential", "explicit", "radau", "rodas", "energy")
 
 
@@ -24,7 +24,7 @@ SOLVERS = ("automatic", "exponential", "explicit", "radau", "rodas", "energy")
 class Override:
     """A parameter or input set from outside: an expression of the text, a number in SI, or (None) a number that only a run knows.
 
-    The latter is an argument of the program: no stage may depend on its value, so one program serves all its values.
+    The last one is an argument of the program: no stage may depend on its value, so one program serves all its values.
     """
 
     path: str
@@ -38,7 +38,7 @@ class Scene:
     """One use of a model.
 
     `experiment`: its name, "" for the first of the model, None for none. `free`: parameters and inputs that stay arguments
-    of the program whatever their value ("*" for all of them). `outputs`: only these are needed (None: what the experiment
+    of the program for all values ("*" for all of them). `outputs`: only these are needed (None: those that the experiment
     reports, else all).
     """
 
@@ -49,16 +49,12 @@ class Scene:
     outputs: tuple[str, ...] | None = None
     preferences: tuple[
         tuple[str, str], ...
-    ] = ()  # storage -> integral or derivative, chosen anew in the middle of a run
-    by: tuple[
-        str, ...
-    ] = ()  # quantities by which everything is differentiated as well; those that nothing reads are left out
+    ] = ()  # storage -> integral or derivative, chosen again in the middle of a run
+    by: tuple[str, ...] = ()  # additional quantities to differentiate by; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
     fixed: frozenset[str] = frozenset()  # of what is set: a zero there is one for the whole run, as if the text said so
     conserving: bool = False  # the run asks for the stored energy and its slopes at each step
-    companion: bool = (
-        False  # instead of the model itself its companion network; `off` are then its other switched junctions
-    )
+    companion: bool = False  # the companion network instead of the model; `off` are then its other switched junctions
     opened: bool = (
         False  # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for
     )
@@ -76,7 +72,7 @@ class Reported:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """A parameter or input, or a name of the experiment's own, that takes several values in SI one after the other."""
+    """A parameter or input, or a name of the experiment, that takes several values in SI one after the other."""
 
     name: str
     values: tuple[float, ...]
@@ -85,7 +81,7 @@ class Swept:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A step that is no simulation: `equilibrium`, `modes` or `response`, the last from an input to an output over frequencies in Hz."""
+    """A step other than a simulation: `equilibrium`, `modes` or `response`, the last from an input to an output over frequencies in Hz."""
 
     role: str
     given: str = ""
@@ -97,7 +93,7 @@ class Study:
 
 @dataclass(frozen=True, slots=True)
 class Linearizing:
-    """`linearize`: from these to those; the model's inputs and all outputs if none are named."""
+    """`linearize`: inputs and outputs of the linear model; without names, the model's inputs and all outputs."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -106,7 +102,7 @@ class Linearizing:
 
 @dataclass(frozen=True, slots=True)
 class Differentiating:
-    """`sensitivity`: of what the other steps find, by these; by all parameters if none are named."""
+    """`sensitivity`: parameters by which the results of the other steps are differentiated; all if none are named."""
 
     by: tuple[str, ...]
     role: str = "sensitivity"
@@ -114,7 +110,7 @@ class Differentiating:
 
 @dataclass(frozen=True, slots=True)
 class Following:
-    """`continue`: states of rest while a parameter or input goes from `low` to `high`. `points`: the range over the first step."""
+    """`continue`: equilibria while a parameter or input goes from `low` to `high`. `points`: the range over the first step."""
 
     name: str
     low: float
@@ -127,7 +123,7 @@ class Following:
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What an output shall be, in SI; along a path a `text` over time and numbers alone."""
+    """Target value of an output, in SI; along a path a `text` over time and numbers alone."""
 
     output: str
     value: float = 0.0
@@ -136,7 +132,7 @@ class Wish:
 
 @dataclass(frozen=True, slots=True)
 class Inverting:
-    """`invert`: the inputs, or pairs `push/pull`, that give what is wanted: at rest (`stop` None), or from `start` to `stop`."""
+    """`invert`: inputs, or pairs `push/pull`, that produce the targets: at rest (`stop` None), or from `start` to `stop`."""
 
     inputs: tuple[str, ...]
     wanted: tuple[Wish, ...]
@@ -150,7 +146,7 @@ class Inverting:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A distribution of a quantity: one of `DISTRIBUTIONS`, cut off at `low` and `high`, in SI."""
+    """A distribution of a quantity: one of `DISTRIBUTIONS`, truncated at `low` and `high`, in SI."""
 
     name: str
     kind: str
@@ -161,7 +157,7 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class Varying:
-    """`montecarlo`: what the other steps find at `samples` points. `indices`: rows that Sobol indices stand on."""
+    """`montecarlo`: the results of the other steps at `samples` points. `indices`: number of rows for Sobol indices."""
 
     vary: tuple[Drawn, ...]
     correlations: tuple[tuple[tuple[str, str], float], ...] = ()
@@ -173,7 +169,7 @@ class Varying:
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A parameter that a fit looks for between bounds in SI (None: it keeps its sign)."""
+    """A parameter that a fit determines between bounds in SI (None: it keeps its sign)."""
 
     name: str
     low: float | None = None
@@ -183,8 +179,10 @@ class Unknown:
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """`fit`: the parameters that explain measured files. `measured`: what the headings name; `explain`: tell which few parameters
-    would do alone (None: if some stay open)."""
+    """`fit`: the parameters that explain measured files. `measured`: quantities in the headings.
+
+    `explain`: report which few parameters would suffice (None: if some remain undetermined).
+    """
 
     sought: tuple[Unknown, ...]
     files: tuple[str, ...]
@@ -198,7 +196,7 @@ Analysis = Study | Linearizing | Differentiating | Following | Inverting | Varyi
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What an experiment says about its run, in SI."""
+    """Plan of a run, as its experiment gives it, in SI."""
 
     experiment: str | None
     start: float = 0.0
@@ -215,17 +213,17 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a run asks of a model besides its program and its plan."""
+    """Data that a run needs in addition to the program and the plan."""
 
     mechanisms: tuple[str, ...]
     storages: tuple[str, ...]
-    claims: bool  # whether the author gave starts to what is computed
+    claims: bool  # True if the author gave starts to computed variables
     shown: Mapping[str, int]  # outputs that are states or unknowns -> which
-    units: Mapping[str, str]  # of what is set when a run begins
-    positive: tuple[tuple[str, Formula], ...]  # what is never negative, over parameters by name
-    looped: frozenset[str]  # what is set when a run begins and decides whether a linear loop has a solution
+    units: Mapping[str, str]  # of quantities set when a run begins
+    positive: tuple[tuple[str, Formula], ...]  # expressions that must not be negative, over parameters by name
+    looped: frozenset[str]  # quantities set when a run begins, on which the solution of a linear loop depends
     identity: str = ""  # of the equations: a run goes on only from what was computed with the same
-    # What shares a state, and outputs that are: which state, and by what factor if no parameter decides it.
+    # Variables and outputs that share a state: the state, and the factor if no parameter determines it.
     following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)
     valves: tuple[Valve, ...] = ()  # switched junctions that act together
     gaps: tuple[str, ...] = ()  # all two-terminal switches, valves first

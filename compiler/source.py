@@ -1,4 +1,4 @@
-"""Where text comes from, and places in it: a `Source` is one file or one string, a `Span` a stretch of it."""
+"""Texts and places in them: a `Source` is one file or one string, a `Span` a part of it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _COMMENT = re.compile(r"#[^\n]*")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """One text with the name it is called by in messages; `path` is None for a text that is no file."""
+    """One text with its name in messages; `path` is None for a text that is no file."""
 
     name: str
     text: str
@@ -33,7 +33,7 @@ class Source:
         object.__setattr__(self, "line_starts", tuple(starts))
 
     def line(self, number: int) -> str:
-        """The text of line `number` (from 1), without its line break."""
+        """Text of line `number` (from 1), without its line break."""
         start = self.line_starts[number - 1]
         end = self.line_starts[number] if number < len(self.line_starts) else len(self.text)
         return self.text[start:end].rstrip("\r\n")
@@ -41,7 +41,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """The stretch `start:end` (offsets) of a source."""
+    """The part `start:end` (offsets) of a source."""
 
     source: Source
     start: int
@@ -64,21 +64,21 @@ class Span:
 
     @property
     def text(self) -> str:
-        """The text itself."""
+        """Text of the span."""
         return self.source.text[self.start : self.end]
 
     @property
     def words(self) -> str:
-        """The text on one line without its comments: what stands for it where it is named."""
+        """Text on one line without its comments, as its name in messages."""
         return " ".join(_COMMENT.sub(" ", self.text).split())
 
     def to(self, other: Span) -> Span:
-        """The stretch from the start of this one to the end of the other."""
+        """Span from the start of this one to the end of the other."""
         return Span(self.source, self.start, max(self.end, other.end))
 
 
 def read_text(path: str | Path, newline: str | None = None) -> str:
-    """The text of a file in UTF-8. Only regular files of a bounded size are read: a device or a pipe may never end.
+    """Text of a file in UTF-8. Only regular files of a bounded size are read: a device or a pipe may never end.
 
     Raises OSError, or UnicodeDecodeError.
     """

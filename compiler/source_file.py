@@ -12,7 +12,7 @@ _AFTER = 200  # bytes that are shown from the first that is no text on
 
 
 def read_source(path: str | Path, newline: str | None = None) -> Source:
-    """The text of a file, called by its path. Raises OSError, or `CompilationFailed` if it is not UTF-8."""
+    """Text of a file, named by its path. Raises OSError, or `CompilationFailed` if it is not UTF-8."""
     try:
         return Source(str(path), read_text(path, newline), Path(path))
     except UnicodeDecodeError:
@@ -20,7 +20,7 @@ def read_source(path: str | Path, newline: str | None = None) -> Source:
 
 
 def _not_utf8(path: Path, name: str) -> Diagnostic:
-    """The diagnostic at the first byte that is no text."""
+    """Diagnostic at the first byte that is not UTF-8."""
     from .syntax.errors import NotUtf8  # a file that is one needs no room of the compiler
 
     data = path.read_bytes()
@@ -38,6 +38,6 @@ def _not_utf8(path: Path, name: str) -> Diagnostic:
 
 
 def _lines(data: bytes) -> str:
-    """Bytes with line breaks as in a text; what is none is `\\xff`, as Python writes it."""
+    r"""Decoded bytes with line breaks as in a text; invalid bytes are `\xff`, in Python's notation."""
     text = data.decode("utf-8-sig", "backslashreplace")
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -159,10 +159,7 @@ class EquationBuilder:
     def state(
         self, variable: int, rate: int, start: Expression, name: str, span: Span, given: bool = True, drawn: Expression | None = None
     ) -> None:  # fmt: skip
-        """Add a state with its rate and its start over parameters.
-
-        `given`: the author gave the start. `drawn`: value of a coordinate in the drawing.
-        """
+        """Add a state: rate, start over parameters, `given` if the author gave the start, `drawn` for a coordinate's value in the drawing."""
         begins = self.static(start, f"{name} at the start", span)
         rest = None if drawn is None else begins if drawn == start else self.static(drawn, f"{name} drawn", span)
         self.states.append(State(variable, rate, begins, None, span, given, None, rest))
