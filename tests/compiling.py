@@ -1,4 +1,4 @@
-"""Small texts through the compiler: what the tests of its rooms ask of them, by the author's names."""
+"""Small texts through the compiler: queries of the tests of its rooms, by the author's names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Setting = str | float
 
 
 def override(name: str, value: Setting) -> Override:
-    """What the command line would make of `--set name=value`; a float is in SI."""
+    """Result of `--set name=value` on the command line; a float is in SI."""
     source = Source("setting", value if isinstance(value, str) else repr(value))
     return Override(
         name, parse_expression(source) if isinstance(value, str) else value, Span(source, 0, len(source.text))
@@ -79,7 +79,7 @@ def refused(compilation: Compilation, code: str) -> Diagnostic:
 
 
 def numbers(text: str) -> dict[str, float]:
-    """The outputs of a model that stands still: `output y = 2*a` and the like."""
+    """Outputs of a model without states: `output y = 2*a` and similar."""
     return outputs_of(compiled(text))
 
 
@@ -96,7 +96,7 @@ class Running:
     def arguments(
         self, time: float, state: Mapping[str, float] | None, inputs: Mapping[str, float] | None
     ) -> tuple[Any, ...]:
-        """The arguments of `derivative` and its like; what is not given starts as the model says."""
+        """Arguments of `derivative` and similar functions; missing values are those of the model's start."""
         x, u = self.start.copy(), self.inputs.copy()
         for name, value in (state or {}).items():
             x[self.program.states.names.index(name)] = value
@@ -165,7 +165,7 @@ def _end(graph: BondGraph, bond: Bond, which: str) -> str:
 
 
 def magnitudes(running: Running, stretches: Sequence[Segment]) -> Any:
-    """How large a run finds the states and unknowns of a program to be, from its start on; shape (n,)."""
+    """Magnitudes of the states and unknowns of a program that a run finds, from its start on; shape (n,)."""
     program, constants, inputs = running.program, running.constants, running.inputs
     closed = None
     if program.invariants.names:

@@ -1,4 +1,4 @@
-"""What all tests share: golden files, and the option that renews them."""
+"""Common parts of all tests: golden files, and the option that renews them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def pytest_runtest_teardown() -> None:
-    """A server looks no more through what it has compiled. Here others follow, and what they leave behind must go."""
+    """Undo the freezing of a server, which no longer collects what it has compiled: garbage of earlier tests must go."""
     gc.unfreeze()
 
 

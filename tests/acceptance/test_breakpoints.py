@@ -1,4 +1,4 @@
-"""What jumps with time is never stepped over."""
+"""Jumps in time: no step passes over one."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_conditions_within_conditions() -> None:
 @pytest.mark.parametrize("law", ["u = 1 kohm*i", "u = 1 kohm*i + 1e-9 [ohm/A^2]*i^3"], ids=["exactly", "by steps"])
 @pytest.mark.parametrize("periods", [20, 256, pytest.param(1500, marks=pytest.mark.machine_code)])
 def test_a_square_wave_from_a_sine_misses_no_edge(law: str, periods: int) -> None:
-    """A half period charges by E = exp(-1): the last peak is tanh(1/2) of the steady wave, whatever the number of periods.
+    """A half period charges by E = exp(-1): the last peak is tanh(1/2) of the steady wave, for any number of periods.
 
     256 periods look like none on a regular grid of 256 places.
     """

@@ -1,4 +1,4 @@
-"""What must not be loaded, built or differentiated more than once."""
+"""Modules, graphs and derivatives that must not be loaded, built or formed more than once."""
 
 from __future__ import annotations
 

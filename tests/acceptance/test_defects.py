@@ -68,7 +68,7 @@ def in_time(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def is_refused(done: Any) -> bool:
-    """Whether the command ended with an error that is no defect of the program (exit code 70)."""
+    """Return True if the command ended with an error that is no defect of the program (exit code 70)."""
     return done.exit_code not in (0, 70) and bool(done.stderr.strip())
 
 
@@ -381,7 +381,7 @@ def test_an_undamped_peak_is_told_as_such() -> None:
 
 
 def test_the_rest_of_a_steady_rotation() -> None:
-    """The motor's speed stands still and its angle does not: 12 V = i + 0.05 omega, 0.05 i = 1e-4 omega."""
+    """The motor's speed is constant and its angle is not: 12 V = i + 0.05 omega, 0.05 i = 1e-4 omega."""
     done = command("equilibrium", file_of("steady_rotation"), "--json")
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["outputs"]["w"]["value"] == pytest.approx(12 * 0.05 / (1e-4 + 0.05**2), rel=1e-9)

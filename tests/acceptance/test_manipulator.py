@@ -75,7 +75,7 @@ def test_asking_for_energy_changes_no_step() -> None:
 
 @pytest.mark.parametrize("more", ["", " + 1e-3 [N/m^3]*x^3"], ids=["linear", "nonlinear"])
 def test_asking_for_energy_changes_nothing_where_states_were_left_out(more: str) -> None:
-    """What is only there for the balance is computed as exactly as the rest, so the steps may be others."""
+    """Quantities needed only for the balance are computed with the same accuracy, so the steps may differ."""
     text = """
     model Two {
       1 slow, fast : translation

@@ -1,4 +1,4 @@
-"""Every model of `models/`: it checks, runs, balances its energy; and what is known of it in closed form."""
+"""Every model of `models/`: it checks, runs, balances its energy, and agrees with closed forms where there are any."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def test_checks_clean(path: Path) -> None:
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_energy_balance_within_the_tolerance(path: Path) -> None:
-    """Supplied = stored + dissipated, to 100 tolerances of the largest energy that went anywhere.
+    """Supplied = stored + dissipated, to 100 tolerances of the largest energy of any element.
 
-    Work is a quadrature with the order of the solver, what is stored a function of the state alone.
+    Work is a quadrature with the order of the solver, stored energy a function of the state alone.
     """
     result = bondgraph.load(path).simulate(energy=True)
     balance = result.energy

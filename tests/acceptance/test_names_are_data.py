@@ -182,7 +182,7 @@ def test_texts_and_names_hold_no_hidden_characters(character: str, tmp_path: Pat
 
 
 def test_a_mistake_is_told_harmlessly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The line of a mistake is shown with all that stands in it, and the name of its file."""
+    """The line of an error is shown completely, with the name of its file."""
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_text(f"model A {{\n  output y = nothing # {COMMENT}\n}}\n", encoding="utf-8")
     result = CliRunner().invoke(commands, ["check", NAME])

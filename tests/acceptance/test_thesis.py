@@ -1,4 +1,4 @@
-"""The thesis is computed again by one command; what a list of published values may not say is refused."""
+"""One command computes the thesis again. Invalid lists of published values are refused."""
 
 from __future__ import annotations
 

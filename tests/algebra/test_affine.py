@@ -86,7 +86,7 @@ def test_what_does_not_depend() -> None:
 
 @given(affine(), affine())
 def test_solutions_solve(left: Expression, right: Expression) -> None:
-    """What is found satisfies the equation; nothing is found only where the slope vanishes."""
+    """A solution satisfies the equation; there is none only if the slope is zero."""
     found = solve_affine(left, right, X)
     parts = affine_parts(left - right, X)
     assert parts is not None

@@ -1,4 +1,4 @@
-"""The constructors: what vanishes leaves no trace, and folding never changes a value."""
+"""Constructors: vanishing terms are removed completely, and folding never changes a value."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ def test_what_folds(built: Expression, expected: Expression) -> None:
      call("less", ONE, Number(2.0)), call("sin", Number(1e-17) * X), call("asin", Number(2.0)), ONE / X],
 )  # fmt: skip
 def test_what_stays(built: Expression) -> None:
-    """What has no finite value is found again, with a place, when it is evaluated; conditions stay conditions."""
+    """An operation without finite value is kept, and reported with a place when it is evaluated; conditions stay conditions."""
     assert isinstance(built, Apply)
 
 
 def test_small_values_of_sine_are_kept() -> None:
-    """Only what rounding leaves of a multiple of 90 deg is dropped, not a small angle."""
+    """Only the rounding error at a multiple of 90 deg is dropped, not a small angle."""
     assert call("sin", Number(1e-20)) == Number(1e-20)
     assert call("sin", Number(math.pi + 1e-9)) != ZERO
     assert call("cos", Number(math.pi / 2 + 1e-9)) != ZERO
@@ -175,7 +175,7 @@ def test_folding_never_changes_a_value(pair: Built) -> None:
 
 
 def _touches_a_jump(x: Expression) -> bool:
-    """Whether a condition or sign within it is within rounding of its jump."""
+    """Return True if a condition or sign within it is within rounding of its jump."""
     if not isinstance(x, Apply):
         return False
     if x.operator in ("sign", "less"):
@@ -240,7 +240,7 @@ def test_a_shared_subexpression_is_walked_once() -> None:
 
 
 def test_what_is_shared_is_compared_once() -> None:
-    """Two that were built apart: forty steps, too; and one that differs at the bottom is told apart."""
+    """Two expressions of forty levels that were built separately are equal; one that differs at the lowest level is not."""
 
     def doubled(x: Expression) -> Expression:
         for _ in range(40):

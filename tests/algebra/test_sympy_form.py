@@ -42,7 +42,7 @@ CONDITIONS = ("less", "less_equal", "equal", "and", "or", "not")
 
 @contextmanager
 def no_hanging(seconds: int = 4) -> Iterator[None]:
-    """Whatever sympy is asked comes back: a file must not be able to hang its reader."""
+    """Every call of sympy returns: a file must not be able to hang its reader."""
     if not hasattr(signal, "SIGALRM"):
         yield
         return

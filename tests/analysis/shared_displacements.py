@@ -1,8 +1,8 @@
-"""Random models whose storages share flows: inverse, rest and a long run of each must agree.
+"""Random models whose storages share flows: inverse, equilibrium and a long run of each must agree.
 
 A model is a tree of junctions, series and parallel in turn, below a source: storages with linear and hardening laws and starts of their
-own, resistors, inertias with losses, transformers, storage fields of two ports, integrals of flows. Storages in one loop or on one node without
-a leak keep sums of what they store, so that the rest depends on the starts.
+own, resistors, inertias with losses, transformers, storage fields of two ports, integrals of flows. Storages in one loop or on one node
+without a leak keep the sums of their contents, so that the equilibrium depends on the starts.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Tree:
         self.lines += [f"R {r} : e = {law}", f"{junction} -> {r}"]
 
     def loop(self, depth: int) -> str:
-        """A junction of one flow, with what shares it: always a resistor, so that all dies out."""
+        """A junction of one flow with its elements, always with a resistor, so that all motion decays."""
         j, chance = self.name("j"), self.chance
         self.lines.append(f"1 {j}")
         self.series.append(j)
@@ -114,7 +114,7 @@ def random_text(seed: int) -> str:
 
 @dataclass(frozen=True)
 class Agreement:
-    """What was found of one model: the output as it was wanted, at rest, and at the end of a long run; None if no input moves it there."""
+    """Results for one model: the wanted output, the output at rest and at the end of a long run; None if no input moves it there."""
 
     wanted: float
     rest: float | None
@@ -125,7 +125,7 @@ class Agreement:
 
 
 def agreement(model: Any, source: str, output: str, wanted: float, target: str | None = None) -> Agreement:
-    """Inverse, rest and run of a model. Raises only what is no refusal."""
+    """Inverse, equilibrium and run of a model. Only errors other than refusals are raised."""
     shared = len(model.certificate.following)
     try:
         given = model.invert({output: wanted}, [source]).inputs

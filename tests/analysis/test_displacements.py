@@ -47,7 +47,7 @@ def test_inverse_rest_and_run_of_random_models_agree() -> None:
 
 @pytest.mark.parametrize("gaps", [(2.0, 3.0), (2.5,), (2.0, 2.2, 3.1), (4.0, 2.0)])
 def test_flexures_of_the_library_that_hang_on_one_shuttle(gaps: tuple[float, ...]) -> None:
-    """Each holds the shuttle's way, whatever its own stiffness: the force of all of them is found by the run."""
+    """Each stores the shuttle's displacement, with a stiffness of its own: the run gives the force of all of them."""
     parts = "".join(
         f"  FoldedFlexure flexure_{i} {{ d = {d} um }}\n  j -> flexure_{i}.ends\n" for i, d in enumerate(gaps, 1)
     )

@@ -1,4 +1,4 @@
-"""Peaks and dips of frequency responses against closed forms, for any number of points; and what slopes and energies rarely meet."""
+"""Peaks and dips of frequency responses against closed forms, for any number of points; and rare cases of derivatives and energies."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_an_undamped_peak(k: float, points: int) -> None:
 
 @pytest.mark.parametrize("points", [5, 500])
 def test_peaks_and_an_antiresonance(points: int) -> None:
-    """Resonances are roots of (k1 + k2 - 2 w^2)(k2 - w^2) = k2^2, the dip of x is at sqrt(k2/m2), a zero; that of y is none."""
+    """Resonances are roots of (k1 + k2 - 2 w^2)(k2 - w^2) = k2^2. The dip of x is a zero at sqrt(k2/m2), that of y is no zero."""
     found = bondgraph.load(TWO).response(["f"], ["x", "y"], 0.01, 10.0, points)
     roots = np.sqrt(np.sort(np.roots([2, -(19 + 18), 90.0]).real)) / (2 * np.pi)
     at_x, at_y = (found.extrema_of("f", name) for name in ("x", "y"))
@@ -140,7 +140,7 @@ def test_energy_of_a_field_of_both_kinds() -> None:
 
 
 class TestDelays:
-    """A rest with what is delayed is one with what it is."""
+    """In an equilibrium a delayed quantity equals the quantity itself."""
 
     @staticmethod
     def loop(gain: float) -> str:

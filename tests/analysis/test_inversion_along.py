@@ -1,4 +1,4 @@
-"""Inversion along paths: closed forms, hand-written equations of the manipulator, paths that are not smooth, what moves inside."""
+"""Inversion along paths: closed forms, hand-written equations of the manipulator, paths that are not smooth, internal dynamics."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ PUSHED = "model A {\n  input load = 0 N\n  MSe push : F = load\n  I m : p = 2 kg
 
 
 def rise(times: Any, begin: float, end: float, order: int = 0) -> Any:
-    """What smoothstep9 is, and its derivatives, by the polynomial of degree 9 with four zero derivatives at both ends."""
+    """smoothstep9 and its derivatives, by the polynomial of degree 9 with four zero derivatives at both ends."""
     u = np.clip((np.asarray(times) - begin) / (end - begin), 0.0, 1.0)
     return (RISE.deriv(order) if order else RISE)(u) / (end - begin) ** order
 
@@ -77,7 +77,7 @@ def test_two_masses_on_springs() -> None:
 
 @pytest.mark.parametrize("r", [3.0, 1e5])
 def test_a_damper_leaves_something_inside(r: float) -> None:
-    """Then x takes three derivatives and x1 moves by itself, with -k/r 1/s: an independent integration of that."""
+    """Then x takes three derivatives and x1 is internal dynamics with -k/r 1/s, which is integrated independently."""
     found = bondgraph.load(TWO_MASSES.format(r=r)).invert(
         {"x": "0.1 m*smoothstep9(time, 0.2 s, 2.2 s)"}, ["force"], to="3 s", points=301
     )
@@ -96,7 +96,7 @@ def test_a_damper_leaves_something_inside(r: float) -> None:
 
 
 def test_what_grows_inside_begins_before() -> None:
-    """u' - u = -2 (y'' + 3 y' + 2 y) has one bounded solution: what the future asks, by quadrature."""
+    """u' - u = -2 (y'' + 3 y' + 2 y) has one bounded solution, an integral over the future, by quadrature."""
     found = bondgraph.load(ODD).invert({"y": "smoothstep9(time, 10 s, 14 s)"}, ["u"], to="30 s", points=301)
     assert [v.real for v in found.internal] == [pytest.approx(1.0, rel=1e-12)]
     assert "inputs begin before the outputs do" in found.notes[1]
@@ -204,7 +204,7 @@ def test_inputs_that_jump_are_told(manipulator: Any) -> None:
 
 
 def test_a_path_by_points(manipulator: Any) -> None:
-    """What 41 points of a smooth rise leave open is little; a cubic through them has two continuous derivatives, and that is told."""
+    """41 points determine a smooth rise well. A cubic through them has only two continuous derivatives, and that is reported."""
     times = np.linspace(0, 5e-3, 41)
     still = {"y": 0.0, "phi": 0.0}
     exact = manipulator.invert(still | {"x": "8 um*smoothstep9(time, 0 s, 5 ms)"}, ["push2/pull2", "push1/pull1", "push3/pull3"], to="5 ms", points=101)  # fmt: skip
@@ -336,7 +336,7 @@ def test_command(tmp_path: Path) -> None:
 
 
 def test_a_model_that_is_written_starts_all_that_shares_a_state(tmp_path: Path) -> None:
-    """A path that begins beside the model's start: what follows a state has a start of its own, else the constant between them moves."""
+    """A path may begin away from the model's start. Followers of a state have starts of their own, else the constant between them changes."""
     text = """model T {
   input load: N = 0
   MSe p : F = load

@@ -102,7 +102,7 @@ def test_unknowns_of_a_nonlinear_loop_are_eliminated() -> None:
 
 
 def test_closing_joints_leave_one_coordinate() -> None:
-    """Upright four-bars in a row: theta'' = (G/I) sin theta exactly (IFToMM A02), so +-sqrt(G/I), whatever the coordinate."""
+    """Upright four-bars in a row: theta'' = (G/I) sin theta exactly (IFToMM A02), so +-sqrt(G/I), for any choice of the coordinate."""
     model = bondgraph.load(MODELS / "published" / "iftomm_A02_N_fourbar.bg")
     for n in (1, 4):
         linear = model.linearize(settings={"N": n, "top_speed": 0.0}, state="start")
@@ -131,7 +131,7 @@ def test_to_control() -> None:
 
 
 def test_a_parameter_as_input_of_a_computed_quantity() -> None:
-    """`k` follows from others; a slope by it is one by what is added to it, and an input that an experiment moves has one, too."""
+    """`k` depends on others: its derivative is by an addition to it, also as an input that an experiment moves."""
     text = """
     model A {
       parameter a = 3, k: N/m = 2 [N/m]*a^2, m = 2 kg

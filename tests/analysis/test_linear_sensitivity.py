@@ -1,4 +1,4 @@
-"""How linear models and frequency responses move with parameters: closed forms, and differences of high order where there are none."""
+"""Derivatives of linear models and frequency responses by parameters: closed forms, else differences of high order."""
 
 from __future__ import annotations
 

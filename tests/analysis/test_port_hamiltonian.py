@@ -1,4 +1,4 @@
-"""The port-Hamiltonian form: textbook matrices, energy and rates of the compiled program, and what has none."""
+"""The port-Hamiltonian form: textbook matrices, energy and rates of the compiled program, and models without such a form."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class TestTextbooks:
         assert ordered(found, found.R, "l.lambda", "c.q").tolist() == [[2, 0], [0, 0.25]]
 
     def test_motor(self) -> None:
-        """The gyrator stands in J: it passes power on."""
+        """The gyrator is in J: it passes power on."""
         found = form(MOTOR)
         assert ordered(found, found.J, "l.lambda", "j.L").tolist() == [[0, -0.3], [0.3, 0]]
         assert ordered(found, found.R, "l.lambda", "j.L").tolist() == [[1.5, 0], [0, 0.04]]
@@ -231,7 +231,7 @@ class TestRefused:
 def rates_of(
     model: bondgraph.Model, state: dict[str, float], found: PortHamiltonian, values: Any = None, time: float = 0.0
 ) -> Any:
-    """The rates of the compiled program, in the order of the form; those of the form for what is no state of the program."""
+    """Rates of the compiled program, in the order of the form; for variables that are no state of the program, those of the form."""
     compilation = model.compilation(model.scene(None, values), everything=True)
     program = compilation.program
     constants = program.constants(np.array(program.defaults))
@@ -286,7 +286,7 @@ COUNT = {"tried": 0, "made": 0, "dependent": 0}
 @settings(max_examples=120, suppress_health_check=list(HealthCheck))
 @given(examples())
 def test_random_graphs(example: Example) -> None:
-    """J is skew and R positive semidefinite, and they give the program's rates, whatever the graph."""
+    """J is skew, R is positive semidefinite, and they give the program's rates for every graph."""
     model = bondgraph.load(example.text + "\n")
     compilation = model.compilation(model.scene(None, example.settings), everything=True)
     try:

@@ -1,4 +1,4 @@
-"""Derivatives of runs against closed forms and against runs beside each other; fits of what was measured over time stand on them."""
+"""Derivatives of runs against closed forms and against neighbouring runs, and the fits of measurements over time that use them."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class TestResponse:
 
 
 class TestModes:
-    """What only events change, at rest."""
+    """Discrete variables at an equilibrium."""
 
     @staticmethod
     def valve(on: float, off: float, flow: float) -> str:

@@ -102,7 +102,7 @@ def test_through_closing_joints() -> None:
 
 
 def test_what_follows_from_others() -> None:
-    """By itself, the others held; by what it follows from, with all that follows from that."""
+    """By the quantity alone, with the others constant; by a parameter it depends on, with all that depends on that."""
     text = "model A { parameter a = 3, k: N/m = 2 [N/m]*a^2, m = 2 kg; I mass : p = m*v; C spring : F = k*x; 1 b : translation; b -> mass, spring; output x = spring.x }"
     model = bondgraph.load(text)
     f = math.sqrt(18 / 2) / (2 * math.pi)

@@ -1,4 +1,4 @@
-"""The house: what stands where, and that every room says what it is."""
+"""Layout of the repository: the folders, and a description in every room."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_top_of_the_house() -> None:
 
 @pytest.mark.parametrize("room", ROOMS, ids=name)
 def test_every_room_has_a_readme(room: Path) -> None:
-    """That says something: what comes in, what goes out."""
+    """The README describes the room: its input and its output."""
     text = (room / "README.md").read_text(encoding="utf-8")
     assert len(text.split()) >= 25
 

@@ -1,4 +1,4 @@
-"""What is loaded when: the facade nothing heavy, a check no solver and no computer algebra."""
+"""Modules loaded on import: nothing heavy by the facade, no solver and no computer algebra by a check."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_program_needs_no_scipy() -> None:
 
 
 def test_nothing_lasting_happens_on_import() -> None:
-    """Every module of both packages can be imported by itself, without a warning and without output."""
+    """Every module of both packages can be imported alone, without a warning and without output."""
     modules = [
         ".".join(p.relative_to(ROOT).with_suffix("").parts)
         for package in ("compiler", "bondgraph")

@@ -1,4 +1,4 @@
-"""Who imports whom: one arrow from the product to the compiler, through one door; rooms in the order of the pipeline."""
+"""Direction of imports: one arrow from the product to the compiler, through one door; rooms in the order of the pipeline."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ Point = tuple[str, float, float]  # what was set, error, s
 
 
 def error(loops: int, found: Any) -> float:
-    """Of a state at the end; infinite where it is none."""
+    """Error of a state at the end; infinite if it has no finite values."""
     exact = pendulum(loops, [0.0, 10.0])[:, -1]
     worst = float(np.abs(np.asarray(found) / exact - 1).max())
     return worst if np.isfinite(worst) else float("inf")

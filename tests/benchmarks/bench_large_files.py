@@ -1,4 +1,4 @@
-"""How long `check`, parsing and `fmt` take for files of up to a megabyte, and how that grows: a table and a picture.
+"""Duration of `check`, parsing and `fmt` for files of up to a megabyte, and its growth: a table and a picture.
 
     python tests/benchmarks/bench_large_files.py [FOLDER]
 

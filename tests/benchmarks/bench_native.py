@@ -200,7 +200,7 @@ def by_scipy(model: bondgraph.Model, magnitude: Any) -> Any:
 
 
 def magnitudes(model: bondgraph.Model) -> Any:
-    """What the run measures its tolerances by."""
+    """Magnitudes to which the tolerances of the run are relative."""
     found: list[Any] = []
     original = machine.in_machine_code
 

@@ -1,8 +1,8 @@
-"""How quick pages are: from an address to a page that can be used, and from a slider to its new curve, measured in the browser.
+"""Speed of pages: from an address to a usable page, and from a slider to its new curve, measured in the browser.
 
     python -m tests.benchmarks pages
 
-Needs the extra `browser` and a Chromium. Times are wall times: of a busy machine they tell how busy it is.
+Needs the extra `browser` and a Chromium. Times are wall times, so they depend on the load of the machine.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What was promised in numbers, measured: the manipulator beside other solvers, its code beside C by hand, start-up, many runs, operation counts.
+"""Performance targets, measured: the manipulator beside other solvers, its code beside C by hand, start-up, many runs, operation counts.
 
     python -m tests.benchmarks targets
 
-writes results/targets.md. Times are processor times (others may use the machine), but where the table says otherwise.
+writes results/targets.md. Times are processor times (others may use the machine), except where the table says otherwise.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def row(what: str, found: float | None, target: float, words: str = "{:.3g}", le
 
 
 def solvers() -> Iterator[Row]:
-    """1: times at an error of 1e-5, from what `work_precision` measured; measured here where it did not."""
+    """1: times at an error of 1e-5, from the measurements of `work_precision`; measured here where it has none."""
     wanted = ("SUNDIALS, order 2", "SUNDIALS, order 5", "scipy Radau + lambdify")
     for scene in SCENES[:2]:
         found = kept()[scene.name][0] if scene.name in kept() else measured(scene, wanted)[0]
@@ -210,7 +210,7 @@ def bandwidths() -> Iterator[Row]:
 
 
 def counts() -> Iterator[Row]:
-    """7: operations of an evaluation, of the Jacobian beyond it, and of the outputs, by what is asked."""
+    """7: operations of an evaluation, additional ones of the Jacobian and of the outputs, by requested outputs."""
     model = bondgraph.load(MANIPULATOR)
     before: tuple[int, int] | None = None
     for outputs in (None, ("x", "c1"), ("x",)):

@@ -55,7 +55,7 @@ Curve = list[Point]
 
 
 class Reference(NamedTuple):
-    """What is right: the states at the instants, which of them belong together, and magnitudes of all that peers integrate."""
+    """Reference solution: the states at the instants, their groups, and magnitudes of all states that peers integrate."""
 
     values: Any
     kinds: tuple[tuple[int, ...], ...]
@@ -95,7 +95,7 @@ def reference(scene: Scene) -> Reference:
 
 
 class Clock:
-    """Adds up the time inside of machine code that steps, whatever method the product has chosen."""
+    """Sum of the time inside of machine code that steps, for every method that the product may choose."""
 
     def __init__(self) -> None:
         self.total = 0.0
@@ -154,7 +154,7 @@ def run_at(
 
 
 def in_rounds(run: Callable[[float], Done], tolerances: Sequence[float]) -> Iterator[tuple[float, Done, float]]:
-    """Runs at each tolerance, round after round: what the last of them found, and the median of all their seconds so far."""
+    """Runs at each tolerance, round after round: the result of the last of them, and the median of all their times so far."""
     taken: dict[float, list[float]] = {rtol: [] for rtol in tolerances}
     for _ in range(ROUNDS):
         for rtol, seconds in taken.items():
@@ -168,7 +168,7 @@ def in_rounds(run: Callable[[float], Done], tolerances: Sequence[float]) -> Iter
 
 
 def curve(make: Callable[[], Any], tolerances: Sequence[float], right: Reference, tell: Any) -> None:
-    """Points of a peer, told one by one, and again as its median gets surer; in a process of its own, as it may crash or never end."""
+    """Points of a peer, sent one by one, and again as its median gets more certain; in a process of its own, as it may crash or never end."""
     try:
         run = make()
         if run is None:
@@ -184,7 +184,7 @@ def curve(make: Callable[[], Any], tolerances: Sequence[float], right: Reference
 
 
 def in_process(make: Callable[[], Any], tolerances: Sequence[float], right: Reference) -> tuple[Curve, str]:
-    """The curve of a peer, and a word where there is none, or where it ended early."""
+    """Curve of a peer, and a word if there is none, or if it ended early."""
     context = multiprocessing.get_context("fork")
     tell = context.Queue()
     child = context.Process(target=curve, args=(make, tolerances, right, tell))
@@ -320,7 +320,7 @@ def table(scene: Scene, found: dict[str, Curve], words: dict[str, str]) -> list[
 
 
 def losses(scene: Scene, found: dict[str, Curve], own: str) -> list[str]:
-    """Where somebody is faster than our steps, or than a whole run of ours."""
+    """Cases where a peer is faster than our steps, or than a whole run of ours."""
     base = found.get(own, found.get(WHOLE, []))
     told = []
     for name, points in found.items():
@@ -361,7 +361,7 @@ Kept = dict[str, tuple[dict[str, Curve], dict[str, str]]]
 
 
 def kept() -> Kept:
-    """What was measured before, scene by scene."""
+    """Earlier measurements, scene by scene."""
     if not DATA.is_file():
         return {}
     told = json.loads(DATA.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The equations of the benchmarks over any kind of numbers: what peers are given that want them in Python (sympy, casadi, DiffSL)."""
+"""Equations of the benchmarks over any kind of numbers, for peers that take them in Python (sympy, casadi, DiffSL)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 
 class Functions(Protocol):
-    """Where the functions come from: sympy, casadi."""
+    """Source of the functions: sympy or casadi."""
 
     def sin(self, x: Any) -> Any: ...
     def cos(self, x: Any) -> Any: ...
@@ -31,7 +31,7 @@ R0, R, UB, UF, ALPHA, BETA = 1000.0, 9000.0, 6.0, 0.026, 0.99, 1e-6
 
 
 def amplifier(m: Functions, t: Any, y: Sequence[Any]) -> list[Any]:
-    """What M y' equals; M in `scenes.py`."""
+    """Right side of M y' = f; M in `scenes.py`."""
     source = 0.1 * m.sin(200 * 3.141592653589793 * t)
     g1, g2 = BETA * (m.exp((y[1] - y[2]) / UF) - 1), BETA * (m.exp((y[4] - y[5]) / UF) - 1)
     return [

@@ -1,4 +1,4 @@
-"""Large models as text: ladders flat and as arrays, a mesh, a star, a random network. Storages leak, as the cube of what they hold or not."""
+"""Large models as text: ladders flat and as arrays, a mesh, a star, a random network. Storages leak, linearly or as the cube of their content."""
 
 from __future__ import annotations
 

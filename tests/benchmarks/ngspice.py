@@ -1,4 +1,4 @@
-"""ngspice on the transistor amplifier; its time is that of the analysis, as it tells itself. It solves the same circuit, not the same text."""
+"""ngspice on the transistor amplifier. Its time is that of the analysis, as ngspice reports it. It solves the same circuit, not the same text."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Other programs over the same equations. Each is a function that makes a run of a scene: rtol -> values at the instants, and seconds of this thread.
+"""Other programs on the same equations. Each is a function that makes a run of a scene: rtol -> values at the instants, and seconds of this thread.
 
-A peer that is not installed is `None`, and is told with a word.
+A peer that is not installed is `None`, which is reported.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class PinocchioRow:
         return np.concatenate([y[n:], there])
 
     def projected(self, y: Any) -> Any:
-        """The nearest state with closed loops that stand still."""
+        """Nearest state with closed loops and no velocity across them."""
         pin, n = self.pin, self.model.nq
         y = y.copy()
         for _ in range(3):

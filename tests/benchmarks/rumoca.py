@@ -49,7 +49,7 @@ def _text(x: Any) -> str:
 
 
 def run(scene: Scene, magnitude: Any) -> Run | None:
-    """Its own solver, told the tolerance; it takes one absolute tolerance for all."""
+    """Run with its own solver and this tolerance; it takes one absolute tolerance for all variables."""
     if not there("rumoca") or not scene.hand:
         return None
     import rumoca

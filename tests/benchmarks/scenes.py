@@ -1,4 +1,4 @@
-"""What is run: a model of ours, the same equations by hand, where it ends, what counts, and how it is known what is right."""
+"""Scenes of the benchmarks: a model of ours, the same equations by hand, end of the run, compared quantities, and their reference values."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ def test_fields_splitters_and_energies() -> None:
 
 
 def test_transducers_and_modulation() -> None:
-    """A DC motor with a gear, driven by an input, braked by what an RS loses into a heat store."""
+    """A DC motor with a gear, driven by an input, braked by an RS that heats a store."""
     g = Graph("Drive")
     volt = g.input("volt", 12.0, "V")
     K = g.parameter("K", 0.05, "V*s")

@@ -1,4 +1,4 @@
-"""What the builder refuses, and where: at the call that makes the mistake, or with the compiler's own messages."""
+"""Refusals of the builder, and their places: at the wrong call, or with the compiler's own messages."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def spots(g: Graph) -> dict[str, Any]:
 
 
 def shape(text: str) -> list[tuple[str, int]]:
-    """The statements of all models of a text, with how many stand in each."""
+    """Statements of all models of a text, with the number of statements in each."""
     found: list[tuple[str, int]] = []
     for outer in parse(Source("text", text)).statements:
         inner = outer.statements if isinstance(outer, tree.Model) else ()

@@ -1,4 +1,4 @@
-"""What was compiled once: kept safely, used only if it is what it says, and no result among it."""
+"""Cache of compilations: stored safely, used only if its content is valid, and without results of runs."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def whole_run(folder: Path, *arguments: str) -> tuple[str, set[str]]:
 
 
 def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
-    """What costs a tenth of the whole process each: masked arrays and random numbers, which numpy loads when somebody asks."""
+    """Masked arrays and random numbers, which numpy loads on demand, each cost a tenth of the whole process."""
     whole_run(folder, "run", "models/manipulator.bg")
     code = "import sys\nfrom bondgraph.commands import commands\ncommands.main(['run', 'models/manipulator.bg'], standalone_mode=False)\nprint('LOADED', *sys.modules)"
     environment = {**os.environ, cache.VARIABLE: str(folder)}

@@ -137,7 +137,7 @@ def best_of(small: Small, wishes: dict[tuple[int, int], str] | None = None) -> B
 
 
 def _value(small: Small, decided: list[int], wishes: dict[tuple[int, int], str]) -> Best | None:
-    """What one-ports can do best at junctions that links have decided so many times."""
+    """Best result of one-ports at junctions, given the number of links that determine each junction."""
     total = Best(0, 0, 0)
     for number, count in enumerate(decided):
         options = []

@@ -1,4 +1,4 @@
-"""Why storages are in derivative form and where loops are: chains, ends, advice; as text, as JSON and by the command."""
+"""Reasons for storages in derivative form, and places of loops: chains, ends, advice; as text, as JSON and by the command."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def turned(causal: CausalGraph, bonds: tuple[int, ...]) -> CausalGraph:
 
 
 def keeps_the_rules(causal: CausalGraph, but: int) -> bool:
-    """Whether all junctions and transducers keep the rules, and all sources and storages their form, one node excepted."""
+    """Return True if all junctions and transducers keep the rules, and all sources and storages their form, except one node."""
     for number, node in enumerate(causal.graph.nodes):
         efforts = [causal.decides_effort(b, number) for b in causal.graph.incident[number]]
         if number == but:
@@ -58,7 +58,7 @@ def keeps_the_rules(causal: CausalGraph, but: int) -> bool:
 
 @pytest.mark.parametrize("size", [3, 4, 5])
 def test_a_chain_is_what_would_have_to_turn(size: int) -> None:
-    """With the strokes of the chain turned the storage is in integral form, and only what forces it is not as it must be."""
+    """With the strokes of the chain turned, the storage is in integral form, and only the node that forces it violates a rule."""
     counts: Counter[str] = Counter()
     for small in small_graphs(size):
         causal = strokes_of(graph_of(small))

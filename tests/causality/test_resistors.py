@@ -1,7 +1,7 @@
-"""Resistors of very different size in series and in parallel: runs that are right and short, whatever the ratio.
+"""Resistors of very different size in series and in parallel: runs that are right and short, for any ratio.
 
-Computed the wrong way round, a flow is a difference of nearly equal efforts over the small resistance; its round-off is noise on the
-right side, and at a ratio of 1e10 the solver does not come to an end.
+Computed in the wrong direction, a flow is a difference of nearly equal efforts divided by the small resistance. Its round-off is noise on
+the right side, and at a ratio of 1e10 the solver does not come to an end.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def test_the_order_of_the_line_does_not_matter(dual: bool) -> None:
 
 
 def decided(text: str, settings: dict[str, float] | None = None, free: tuple[str, ...] = ()) -> dict[str, str]:
-    """What each resistor decides."""
+    """For each resistor the variable that it determines."""
     causal: CausalGraph = compiled(text, settings, free=free, everything=True).causal
     found = {}
     for number, node in enumerate(causal.graph.nodes):

@@ -1,4 +1,4 @@
-"""Strokes of textbook graphs, why each stands where it stands, and conflicts with both ends named."""
+"""Strokes of textbook graphs, the reason for each, and conflicts with both ends named."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def causal(text: str) -> CausalGraph:
 
 
 def decides(graph: CausalGraph, element: str, other: str | None = None) -> str:
-    """`effort` or `flow`: what an element decides of its bond (to another node, if it has several)."""
+    """`effort` or `flow`: the variable of its bond that an element determines (of the bond to another node, if it has several)."""
     for number, bond in enumerate(graph.graph.bonds):
         tail, head = graph.graph.nodes[bond.tail.node].name, graph.graph.nodes[bond.head.node].name
         if element in (tail, head) and (other is None or other in (tail, head)):
@@ -34,7 +34,7 @@ def because(graph: CausalGraph, element: str) -> Because:
 
 
 def all_of(graph: CausalGraph) -> dict[str, str]:
-    """What each one-port decides."""
+    """For each one-port the variable that it determines."""
     return {n.name: decides(graph, n.name) for n in graph.graph.nodes if isinstance(n, Element) and len(n.ports) == 1}
 
 
@@ -191,7 +191,7 @@ def _check(graph: CausalGraph) -> None:
     st.booleans(),
 )
 def test_ladders_at_random_keep_the_rules(sections: list[str], effort: bool) -> None:
-    """A source, a chain of junctions with what hangs on them, transducers between them, a resistor at the end."""
+    """A source, a chain of junctions with elements, transducers between them, a resistor at the end."""
     lines, chain = [f"  {'Se s : e' if effort else 'Sf s : f'} = 1"], "  s"
     if sections[0] in ("tf", "gy"):
         sections = ["1r" if not effort else "0r", *sections]
@@ -213,7 +213,7 @@ def test_ladders_at_random_keep_the_rules(sections: list[str], effort: bool) -> 
 
 
 class TestConflicts:
-    """Both ends are named, with their places, and what to do."""
+    """Both ends are named, with their places and advice."""
 
     def test_two_effort_sources_on_a_zero(self) -> None:
         found = mistake(

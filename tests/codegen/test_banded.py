@@ -79,7 +79,7 @@ def test_a_singular_one_is_no_number() -> None:
 
 
 def test_an_order_is_found() -> None:
-    """A row whose numbers were shuffled is a row again; what is joined with everything is none."""
+    """A chain with shuffled numbers becomes a chain again; a node connected with all others gives no band."""
     count, numbers = 40, list(range(40))
     random.Random(2).shuffle(numbers)
     rows: list[list[int]] = [[] for _ in numbers]

@@ -131,7 +131,7 @@ def test_a_singular_member_spoils_no_other() -> None:
 
 
 def test_units_of_unknowns_make_no_loop_singular() -> None:
-    """A voltage beside currents, in volts or in any other unit: the solution is the same, and what is singular stays so."""
+    """A voltage beside currents, in volts or in any other unit: the solution is the same, and a singular system stays singular."""
     module = load_module("solve", compiled(OSCILLATOR).program.source)
     matrix = np.array([[1.0179, -561.1, 0.0], [1.788e-3, 1.0, -1.0], [0.0, 0.255, 1.0005]])
     singular = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [5.0, 7.0, 9.0]])

@@ -1,4 +1,4 @@
-"""The C target, compiled by whatever C compiler there is, against the numpy target; and that it compiles without a warning."""
+"""The C target, compiled by any C compiler that is installed, against the numpy target; it compiles without a warning."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ int main(void) {
 
 
 def test_names_are_data() -> None:
-    """What an author writes stands in strings and comments that it cannot end."""
+    """The author's words are in strings and comments that they cannot end."""
     text = 'model A {\n"*/ int main() { /*"\nsignal x = integral(1 [1/s], 0)\noutput y = x "*/"\n}\n'
     source = bondgraph.load(text).compile("c")
     assert re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL).count("*/") == 0

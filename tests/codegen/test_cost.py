@@ -1,4 +1,4 @@
-"""Operations counted by how often they are done: they fall with what is asked, and those of the manipulator are held."""
+"""Operations counted by how often they are done: they fall with fewer requests, and those of the manipulator must not rise."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ model A {
 
 
 def test_each_operation_counts_once_where_it_is_first_needed() -> None:
-    """What time alone moves is no work of an evaluation, nor is what a parameter decides."""
+    """Operations on time alone or on parameters alone do not count for an evaluation."""
     found = cost(compiled(HANDFUL, {"push": "1 N*exp(-time/1 s)"}, outputs=("x1",)).lowered)
     assert found.with_time == 4  # exp, 3*time, sin, product: what time alone moves; a sign is no operation
     assert dict(found.functions) == {}  # of states: neither exp nor sin is
@@ -57,7 +57,7 @@ def test_the_lines_add_up() -> None:
     "settings, most", [({}, (204, 481)), ({"fx": 1e-5, "push1": 3.0, "r_phi": 1e-12, "r_x": 1e-6, "r_y": 1e-6}, (254, 595))]
 )  # fmt: skip
 def test_counts_of_the_manipulator(settings: dict[str, float], most: tuple[int, int]) -> None:
-    """What stands here may only fall: operations of the rates, and those that the Jacobian adds."""
+    """These numbers may only fall: operations of the rates, and those that the Jacobian adds."""
     found = cost(compiled(MODELS / "manipulator.bg", settings, experiment="push_x" if not settings else None).lowered)
     assert found.rates <= most[0] and found.jacobian <= most[1], (found.rates, found.jacobian)
     assert found.functions[0] == ("sin", 2)  # of half the angle once for all: turns and springs agree on it

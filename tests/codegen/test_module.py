@@ -39,7 +39,7 @@ model Oscillator {
 
 
 def runnable(path: Path) -> list[str]:
-    """The models of a file that stand by themselves: no open port, no parameter without value."""
+    """Models of a file that can run: no open port, no parameter without value."""
     source = Source(str(path), path.read_text(encoding="utf-8"), path)
     found = []
     for name in Compilation(source, Scene()).tree.models:

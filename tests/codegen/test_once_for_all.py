@@ -20,7 +20,7 @@ WORK = {"compile_law", "_energy", "_balance"}  # a law read, its energy found, a
 
 
 def calls(text: str) -> tuple[dict[str, int], int]:
-    """How often the functions of `WORK` are called on the way from text to a lowered program, and how many calls there are at all."""
+    """Numbers of calls of the functions of `WORK` on the way from text to a lowered program, and the number of all calls."""
     counts, total = dict.fromkeys(WORK, 0), 0
 
     def counted(frame: FrameType, event: str, argument: object) -> None:
@@ -57,7 +57,7 @@ def test_other_words_are_another_law() -> None:
 
 
 def test_equal_words_in_another_domain() -> None:
-    """What is right beside a coil is wrong beside a mass, and is told there."""
+    """A law that is right beside a coil is wrong beside a mass, and is reported there."""
     text = """model M {
   Se a : u = 1 V
   Se b : F = 1 N

@@ -26,7 +26,7 @@ def values(lowered: Lowered, roots: list[Expression]) -> list[float]:
 
 
 def work(roots: list[Expression]) -> int:
-    """Operations without signs, which cost nothing: what is added is subtracted."""
+    """Operations without signs, which cost nothing: the sum subtracts instead."""
     met = {node for root in roots for node in operations(root)}
     signs = sum(node.operator == "multiply" and node.operands[0] == MINUS_ONE for node in met)
     return count_operations(roots) - signs
@@ -52,7 +52,7 @@ def test_the_values_are_the_same(name: str) -> None:
 
 @pytest.mark.parametrize("name, most", [("manipulator", 722), ("car", 1543), ("robot_arm", 9987)])
 def test_jacobians_get_shorter(name: str, most: int) -> None:
-    """To what was seen when this was written: from 908, 2246 and 13 301 operations, which may become fewer by themselves."""
+    """At most the numbers measured when this was written: from 908, 2246 and 13 301 operations, which may become fewer."""
     before = lower(compiled(MODELS / f"{name}.bg").state_space)
     assert work(list(with_shared_products(before).jacobian.values())) <= most
 

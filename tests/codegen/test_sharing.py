@@ -1,4 +1,4 @@
-"""A definition once, its instances many times: each law is solved and differentiated once, whatever their number."""
+"""One definition with many instances: each law is solved and differentiated once, for any number of instances."""
 
 from __future__ import annotations
 

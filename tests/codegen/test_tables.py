@@ -26,7 +26,7 @@ def arrays(*lists: tuple[float, ...]) -> list[Any]:
 
 
 class TestWords:
-    """What a module begins with, against the algebra's own numbers."""
+    """Functions at the beginning of a module, against the algebra's own numbers."""
 
     AT = np.linspace(-1, 5, 61)
 
@@ -182,7 +182,7 @@ def test_points_that_turn_back_are_seen_where_they_are_parameters() -> None:
 
 
 def test_long_tables_are_arrays_of_the_module() -> None:
-    """Numbers of the text are written once, whatever uses them."""
+    """Numbers of the text are written once, for any number of uses."""
     many = ", ".join(map(str, range(400)))
     body = "signal u = integral(1 [1/s], 3.5)\noutput a = cubic(u, xs, xs), b = linear(u, xs, xs), c = monotone(2*u, xs, xs)"
     text = f"constant xs = ({many})\nmodel A {{\n{body}\n}}\n"

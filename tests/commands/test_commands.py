@@ -139,7 +139,7 @@ def test_a_run_that_fails_is_written_up_to_there(tmp_path: Path) -> None:
 
 
 def test_a_bandwidth_is_told() -> None:
-    """What it left out is a note, and stands in the JSON; what is no frequency is said."""
+    """The truncated modes are a note, and in the JSON; an invalid frequency is an error."""
     found = run("run", "models/oscillator.bg", "--bandwidth", "1 kHz", "--json")
     assert "note: bandwidth 1 kHz: nothing was left out: nothing in it is faster" in found.stderr
     assert json.loads(found.stdout)["bandwidth"]["frequency"] == 1000

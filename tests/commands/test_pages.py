@@ -39,7 +39,7 @@ def test_report_tells_what_is_wrong(tmp_path: Path) -> None:
 
 
 def _heeds_interrupts() -> None:
-    """What a shell starts in the background ignores Ctrl-C, and so would what it starts."""
+    """Restore Ctrl-C. A shell's background process ignores it, and so would the processes that it starts."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

@@ -124,7 +124,7 @@ KEYS = [
 
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], End]:
-    """How each case ended in each mode: exit code, standard output, errors, files."""
+    """End of each case in each mode: exit code, standard output, errors, files."""
     asked = json.dumps([(mode, CASES[name], MODEL) for name, mode in KEYS])
     command = [sys.executable, "-c", DRIVER, str(tmp_path_factory.mktemp("streams"))]
     done = subprocess.run(command, cwd=ROOT, input=asked, capture_output=True, text=True, check=True, timeout=300)

@@ -1,4 +1,4 @@
-"""A diagram read back from its SVG: what is drawn where, measured with a font's own widths."""
+"""A diagram read back from its SVG: drawn items and their places, measured with a font's own widths."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def middle(*points: Point) -> Point:
 
 
 def read(svg: str) -> Read:
-    """What an SVG text shows."""
+    """Content of an SVG text."""
     root = ElementTree.fromstring(svg)
     bonds, signals, texts = [], [], []
     nodes, letters, boxes, frames = dict[str, Any](), dict[str, Box](), dict[str, Box](), dict[str, Box]()
@@ -130,7 +130,7 @@ def _outline(text: str, family: str, size: float, way: str) -> Box:
 
 
 def overlap(a: Box, b: Box, spare: float = 0.0) -> bool:
-    """Whether two rectangles have an inner point in common."""
+    """Return True if two rectangles have an inner point in common."""
     return a[0] < b[2] - spare and b[0] < a[2] - spare and a[1] < b[3] - spare and b[1] < a[3] - spare
 
 
@@ -143,7 +143,7 @@ def segments(read: Read) -> Iterator[tuple[int, Point, Point]]:
 
 
 def through(start: Point, end: Point, box: Box) -> bool:
-    """Whether a straight line passes through the inside of a rectangle (Liang and Barsky)."""
+    """Return True if a straight line passes through the inside of a rectangle (Liang and Barsky)."""
     low, high = 0.0, 1.0
     for axis in (0, 1):
         step = end[axis] - start[axis]
@@ -157,7 +157,7 @@ def through(start: Point, end: Point, box: Box) -> bool:
 
 
 def cross(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether two straight lines cross."""
+    """Return True if two straight lines cross."""
 
     def side(p: Point, q: Point, r: Point) -> float:
         return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])

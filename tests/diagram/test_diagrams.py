@@ -82,7 +82,7 @@ def assert_clear(picture: Read, crossings: int) -> None:
 def lie_on_each_other(
     a: tuple[float, float], b: tuple[float, float], c: tuple[float, float], d: tuple[float, float]
 ) -> bool:
-    """Whether two axis-parallel lines run along each other, nearer than 3 px."""
+    """Return True if two axis-parallel lines run along each other, nearer than 3 px."""
     for x, y in ((0, 1), (1, 0)):
         if abs(a[x] - b[x]) < 0.5 and abs(c[x] - d[x]) < 0.5 and abs(a[x] - c[x]) < 3:
             return min(max(a[y], b[y]), max(c[y], d[y])) - max(min(a[y], b[y]), min(c[y], d[y])) > 1
@@ -91,7 +91,7 @@ def lie_on_each_other(
 
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_strokes_and_half_arrows(path: Path) -> None:
-    """Every bond is drawn once; its stroke stands across the end that is given the effort, its barb at the head, where the flow is."""
+    """Every bond is drawn once. Its stroke is across the end that receives the effort, its barb at the head, on the side of the flow."""
     picture, graph = drawn(path), causal(path)
     assert Counter(n for b in picture.bonds for n in b.numbers) == Counter(range(len(graph.graph.bonds)))
     for bond in picture.bonds:
@@ -222,7 +222,7 @@ def test_numbers_of_bonds() -> None:
 
 
 def test_as_an_experiment_runs_it() -> None:
-    """Without voltage the combs' drives give nothing: not drawn, and told."""
+    """Without voltage the combs' drives contribute nothing: they are not drawn, and that is reported."""
     figure = loaded(MODELS / "manipulator.bg").draw(experiment="push_x")
     picture = read(svg_text(figure))
     assert "push_x" in picture.nodes and "comb[1].drive" not in picture.nodes

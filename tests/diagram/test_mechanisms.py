@@ -1,4 +1,4 @@
-"""Mechanisms drawn: what is drawn where is compared with the drawing's own numbers and with a run."""
+"""Mechanisms drawn: the places of the drawn parts are compared with the drawing's own numbers and with a run."""
 
 from __future__ import annotations
 

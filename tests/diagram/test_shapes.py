@@ -1,4 +1,4 @@
-"""Modes drawn on a mechanism: how bodies stand is what closed forms of the modes say."""
+"""Modes drawn on a mechanism: the poses of the bodies agree with closed forms of the modes."""
 
 from __future__ import annotations
 

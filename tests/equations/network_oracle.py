@@ -30,7 +30,7 @@ LEAST = 1e-3  # what an unknown counts for at least among those terms
 
 
 class Values(NamedTuple):
-    """What a residual may read: efforts and flows by bond, stored quantities by storage port, time."""
+    """Quantities that a residual may read: efforts and flows by bond, stored quantities by storage port, time."""
 
     effort: Array
     flow: Array
@@ -86,14 +86,14 @@ class Network:
         return np.array([np.broadcast_to(r, shape) for part in self.residuals for r in part(v)])
 
     def missed(self, w: Array, s: Array, time: float) -> float:
-        """The largest residual as a share of the terms of its equation, but for what the largest of all loses by rounding."""
+        """Largest residual relative to the terms of its equation, minus the rounding error of the largest of all."""
         slopes = np.hstack(self.jacobians(w, s, time)[:2])
         rounding = 1e-14 * np.abs(slopes).max(axis=1, initial=0.0) * float(np.abs(w).max(initial=0.0))
         left = np.maximum(np.abs(self.residual(w, s, time)) - rounding, 0.0)
         return _share(left, slopes, np.concatenate([w, s]))
 
     def taylor(self, w: Array, s: Array, time: Array) -> Array:
-        """The coefficients in time of all residuals, for those of what they read (first axis)."""
+        """Coefficients in time of all residuals, for those of the quantities that they read (first axis)."""
         series = [Series(w[:, i]) for i in range(w.shape[1])]
         v = Values(
             series[: self.bonds], series[self.bonds :], [Series(s[:, i]) for i in range(s.shape[1])], Series(time)
@@ -123,7 +123,7 @@ class Network:
 
 
 def constant(value: Any, like: Array) -> Array:
-    """The coefficients of what does not change."""
+    """Coefficients of a constant."""
     result = np.zeros_like(like)
     result[0] = value
     return result
@@ -131,7 +131,7 @@ def constant(value: Any, like: Array) -> Array:
 
 @dataclass
 class Solution:
-    """The solution for given states, and what it leaves open."""
+    """Solution for given states, and the directions that remain undetermined."""
 
     network: Network
     w: Array
@@ -142,7 +142,7 @@ class Solution:
     free: list[int]  # storage ports that were not given
 
     def determined(self, unknown: int) -> bool:
-        """Whether w[unknown] (or behind it the stored quantities that were not given) is determined."""
+        """Return True if w[unknown] (or behind it the stored quantities that were not given) is determined."""
         return not self.null.size or float(np.abs(self.null[unknown]).max()) < 1e-6
 
     def effort(self, bond: int) -> float:
@@ -194,8 +194,10 @@ def solve(network: Network, given: dict[int, float], time: float, order: int = 1
 
 
 def _open(jacobian: Array, inside: int) -> Array:
-    """Directions of the first unknowns that the equations do not determine; of the others, the derivatives, nobody asks. They
-    are eliminated first: what is large in an equation for them would hide what is small in one without them."""
+    """Directions of the first unknowns that the equations do not determine. The others, the derivatives, are not needed.
+
+    They are eliminated first: otherwise large terms in an equation for them would hide small ones in an equation without them.
+    """
     rows, columns = balance(jacobian[:, inside:])
     u, sizes, _ = np.linalg.svd(jacobian[:, inside:] / rows[:, None] / columns)
     rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
@@ -227,8 +229,9 @@ def _behind(first: Array, higher: Array) -> Array:
 
 
 def _following(function: Callable[[Array], Array], count: int) -> Array:
-    """The derivatives that go with efforts, flows and stored quantities that are known: what is exact there must not be
-    spoilt by first steps that have no derivatives yet."""
+    """Derivatives that belong to known efforts, flows and stored quantities: exact values must not be
+    spoilt by first steps that have no derivatives yet.
+    """
     found, _, _ = _newton(function, np.zeros(count), damped=False)
     return np.where(np.isfinite(found), found, 0.0)
 
@@ -282,7 +285,7 @@ def _share(value: Array, jacobian: Array, z: Array) -> float:
 
 
 def is_regular(network: Network, rng: np.random.Generator) -> bool:
-    """Whether the linearised equations have one solution at all, whatever is chosen as state: det(sE - A) is not zero."""
+    """Return True if the linearised equations have one solution for some choice of states: det(sE - A) is not zero."""
     n, m = 2 * network.bonds, len(network.storages)
     regular = False
     for _ in range(2):
@@ -306,9 +309,9 @@ def is_regular(network: Network, rng: np.random.Generator) -> bool:
 
 
 def constraints(network: Network, rng: np.random.Generator) -> tuple[Array, Array]:
-    """What the equations demand of the stored quantities alone: rows over s, and over time; linearised at a random point.
+    """Constraints on the stored quantities alone: rows over s, and over time; linearised at a random point.
 
-    A row that is not zero says that some of these storages cannot be chosen freely.
+    A row that is not zero means that some of these storages cannot be chosen freely.
     """
     n, m = 2 * network.bonds, len(network.storages)
     f_w, f_s, f_t = network.jacobians(rng.uniform(0.5, 1.5, n), rng.uniform(0.5, 1.5, m), 0.3)

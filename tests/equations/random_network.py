@@ -2,7 +2,7 @@
 
 A `Part` is one model: junctions in a random tree with some loops of bonds, elements on them, and instances of further parts
 behind ports. Its statements are written as it grows; `flatten` builds the oracle's network from the same data, each law from a
-formula of its own, never from what the compiler made of the text.
+formula of its own, never from the compiler's result.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Parameter:
 
 @dataclass
 class Reading:
-    """What a modulated law reads: a variable of an element of the same part, made a bare number."""
+    """Quantity that a modulated law reads: a variable of an element of the same part, made a bare number."""
 
     element: str
     port: int
@@ -310,7 +310,7 @@ class Builder:
         self.deferred: list[tuple[str, Factor]] = []
 
     def name(self, letter: str, *domains: str) -> str:
-        """A new name, perhaps an item of an array; what shares an array is of one domain."""
+        """A new name, perhaps an item of an array; all items of an array are of one domain."""
         self.counts[letter] = number = self.counts.get(letter, 0) + 1
         array = letter + "".join(d[0] for d in domains)
         return f"{array}[{number}]" if self.c.chance(15) else f"{letter}{number}"
@@ -932,7 +932,7 @@ class Builder:
 
 @dataclass
 class Example:
-    """One random model: its text, its network, what is set from outside, at which states and time it is looked at."""
+    """One random model: its text, its network, its settings from outside, and the states and time at which it is evaluated."""
 
     text: str
     flat: Flat

@@ -1,4 +1,4 @@
-"""Fields given by equations: symmetric ones pass and others are told; resistors that create energy are noted."""
+"""Fields given by equations: symmetric ones pass, others are errors; resistors that create energy are noted."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class TestMaxwell:
 
 
 def notes(resistor: str, ports: str = "") -> tuple[str, ...]:
-    """What the certificate notes of a resistor `r` (of two ports, if they are named) between masses."""
+    """Notes of the certificate on a resistor `r` (of two ports, if they are named) between masses."""
     hang = "  1 j\n  j -> m, r\n" if not ports else "  1(m) -> r.a\n  1(n) -> r.b\n  I n : p = 3*f\n"
     text = f"plain model A {{\n  parameter k = 2\n  I m : p = 2*f\n  R r{ports} : {resistor}\n{hang}}}\n"
     return bondgraph.load(text).certificate.notes

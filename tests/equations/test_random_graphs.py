@@ -1,7 +1,7 @@
-"""Random bond graphs: what the compiled program computes against a numerical solution of all equations at once.
+"""Random bond graphs: the results of the compiled program against a numerical solution of all equations at once.
 
-A hundred by hypothesis, always the same. BONDGRAPH_RANDOM=2000 in the environment asks for that many more, BONDGRAPH_SEED=7 for
-others; each has a number by which it can be made again. `-s` shows what was among them.
+A hundred by hypothesis, always the same. BONDGRAPH_RANDOM=2000 in the environment adds that many, BONDGRAPH_SEED=7 takes
+others; each has a number by which it can be made again. `-s` shows their kinds.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LEAST = {
 
 @pytest.fixture(scope="module", autouse=True)
 def _summary() -> Iterator[None]:
-    """What was tried, told at the end of the run (`-s` shows it)."""
+    """Summary of the tested graphs at the end of the run (`-s` shows it)."""
     yield
     print(f"\n{KINDS['tried']} random graphs: " + ", ".join(f"{k} {n}" for k, n in sorted(KINDS.items())))
 
@@ -186,7 +186,7 @@ def _check_program(example: Example, compilation: Any) -> None:
 
 
 def _check_state(example: Example, compilation: Any, running: Running, numbers: list[int], x: Any) -> bool:
-    """Rates, outputs and powers in one state; False if there is no solution, or none that doubles can tell."""
+    """Compare rates, outputs and powers in one state. Return False if there is no solution, or none that doubles can distinguish."""
     try:
         rates, outputs = running.derivative(x), running.output(x)
     except (
@@ -240,8 +240,10 @@ def _agreeing(
 
 
 def _is_undecided(example: Example, own: Any) -> bool:
-    """Whether the program's own solution is a singular one, for which it says itself that some efforts or flows have no number, or so
-    near one that rounding of the largest hides the others; then it must fulfil all equations of the network as far as doubles can."""
+    """Return True if the program's own solution is singular, so that it reports undetermined efforts or flows, or nearly singular.
+
+    In the second case rounding of the largest hides the others; then it must satisfy all equations of the network as far as doubles can.
+    """
     w, stored = own
     if not np.isfinite([*w, *stored]).all():
         return True
@@ -253,7 +255,7 @@ def _is_undecided(example: Example, own: Any) -> bool:
 def _compared(
     example: Example, space: Any, running: Running, numbers: list[int], x: Any, rates: Any, outputs: Any, guess: Any
 ) -> tuple[Solution, str]:
-    """The solution of all equations, and in what the program differs from it."""
+    """Solution of all equations, and the difference of the program from it."""
     network, bond_at = example.flat.network, example.flat.bond_at
     given = dict(zip(numbers, x, strict=True))
     shared = _shared(example.flat, space, given)
@@ -277,7 +279,7 @@ def _compared(
 
 
 def _shared(flat: Flat, space: Any, given: dict[int, float]) -> dict[int, tuple[int, float, float]]:
-    """What shares the state of another storage: that, the factor of its rate, and what is stored, from the starts of both."""
+    """Storages that share the state of another: leader, factor of the rate, and content, from the starts of both."""
     names = {port.name: i for i, port in enumerate(flat.network.storages)}
     found = {}
     for f in space.following:
@@ -289,7 +291,7 @@ def _shared(flat: Flat, space: Any, given: dict[int, float]) -> dict[int, tuple[
 
 
 def _of_parameters(space: Any, variable: int, state: int) -> float:
-    """How much a variable rises with a state, where parameters say that."""
+    """Slope of a variable by a state, if it depends on parameters alone."""
     assigned = {s.target: s for s in space.steps if hasattr(s, "target")}
 
     def value(v: Any, at: float) -> float:
@@ -302,7 +304,7 @@ def _of_parameters(space: Any, variable: int, state: int) -> float:
 
 
 def _own_solution(example: Example, running: Running, x: Any) -> Any:
-    """What all elements have in the program, for the oracle to start from: a loop may have several solutions."""
+    """Values of all elements in the program, as start for the oracle: a loop may have several solutions."""
     flat = example.flat
     places = [
         (name, port, v)
@@ -343,8 +345,10 @@ def _own_solution(example: Example, running: Running, x: Any) -> Any:
 
 
 def _solution(flat: Flat, given: dict[int, float], time: float, space: Any, wanted: list[int], guess: Any) -> Solution:
-    """What the equations say, with as many derivatives as the rates of the states and the outputs need; a storage that they leave open and that
-    nothing flows into stays at its start, unless it gives way to others."""
+    """Solution of the equations, with as many derivatives as the rates of the states and the outputs need.
+
+    A storage that they leave undetermined and that nothing flows into stays at its start, unless it is dependent.
+    """
     for order in (1, 2, 3):
         found = solve(flat.network, given, time, order, guess)
         if not found.converged or all(map(found.determined, wanted)):
@@ -398,7 +402,7 @@ def _check_outputs(found: Solution, example: Example, values: Any, names: Any, s
 
 
 def _tolerance(scale: float, value: float) -> float:
-    """Of a number, where the largest effort or flow is `scale`: nine digits, and what is left of it where larger ones cancel."""
+    """Tolerance of a number, with `scale` the largest effort or flow: nine digits, and the remainder where larger ones cancel."""
     return 1e-9 * max(1.0, abs(value)) + CANCELLED * scale
 
 
@@ -445,8 +449,10 @@ def _check_refusal(example: Example, diagnostic: Diagnostic) -> None:
 
 
 def _only_by_signals(flat: Flat) -> bool:
-    """Whether the equations have one solution, but none with given signals: then an effort or a flow is decided by the law that
-    it modulates, which is no bond, and no stroke can say so."""
+    """Return True if the equations have one solution, but none with given signals.
+
+    Then an effort or a flow is determined by the law that it modulates, which is no bond, and no stroke can express it.
+    """
     if not is_regular(flat.network, np.random.default_rng(1)):
         return False
     flat.signals_given = True

@@ -40,7 +40,7 @@ def test_a_state_behind_signals() -> None:
 
 
 def test_integrals() -> None:
-    """Each reads the one before: the first of a row that starts at 1 decays by itself."""
+    """Each reads the one before: the first of a row that starts at 1 decays exponentially."""
     text = f"""
       signal u[0] : 1 = integral(-u[0]/1 s, 1)
       for i in 1..{LENGTH // 10} {{ signal u[i] : 1 = integral((u[i-1] - u[i])/1 s, 0) }}

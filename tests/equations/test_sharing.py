@@ -125,7 +125,7 @@ def test_what_stays_apart(name: str) -> None:
 
 
 def test_what_never_starts_at_zero_follows_what_does() -> None:
-    """A small displacement that is told by a large one would lose its digits."""
+    """A small displacement computed from a large one would lose its digits."""
     text = SPRINGS.replace("C a : F = 10 [N/m]*x", "C a : F = 10 [N/m]*x { start x = 1 km }")
     assert states(text) == ("b.x", "m.p")
 

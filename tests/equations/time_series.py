@@ -1,6 +1,6 @@
 """Truncated Taylor series in time: a residual evaluated on them gives its own derivatives in time, to round-off.
 
-Only what the laws of the random graphs use: sums, products, quotients, sin, cos, sinh, cosh, tanh, exp. The recurrences are those
+Only the functions in the laws of the random graphs: sums, products, quotients, sin, cos, sinh, cosh, tanh, exp. The recurrences are those
 of Griewank and Walther, Evaluating Derivatives, chapter 13.
 """
 

@@ -1,7 +1,7 @@
-"""Small wrong files with their messages: what a user reads, in full, is frozen beside each file.
+"""Small wrong files with their messages: the complete text that a user reads is frozen beside each file.
 
-A message is good if it stands at the right place, speaks in the author's names and says what to do. Read what
-`pytest --update-golden` writes as a user would, before committing it.
+A message is good if it is at the right place, uses the author's names and gives advice. Read the output of
+`pytest --update-golden` as a user would, before committing it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def test_message(path: Path, golden: Golden) -> None:
 
 @every_case
 def test_form(path: Path) -> None:
-    """What holds for every message, whatever it says."""
+    """Properties of every message."""
     source = path.read_text(encoding="utf-8")
     for item in told(path):
         assert re.fullmatch(r"BG\d{3}", item.code)
@@ -67,7 +67,7 @@ def test_form(path: Path) -> None:
 
 @every_case
 def test_what_is_quoted_is_the_author_s(path: Path) -> None:
-    """The marked text is on the line that is shown, and the mark stands below it."""
+    """The marked text is on the line that is shown, and the mark is below it."""
     for item in told(path):
         lines = render(item).splitlines()
         assert lines[0].startswith(f"{path.name}:{item.span.line}:{item.span.column}: {item.code}: ")

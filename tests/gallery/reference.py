@@ -1,4 +1,4 @@
-"""What the gallery is compared with: hand-written rates, integrated by another method than the product's, and driven linear systems."""
+"""References for the gallery: hand-written rates, integrated by another method than the product's, and driven linear systems."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def slope(f: Callable[[Any], Any], q: float) -> Any:
 
 
 def bend(f: Callable[[float], Any], q: float, h: float = 4e-3) -> Any:
-    """The slope of what has no complex argument, to 1e-12."""
+    """Slope of a function without complex argument, to 1e-12."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (f(q + n * h) - f(q - n * h)) for n, w in weights.items()) / h
 
@@ -244,7 +244,7 @@ def test_car() -> None:
     k, r, most = np.array([4e4, 3.5e4]), np.array([3500.0, 3000.0]), np.array([2500.0, 1800.0])
 
     def hubs(y: Vector) -> list[tuple[Vector, Vector, Vector]]:
-        """Place, its slopes by (x, y, phi, s1, s2), and what accelerates it while no coordinate does."""
+        """Position, its derivatives by (x, y, phi, s1, s2), and its acceleration at zero second derivatives of the coordinates."""
         c, s = np.cos(y[2]), np.sin(y[2])
         found = []
         for i in (0, 1):

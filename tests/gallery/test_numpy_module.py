@@ -22,7 +22,7 @@ SAMPLES = 8
 
 
 def module(path: Path, name: str, folder: Path) -> Any:
-    """What a user gets: a file that Python imports."""
+    """The file that a user gets, imported by Python."""
     file = folder / "generated.py"
     file.write_text(bondgraph.load(path, name).compile(), encoding="utf-8")
     spec = importlib.util.spec_from_file_location("generated", file)

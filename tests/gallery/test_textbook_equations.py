@@ -1,7 +1,7 @@
-"""State equations of textbook graphs, as sympy expressions, against those that one derives by hand.
+"""State equations of textbook graphs, as sympy expressions, against derivations by hand.
 
 The graphs are of the kinds that Karnopp, Margolis and Rosenberg (System Dynamics), Borutzky (Bond Graph Methodology) and Gawthrop
-and Smith (Metamodelling) use to teach the procedure; the right sides are derived here anew, and each case says how.
+and Smith (Metamodelling) use to teach the procedure; the right sides are derived independently here, and each case shows the derivation.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import bondgraph
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A graph in bare numbers, and what one derives from it: state -> right side, over the names of the graph (`coil_p` is `coil.p`)."""
+    """A graph in bare numbers, and its equations by hand: state -> right side, over the names of the graph (`coil_p` is `coil.p`)."""
 
     name: str
     graph: str

@@ -1,4 +1,4 @@
-"""Masses on springs: closed forms of what swings."""
+"""Masses on springs: closed forms of their vibrations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loops with more than one solution are told with all of them and with names; those with one are not."""
+"""Loops with more than one solution are reported with all of them and with names; loops with one are not."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_three_solutions() -> None:
     ("start", "rest"), [(0.5, 2 - sqrt(2)), (1.9, 2 - sqrt(2)), (2.1, 2 + sqrt(2)), (9, 2 + sqrt(2))]
 )
 def test_a_small_storage_chooses(start: float, rest: float) -> None:
-    """A capacitance beside the diode, as the message says: its start tells the side, and the middle solution repels."""
+    """A capacitance beside the diode, as the message advises: its start selects the side, and the middle solution is unstable."""
     text = CIRCUIT.format(4, TUNNEL + f"\n  C own : u = q/1 uF {{ start u = {start} V }}", "tunnel, own")
     assert run(text, 1e-3) == pytest.approx(rest, rel=1e-7)
 
@@ -86,7 +86,7 @@ def test_a_balanced_bridge_has_one() -> None:
     st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-6, 1e6)), min_size=2, max_size=4), st.integers(-1000, 1000)
 )
 def test_ladders_of_laws_that_only_rise_have_one(values: list[tuple[float, float]], supply: float) -> None:
-    """Where every law rises there is one solution (Duffin, Bull. Amer. Math. Soc. 53, 1947), over whatever decades."""
+    """With increasing laws there is one solution (Duffin, Bull. Amer. Math. Soc. 53, 1947), over any number of decades."""
     lines = [f"  Se s : u = {supply!r} V", "  0 k[0] : electric", "  s -> k[0]"]
     for i, (a, b) in enumerate(values, 1):
         lines += [f"  0 k[{i}] : electric", f"  R series[{i}] : u = {a!r} ohm*i + {b!r} [V/A^3]*i^3"]

@@ -1,4 +1,4 @@
-"""Small graphs of every structure, with numbers derived by hand: the derivation stands beside each."""
+"""Small graphs of every structure, with numbers derived by hand; each has its derivation."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ class TestNoSources:
         assert final(text, 1.0) == pytest.approx({"x": sin(3) / 3, "v": cos(3)}, rel=1e-8)
 
     def test_no_source_and_no_storage(self) -> None:
-        """A loop of two resistors alone stands still."""
+        """A loop of two resistors alone is at rest."""
         text = """  1 a : electric
   R r : u = 2 ohm*i
   R t : u = 3 ohm*i + 1 [V/A^3]*i^3
@@ -185,7 +185,7 @@ class TestPlates:
         assert found == pytest.approx({"F": -4e-4, "q": 80e-12, "i": 10 * 8e-6 * 1e-6, "x": 1e-6}, rel=1e-8)
 
     def test_on_a_charge(self) -> None:
-        """F = -q^2/(2 eps A) wherever the plate is: (4e-11)^2/1.6e-17 = 1e-4 N; u = q/C falls from 10 V to 5 V at x = 1 um."""
+        """F = -q^2/(2 eps A) for every position of the plate: (4e-11)^2/1.6e-17 = 1e-4 N; u = q/C falls from 10 V to 5 V at x = 1 um."""
         text = f"""  Sf s : i = 0 A
   {self.LAW.replace("8e-18 [F*m])", "8e-18 [F*m]) { start q = 40 pC }")}
   Sf pull : v = 1 [um/s]

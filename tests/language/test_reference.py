@@ -88,7 +88,7 @@ class TestExamples:
 
     @pytest.mark.parametrize("fence", DRAWN, ids=lambda f: f.place)
     def test_mechanisms_are_drawn(self, fence: Fence, folder: Path) -> None:
-        """They reach the graph. What does not move yet is refused with its place; what moves runs."""
+        """They become part of the graph. Those that cannot move yet are refused with their place; the others run."""
         file = saved(fence, folder)
         assert MechanismNode in {type(n) for n in bondgraph.load(file).compilation().whole_graph.nodes}
         found = bondgraph.check(file)
@@ -141,7 +141,7 @@ def _plain_symbols() -> list[str]:
 
 
 def _value(symbol: str) -> str:
-    """What a unit is in SI: `60 s`, `pi/180`; empty for one that SI has itself."""
+    """Value of a unit in SI: `60 s`, `pi/180`; empty for a unit that SI has."""
     scale = UNITS[symbol]
     if scale.offset:
         return f"a temperature, zero at {float(scale.offset):g} K"
@@ -254,7 +254,7 @@ TABLES = {
 
 
 def test_tables_are_those_of_the_code(golden: Golden) -> None:
-    """`--update-golden` writes them anew."""
+    """`--update-golden` renews them."""
     text = TEXT
     for name, table in TABLES.items():
         before, mark, rest = text.partition(f"<!-- {name} -->\n")
