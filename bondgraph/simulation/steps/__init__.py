@@ -1,1 +1,1 @@
-"""Methods that step through a smooth stretch, in numpy and in machine code, and their linear algebra."""
+"""Integration methods for a smooth segment, in numpy and in machine code, and their linear algebra."""

@@ -1,4 +1,4 @@
-"""The polynomial through the last ends of steps, which is better between them than that of any one step."""
+"""Polynomial through the last step ends, which is more accurate between them than that of any single step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(slots=True)
 class End:
-    """What is known at the end of a step."""
+    """Time, state and rates at the end of a step."""
 
     time: float
     state: Any
@@ -18,8 +18,11 @@ class End:
 
 
 def hermite(ends: list[End], times: Any) -> Any:
-    """The polynomial through values and slopes at three instants (the first of a run has none), by divided differences from the last one back
-    (Stoer and Bulirsch, Introduction to Numerical Analysis, section 2.1.5); shape (times, n)."""
+    """Return the polynomial through values and rates at three instants, at `times`; shape (times, n).
+
+    The first instant of a run has no rates. By divided differences from the last one back (Stoer and Bulirsch, Introduction to Numerical Analysis,
+    section 2.1.5).
+    """
     known = [e for e in reversed(ends) for _ in range(1 if e.slope is None else 2)]
     nodes = np.array([e.time for e in known])
     column = np.stack([e.state for e in known])

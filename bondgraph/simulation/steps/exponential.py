@@ -1,10 +1,9 @@
-"""Linear models exactly: x' = A x + b(t) by the matrix exponential, with b as a polynomial on each of many intervals.
+"""Exact solution of linear models: x' = A x + b(t) by the matrix exponential, with b as a polynomial on each of many intervals.
 
-The solution at the end of an interval is E x + G c, with E = exp(h A), c the Chebyshev coefficients of h b on it, and G the
-integrals of exp((1 - s) h A) T_j(s) ds; both are blocks of one exponential of an augmented matrix (Van Loan, Computing integrals
-involving the matrix exponential, 1978). Intervals of one length share it, and equally spaced instants are intervals of one
-length. So a run costs a product of a matrix and a vector for each instant, however stiff or long it is, and has no truncation
-error but that of b, which is brought down to rounding.
+The solution at the end of an interval is E x + G c, with E = exp(h A), c the Chebyshev coefficients of h b on it, and G the integrals of
+exp((1 - s) h A) T_j(s) ds; both are blocks of one exponential of an augmented matrix (Van Loan, Computing integrals involving the matrix
+exponential, 1978). Intervals of one length share it, and equally spaced instants give intervals of one length. So a run costs a product of a
+matrix and a vector for each instant, however stiff or long it is, and its only truncation error is that of b, which is reduced to rounding.
 """
 
 from __future__ import annotations
@@ -20,25 +19,25 @@ from numpy.polynomial import chebyshev
 from ...door import Program
 from ..segments import ROUNDING, Segment, signals_on
 
-DEGREE = 10  # of the polynomials
-LARGEST = 200  # states; and of the augmented matrix
+DEGREE = 10  # degree of the polynomials
+LARGEST = 200  # most states; and largest size of the augmented matrix
 LARGEST_MATRIX = 600
-MOST_INTERVALS = 20_000  # of a run, beyond the reported instants
-CLOSE = 1e-12  # what may be missing of b, in parts of its largest value
-BETWEEN = 1e-10  # the same at places between those that the polynomials are made of
-AFFINE = 1e-9  # what the affine form may miss of the program's own rates
-BLURRED = 1e-7  # of the states: a change by rounding that counts
+MOST_INTERVALS = 20_000  # most intervals of a run, in addition to the reported instants
+CLOSE = 1e-12  # error of b relative to its largest value
+BETWEEN = 1e-10  # the same at places between the nodes of the polynomials
+AFFINE = 1e-9  # relative difference of the affine form from the program's rates
+BLURRED = 1e-7  # relative change of the states by rounding from which on it matters
 EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
-TERMS = 22  # of the series: what is left is below 1e-24 at a norm of 1/4
+TERMS = 22  # terms of the series: the remainder is below 1e-24 at a norm of 1/4
 BALANCINGS = 20
 SHORTENED = 2.0**27  # steps of a length between two powers of two: lengths that differ by less may be one
 FIRST_ORDER = 1e-9  # of the change within the difference of two lengths: its square is below rounding
-DOUBLED = 1e-9  # by how much one exponential may differ from the square of that of half the time
+DOUBLED = 1e-9  # largest relative difference of an exponential from the square of that of half the time
 
 _ENDS: Any = chebyshev.chebpts2(DEGREE + 1)  # on [-1, 1]
 NODES = 0.5 * (_ENDS + 1.0)
 TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_ENDS, DEGREE))
-# The polynomial seen from a later place: its coefficients change as those of its slope, over [0, 1].
+# Shift of a polynomial to a later origin: its coefficients change as those of its derivative, over [0, 1].
 _UNITS: Any = np.eye(DEGREE + 1)
 SHIFT = np.column_stack(
     [np.pad(2.0 * np.asarray(chebyshev.chebder(_UNITS[j])), (0, DEGREE + 1))[: DEGREE + 1] for j in range(DEGREE + 1)]
@@ -48,25 +47,25 @@ AT_START = (-1.0) ** np.arange(DEGREE + 1)
 
 @dataclass(slots=True)
 class Linear:
-    """A program as x' = A x + b(t) on one stretch: A is the same at every place."""
+    """A program as x' = A x + b(t) on one segment; A is constant."""
 
     program: Program
     fixed: tuple[Any, Any]  # inputs, constants
     stretch: Segment
     matrix: Any  # A, balanced
-    scale: Any  # of the states
+    scale: Any  # scales of the states
     active: Any  # rows of b that are not zero everywhere
-    seen: Any  # places at which b is looked at whatever the intervals, rising
-    known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # by the length of an interval
-    near: dict[float, float] = field(default_factory=dict)  # the lengths in `known` by what they are close to
+    seen: Any  # places at which b is checked whatever the intervals, rising
+    known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # E and G by the length of an interval
+    near: dict[float, float] = field(default_factory=dict)  # the lengths in `known` by rounded length
 
     def share(self, others: dict[bytes, tuple[Any, Any]]) -> None:
-        """Take what is known of other segments on which the matrix is the same: pulses of one length are many segments."""
+        """Reuse the exponentials of other segments with the same matrix: pulses of one length give many segments."""
         key = self.matrix.tobytes() + self.active.tobytes()
         self.known, self.near = others.setdefault(key, (self.known, self.near))
 
     def close_to(self, length: float) -> float:
-        """A length that is known, if one differs from this by so little that the first order of the difference is exact to rounding; else this."""
+        """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""
         part, exponent = frexp(length)
         found = self.near.setdefault(ldexp(round(part * SHORTENED), exponent), length)
         return (
@@ -76,20 +75,20 @@ class Linear:
         )
 
     def ahead(self, length: float) -> Any:
-        """E of an interval, (n, n)."""
+        """Return E of an interval, (n, n)."""
         known = self.close_to(length)
         found = self.matrices(known)[0]
         return found if known == length else found + (length - known) * (self.matrix @ found)
 
     def forcing(self, times: Any) -> Any:
-        """b over the balanced states; shape (…, active)."""
+        """Return b for the balanced states; shape (…, active)."""
         inside = np.clip(times, *_inside(self.stretch)).reshape(-1)
         zero = np.zeros((len(inside), len(self.scale)))
         rates = self.program.derivative(inside, zero, *self.fixed, self.stretch.mode)
         return (rates / self.scale)[:, self.active].reshape((*np.shape(times), -1))
 
     def matrices(self, length: float) -> tuple[Any, Any]:
-        """E and G of an interval; G is (n, active, DEGREE + 1)."""
+        """Return E and G of an interval; G is (n, active, DEGREE + 1)."""
         if length not in self.known:
             count, sources, more = len(self.scale), len(self.active), DEGREE + 1
             whole = np.zeros((count + sources * more, count + sources * more))
@@ -103,7 +102,7 @@ class Linear:
         return self.known[length]
 
     def moved(self, start: Any, length: float, state: Any, place: float = 1.0) -> Any:
-        """The balanced state at a place in [0, 1] of an interval, from the one at its start; for many intervals at once."""
+        """Return the balanced state at a place in [0, 1] of an interval, from the one at its start; for many intervals at once."""
         part = length * place
         known = self.close_to(part)
         ahead, integral = self.matrices(known)
@@ -119,15 +118,18 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class Intervals:
-    """One stretch cut so that b is a polynomial on each interval; `lengths` are few different numbers."""
+    """One segment cut so that b is a polynomial on each interval; `lengths` has few different numbers."""
 
     starts: Any
     lengths: Any
-    reported: Any  # which intervals end at a reported instant
+    reported: Any  # mask of the intervals that end at a reported instant
 
 
 def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment, length: float = 0.0) -> Linear | None:
-    """The affine form of a program on a stretch of a run of that length, checked against its rates; None if it has none or is too large."""
+    """Return the affine form of a program on a segment, checked against its rates; None if it has none or is too large.
+
+    `length`: length of the run.
+    """
     count = len(program.states.names)
     if not 0 < count <= LARGEST or program.unknowns.names or np.size(program.periods(constants)):
         return None
@@ -158,16 +160,16 @@ def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment,
 
 
 def _blurred(matrix: Any, span: float) -> bool:
-    """Whether rounding of its entries alone changes what a stiff matrix does to slow motions.
+    """Return True if rounding of its entries alone changes the effect of a stiff matrix on slow motions.
 
-    Beside a conductance of 1e12 one of 1 keeps four digits in their sum; the rates themselves, as differences, keep them all.
+    Next to a conductance of 1e12, one of 1 keeps four digits in their sum; the rates themselves, as differences, keep them all.
     """
     rounding = float(np.finfo(float).eps)
     if rounding * span * float(np.abs(matrix).sum(axis=0).max()) < BLURRED:
         return False
     values = np.linalg.eigvals(matrix)
     fastest = values[np.argmax(np.abs(values))]
-    if fastest.real > -0.5 * abs(fastest):  # it swings: steps would have to follow it
+    if fastest.real > -0.5 * abs(fastest):  # it oscillates: steps would have to follow it
         return False
     shaken = matrix * (1 + rounding * np.random.default_rng(1).uniform(-1, 1, matrix.shape))
     return any(
@@ -177,10 +179,10 @@ def _blurred(matrix: Any, span: float) -> bool:
 
 
 def exponential(matrix: Any) -> Any:
-    """exp(matrix), shape (n, n), by Taylor's series of a small part and squaring, where it is small in extended precision.
+    """Return exp(matrix), shape (n, n), by Taylor's series of a small part and squaring, for small matrices in extended precision.
 
-    scipy's rational approximation saves squarings and loses digits where modes turn many times: at 20 turns its error is
-    1e-12, that of this one 1e-17 (1e-14 in double precision), and over a long run it is not the growth of a lossless system.
+    scipy's rational approximation needs fewer squarings but loses digits where modes turn many times: at 20 turns its error is 1e-12, that of this
+    one 1e-17 (1e-14 in double precision), and over a long run it does not preserve the amplitude of a lossless system.
     """
     exact: Any = np.asarray(matrix, dtype=np.longdouble if len(matrix) <= EXTENDED else float)
     size = float(np.abs(exact).sum(axis=0).max(initial=0.0))
@@ -188,7 +190,7 @@ def exponential(matrix: Any) -> Any:
         return np.full_like(matrix, np.nan)
     halvings = max(0, int(np.ceil(np.log2(size))) + 2) if size > 0 else 0
     part = exact / np.exp2(np.longdouble(halvings)).astype(exact.dtype)
-    result = term = part  # less the identity, so that a small motion keeps its digits
+    result = term = part  # minus the identity, so that a small motion keeps its digits
     for order in range(2, TERMS):
         term = term @ part / order
         result = result + term
@@ -198,7 +200,7 @@ def exponential(matrix: Any) -> Any:
 
 
 def _balance(matrix: Any) -> Any:
-    """Powers of two that make rows and columns of a matrix of one size (Parlett and Reinsch, 1969); shape (n,)."""
+    """Return powers of two that give rows and columns of a matrix equal size (Parlett and Reinsch, 1969); shape (n,)."""
     away = np.abs(matrix) * (1 - np.eye(len(matrix)))
     scale = np.ones(len(matrix))
     for _ in range(BALANCINGS):
@@ -213,15 +215,15 @@ def _balance(matrix: Any) -> Any:
 
 
 def fastest(form: Linear) -> float:
-    """The time in which the fastest mode changes; infinite if nothing does."""
+    """Return the time scale of the fastest mode; infinite if nothing changes."""
     rate = np.abs(np.linalg.eigvals(form.matrix)).max()
     return float(1 / rate) if rate > 0 else np.inf
 
 
 def intervals(form: Linear, instants: Any, longest: float) -> Intervals | None:
-    """The stretch cut at the reported instants within it, into intervals no longer than `longest` on which b is a polynomial.
+    """Cut the segment at the reported instants within it, into intervals no longer than `longest` on which b is a polynomial.
 
-    None if that would be too many.
+    None if there would be too many.
     """
     stretch = form.stretch
     inner = instants[(instants > stretch.start) & (instants < stretch.stop)]
@@ -242,8 +244,10 @@ def intervals(form: Linear, instants: Any, longest: float) -> Intervals | None:
 
 
 def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
-    """The states at the starts of all intervals and at the end of the last, shape (intervals + 1, n), in SI; None if the
-    exponentials cannot be trusted or the solution overflows."""
+    """Return the states at the starts of all intervals and at the end of the last, shape (intervals + 1, n), in SI.
+
+    None if the exponentials are not accurate or the solution overflows.
+    """
     if not all(_is_trusted(form, length) for length in np.unique(cut.lengths).tolist()):
         return None
     result = np.empty((len(cut.starts) + 1, len(form.scale)))
@@ -259,7 +263,7 @@ def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
 
 
 def between(form: Linear, cut: Intervals, states: Any, places: Any) -> tuple[Any, Any]:
-    """Times (intervals, places) and states (intervals, places, n) inside of the intervals, in SI."""
+    """Return times (intervals, places) and states (intervals, places, n) inside the intervals, in SI."""
     times = cut.starts[:, None] + cut.lengths[:, None] * np.asarray(places)
     result = np.empty((*times.shape, len(form.scale)))
     for length in np.unique(cut.lengths):
@@ -270,7 +274,7 @@ def between(form: Linear, cut: Intervals, states: Any, places: Any) -> tuple[Any
 
 
 def at(form: Linear, cut: Intervals, states: Any) -> Callable[[Any], Any]:
-    """The state at any instants, each by an exponential of its own."""
+    """Return a function that gives the state at any instants, each by a separate exponential."""
 
     def state_at(times: Any) -> Any:
         number = np.clip(np.searchsorted(cut.starts, times, side="right") - 1, 0, len(cut.starts) - 1)
@@ -281,13 +285,13 @@ def at(form: Linear, cut: Intervals, states: Any) -> Callable[[Any], Any]:
 
 
 def _inside(stretch: Segment) -> tuple[float, float]:
-    """The ends of a stretch, less what rounding did to them."""
+    """Return the ends of a segment, moved inwards by their rounding error."""
     margin = ROUNDING * np.spacing(max(abs(stretch.start), abs(stretch.stop)))
     return stretch.start + margin, stretch.stop - margin
 
 
 def _few(lengths: Any) -> Any:
-    """Lengths that differ by rounding alone made equal."""
+    """Return the lengths with those that differ by rounding alone made equal."""
     result = np.array(lengths)
     order = np.argsort(lengths)
     groups = np.split(order, np.flatnonzero(np.diff(lengths[order]) > 1e-9 * lengths[order][1:]) + 1)
@@ -297,7 +301,7 @@ def _few(lengths: Any) -> Any:
 
 
 def _is_followed(form: Linear, starts: Any, lengths: Any) -> bool:
-    """Whether b is a polynomial on each interval, to rounding."""
+    """Return True if b is a polynomial on each interval, to rounding."""
     if not len(form.active):
         return True
     values = form.forcing(starts[:, None] + lengths[:, None] * NODES)
@@ -318,7 +322,7 @@ def _is_followed(form: Linear, starts: Any, lengths: Any) -> bool:
 
 
 def _is_trusted(form: Linear, length: float) -> bool:
-    """Whether the exponential of an interval is the square of that of its half."""
+    """Return True if the exponential of an interval is the square of that of its half."""
     length = form.close_to(length)
     whole, half = form.matrices(length)[0], form.matrices(0.5 * length)[0]
     size = np.abs(half) @ np.abs(half)

@@ -17,7 +17,7 @@ DENSE = 100  # states up to which the linear algebra is dense
 
 
 def is_large(states: int, entries: int) -> bool:
-    """Whether a Jacobian is better treated as sparse."""
+    """Return True if a Jacobian is better treated as sparse."""
     return states > DENSE and entries < 0.2 * states**2
 
 
@@ -27,7 +27,7 @@ class _Dense:
     pivots: Any
     scale: Any
     back: Any
-    negative: bool = False  # a real determinant
+    negative: bool = False  # True if a real determinant is negative
 
     def solve(self, right: Any) -> Any:
         solution, _ = self.back(self.factors, self.pivots, right * self.scale)
@@ -55,7 +55,7 @@ class _Once:
 
 
 def once(rows: Any, columns: Any, differential: Any) -> Shifted:
-    """As `dense`, for a matrix that is used once, by numpy alone. Raises LinAlgError where it is asked, if it is singular."""
+    """Return a factorisation as `dense`, for a matrix that is used once, by numpy alone. Raises LinAlgError at its use, if it is singular."""
     diagonal = np.diag(differential.astype(float))
 
     def shifted(shift: complex, entries: Any) -> Factorised:
@@ -73,7 +73,10 @@ def _row_scale(matrix: Any) -> Any:
 
 
 def dense(rows: Any, columns: Any, differential: Any) -> Shifted:
-    """For the entries of a Jacobian at (rows, columns): a factorised dense matrix. Raises LinAlgError if it is singular."""
+    """Return a function from shift and entries of a Jacobian at (rows, columns) to a factorised dense matrix.
+
+    That function raises LinAlgError if the matrix is singular.
+    """
     from scipy.linalg import lapack
 
     diagonal = np.diag(differential.astype(float))
@@ -93,13 +96,13 @@ def dense(rows: Any, columns: Any, differential: Any) -> Shifted:
 
 
 def _is_negative(factors: Any, pivots: Any) -> bool:
-    """The sign of a determinant: that of the pivots and of the exchanges of rows."""
+    """Return True if a determinant is negative, from the signs of the pivots and the exchanges of rows."""
     exchanged = np.count_nonzero(pivots != np.arange(len(pivots)))
     return bool((np.count_nonzero(np.diagonal(factors) < 0) + exchanged) % 2)
 
 
 def sparse(rows: Any, columns: Any, differential: Any) -> Shifted:
-    """The same for large systems with few entries. Raises RuntimeError if the matrix is singular."""
+    """Return the same for large systems with few entries. The function raises RuntimeError if the matrix is singular."""
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
 

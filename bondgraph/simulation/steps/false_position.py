@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-CLOSE, ROUNDS = 1e-9, 12  # how near two places are that are one, and tries to find it
+CLOSE, ROUNDS = 1e-9, 12  # distance of two places that count as one, and most iterations
 
 
 def false_position(function: Callable[[float], Any], item: Any, a: float, b: float, at_a: float, at_b: float) -> float:
-    """Nearly a zero between two places of unlike signs (Illinois: Dowell and Jarratt, BIT 11, 1971)."""
+    """Return an approximate zero between two places of different signs (Illinois: Dowell and Jarratt, BIT 11, 1971)."""
     for _ in range(ROUNDS):
         new = b - at_b * (b - a) / (at_b - at_a)
         value = float(function(new)[item])

@@ -1,4 +1,4 @@
-"""The methods that step, by the names that an author gives them, and how a result names them."""
+"""Integration methods: the names that an author uses, and their names in a result."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from ...door import SOLVERS
 from ...errors import UsageError
 
 AUTOMATIC = "automatic"
-RADAU, EXPLICIT, ENERGY, RODAS = 0, 1, 2, 3  # of those that step, the number in compiled code
+RADAU, EXPLICIT, ENERGY, RODAS = 0, 1, 2, 3  # indices of the methods in compiled code
 NAMES = {RADAU: "Radau IIA 5", EXPLICIT: "Dormand-Prince 8", ENERGY: "Gauss 6 with constant energy", RODAS: "Rodas5P"}
 
 
 def chosen_solver(word: str | None) -> str:
-    """The solver that is asked for. Raises `UsageError`."""
+    """Return the requested solver. Raises `UsageError`."""
     if word is None:
         return AUTOMATIC
     if word not in SOLVERS:

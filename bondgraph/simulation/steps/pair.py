@@ -1,7 +1,7 @@
-"""The explicit pair of Dormand and Prince of order 8, with estimates of orders 5 and 3 and a polynomial of order 7 within a step.
+"""Explicit method of Dormand and Prince of order 8 (DOP853), with estimates of orders 5 and 3 and a dense output of order 7.
 
-Coefficients are those of Hairer, Nørsett and Wanner, Solving ODEs I, second edition 1993, section II.5 and its appendix (DOP853), where the
-estimate (II.10.17) and the stages that the polynomial needs are explained too. Rows of the method's matrix are written without zeros.
+Coefficients are those of Hairer, Nørsett and Wanner, Solving ODEs I, second edition 1993, section II.5 and its appendix (DOP853), which also
+explain the estimate (II.10.17) and the stages of the dense output. Rows of the method's matrix are written without zeros.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-STAGES, ALL_STAGES = 12, 16  # of a step; with its end and what the polynomial needs besides
+STAGES, ALL_STAGES = 12, 16  # stages of a step; with its end and the further stages of the dense output
 C = (
     0.0,
     0.05260015195876773,
@@ -29,7 +29,7 @@ C = (
     0.2,
     0.7777777777777778,
 )
-# The slopes that stage i reads stand at FROM[STARTS[i]:STARTS[i + 1]], their weights there in A; number 12 is the end of the step.
+# Stage i reads the rates of stages FROM[STARTS[i]:STARTS[i + 1]], with the weights in A there; number 12 is the end of the step.
 STARTS = (
     0,
     0,
@@ -217,7 +217,7 @@ A = (
     2.9475147891527724,
     -9.15095847217987,
 )
-# Of the two error estimates, over the stages of a step.
+# Weights of the two error estimates, over the stages of a step.
 E5 = (
     0.01312004499419488,
     0.0,
@@ -246,7 +246,7 @@ E3 = (
     0.20136540080403034,
     0.02265179219836082,
 )
-# Of the polynomial: four of its coefficients, over all stages.
+# Weights of the dense output: four of its coefficients, over all stages.
 D = (
     -8.428938276109013,
     0.0,
@@ -313,31 +313,31 @@ D = (
     -39.17726167561544,
     -149.72683625798564,
 )
-# The estimate is as close to the error as such estimates are, that of Radau says ten to a hundred times too much. So many times the estimate is
-# held to the tolerance, so that a tolerance means the same for both; it takes 1.8 times the steps.
+# This estimate is close to the error; that of Radau is ten to a hundred times too large. The estimate times this factor is compared with the
+# tolerance, so that a tolerance means the same for both methods; it takes 1.8 times the steps.
 CAREFUL = 100.0
-SHORTEST, LONGEST, SAFETY = 1 / 3, 6.0, 0.9  # of the next step, in parts of the last; and of what the estimate says
-# A step times the rate of the fastest mode: the method is stable up to some 6 wherever modes do not grow. Accuracy alone allows 1.7 at a tolerance
-# of 1e-3 and 0.7 at 1e-6 where the mode moves. If accuracy would allow longer steps so often, without so many others between, stability holds them.
+SHORTEST, LONGEST, SAFETY = 1 / 3, 6.0, 0.9  # ratios of two steps; safety factor of the estimate
+# Step size times the rate of the fastest mode: the method is stable up to about 6 where modes do not grow. Accuracy alone allows 1.7 at a tolerance
+# of 1e-3 and 0.7 at 1e-6 where the mode moves. Stability limits the steps if accuracy would allow longer ones OFTEN times, with few others between.
 STABLE, OFTEN, SELDOM = 5.2, 15, 6
-# Of a step, from its start: a bend that is nearer has just been left (a first slope from before a bend errs by as much as the share of the step, which no
-# estimate sees); how often a step is made to end at a bend before its error alone counts; and by one over how much the step after it grows at most.
+# Fraction of a step from its start: a nearer kink has just been left (the error of a first rate from before a kink is that fraction of the step, which
+# no estimate shows); number of steps cut at a kink before only the error counts; inverse of the largest growth of the step after one.
 NEAREST, MOST_BENDS, REGAINED = 1e-8, 8, 1e-4
-LOOK_AGAIN = 20  # steps after which the fastest mode is looked for again
-ITERATIONS = 8  # of the search; twice as many count nothing in the first one
-# Where a step looks at what time alone moves: at stages, and between these, where the polynomial through the former must fit.
+LOOK_AGAIN = 20  # steps after which the fastest mode is searched again
+ITERATIONS = 8  # iterations of that search
+# Places at which a step samples the signals of time: at stages, and between them, where the polynomial through the former must fit.
 _SEEN = np.array([C[0], C[2], C[4], C[9], C[10], C[11]])
 _BETWEEN = np.array([0.035, 0.17, 0.36, 0.52, 0.74, 0.93])
 SEEN, UNSEEN = len(_SEEN), len(_BETWEEN)
 LOOKS = (*_SEEN.tolist(), *_BETWEEN.tolist())
 BETWEEN = tuple(np.linalg.solve(np.vander(_SEEN).T, np.vander(_BETWEEN, SEEN).T).T.ravel().tolist())
-THROUGH = tuple(np.linalg.inv(np.vander(_SEEN)).ravel().tolist())  # to the coefficients of that polynomial
-PARTS = 4  # of a step, each of which is searched for events by itself: a step is that much longer than one of Radau
-INNER = (0.2, 0.4, 0.6, 0.8)  # places of a step where the limits of a model are looked at
+THROUGH = tuple(np.linalg.inv(np.vander(_SEEN)).ravel().tolist())  # matrix to the coefficients of that polynomial
+PARTS = 4  # parts of a step that are searched for events separately: a step is that much longer than one of Radau
+INNER = (0.2, 0.4, 0.6, 0.8)  # fractions of a step at which the limits of a model are checked
 
 
 def polynomial(rows: Any, before: Any, start: float, stop: float, times: Any) -> Any:
-    """States at instants within a step, shape (times, n), from the rows of its polynomial and the state before it."""
+    """Return states at instants within a step, shape (times, n), from the rows of its dense output and the state before it."""
     at = ((np.asarray(times) - start) / (stop - start))[:, None]
     value = np.zeros(1)
     for number, row in enumerate(rows[::-1]):

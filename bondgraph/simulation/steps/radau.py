@@ -6,8 +6,8 @@ error estimate) and VI.1 (problems with M). Four things differ from the program 
 - Within a step the quintic through values and slopes of the last three step ends is evaluated, which has the order of the
   method; the slope at a step's end is that of the collocation polynomial, so that stiffness does not magnify its error.
 - The caller gives states divided by their magnitudes, and a factorisation that scales rows.
-- Where a step ends, the unknowns of loops must solve their equations, whatever the slopes say that iterated them.
-- A step that is rejected again and again although it gets shorter is told from one that is too long: what is left is round-off.
+- At the end of a step, the unknowns of loops must solve their equations, whatever Jacobian the iteration used.
+- A step that is rejected repeatedly although it gets shorter is distinguished from one that is too long: the remaining error is round-off.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .tolerances import (
 
 _S6 = 6**0.5
 C = np.array([(4 - _S6) / 10, (4 + _S6) / 10, 1.0])
-E = np.array([-13 - 7 * _S6, -13 + 7 * _S6, -1]) / 3  # of the error estimate
+E = np.array([-13 - 7 * _S6, -13 + 7 * _S6, -1]) / 3  # weights of the error estimate
 MU_REAL = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)  # eigenvalues of the inverse of the method's matrix
 MU_COMPLEX = 3 + 0.5 * (3 ** (1 / 3) - 3 ** (2 / 3)) - 0.5j * (3 ** (5 / 6) + 3 ** (7 / 6))
 T = np.array(
@@ -51,7 +51,7 @@ TI = np.array(
     ]
 )
 TI_REAL, TI_COMPLEX = TI[0], TI[1] + 1j * TI[2]
-# The collocation polynomial is y0 + Z.T P [s, s^2, s^3]; D is its slope at the end.
+# The collocation polynomial is y0 + Z.T P [s, s^2, s^3]; D gives its derivative at the end.
 P = np.array(
     [
         [13 / 3 + 7 * _S6 / 3, -23 / 3 - 22 * _S6 / 3, 10 / 3 + 5 * _S6],
@@ -60,30 +60,30 @@ P = np.array(
     ]
 )
 D = P @ np.array([1.0, 2.0, 3.0])
-INNER = tuple(C[:-1].tolist())  # places of a step where the limits of a model are looked at
+INNER = tuple(C[:-1].tolist())  # fractions of a step at which the limits of a model are checked
 NEWTON_ITERATIONS = 6
-SLOWEST = 0.9  # contraction of a single number of the stages by an iteration: what is slower counts as that
-CREEPING = 0.5  # and what is faster needs no look of its own
-UNSOLVED = 0.5  # of what was left of a loop's equation before the last change: it is no solution where more is left
-SOLVED = 0.01  # of the tolerance, by which the unknown of a loop may miss its equation
-NOISE = 1e-15  # of the terms of an equation of a loop: what is left of them is none
-ROUNDED = 1e-12  # of the terms of such an equation: rounding
-STIFF = 300.0  # times its own size a state would change in a step, if the others did not follow
-SURE = 0.3  # of the tolerance: polynomials within a step that differ by less are both right
-NEAR = 1e-4  # of a step: so far apart two of their values tell a slope
-SLOW = 0.1  # contraction beyond which Newton's method takes a Jacobian anew there
-BACK_ITERATIONS, BACK_PATIENT = 8, 1  # of Newton's method there; in a row that are slow with a new Jacobian
-LEFT = 1e-3  # of a tolerance, which it may leave
-FIRST_ULPS = 1e3  # of the time: no run begins with steps that rounding leaves nothing of
-SMALLEST, LARGEST = 0.2, 8.0  # factors between two steps
-# A step over a bend of a law whose error is more than this share of the tolerance ends at the bend instead, unless that is nearer to
-# its start than a share of it; but not again and again.
+SLOWEST = 0.9  # largest contraction assumed for a single component of the stages
+CREEPING = 0.5  # contraction below which components need no separate check
+UNSOLVED = 0.5  # ratio to the residual of a loop equation before the last change: a larger one is no solution
+SOLVED = 0.01  # in units of the tolerance: error of a loop unknown that counts as solved
+NOISE = 1e-15  # relative to the terms of a loop equation: smaller residuals count as zero
+ROUNDED = 1e-12  # relative to the terms of such an equation: rounding
+STIFF = 300.0  # relative change of a state in a step, if the others did not follow, from which it counts as stiff
+SURE = 0.3  # in units of the tolerance: two polynomials within a step that differ by less are accurate
+NEAR = 1e-4  # fraction of a step: distance of two values of a difference quotient
+SLOW = 0.1  # contraction above which Newton's method computes the Jacobian again there
+BACK_ITERATIONS, BACK_PATIENT = 8, 1  # iterations of Newton's method there; successive slow ones with a new Jacobian
+LEFT = 1e-3  # in units of the tolerance: its remaining error
+FIRST_ULPS = 1e3  # in units in the last place of the time: least first step
+SMALLEST, LARGEST = 0.2, 8.0  # ratios of two steps
+# A step over a kink of a law with an error above this fraction of the tolerance ends at the kink instead, unless the kink is nearer to
+# its start than a fraction of it; but not repeatedly.
 BENT, NEAREST, MOST_BENDS = 0.1, 1e-2, 4
-ON_IT = 1e-6  # of a bend's values in a step: that counts as zero
-CLOSE = 1e-9  # of a step, to which a bend is found
-BEYOND = 1e-6  # of a step that ends at a bend: so far behind its end the other side is looked at
-STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps that are so much shorter must have helped
-PATIENT = 3  # rejected tries after which steps get shorter at once
+ON_IT = 1e-6  # relative to the values of a kink function in a step: smaller values count as zero
+CLOSE = 1e-9  # fraction of a step: accuracy of the place of a kink
+BEYOND = 1e-6  # fraction of a step that ends at a kink: distance behind it at which the other side is evaluated
+STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps shorter by this factor must have reduced the error
+PATIENT = 3  # rejected tries after which steps get much shorter
 
 
 class Factorised(Protocol):
@@ -91,7 +91,7 @@ class Factorised(Protocol):
 
     @property
     def negative(self) -> bool:
-        """Whether the determinant of a real one is, where that is known."""
+        """True if the determinant of a real matrix is negative, where its sign is known."""
         ...
 
     def solve(self, right: Any) -> Any: ...
@@ -101,7 +101,7 @@ Factorise = Callable[[Any], Factorised]
 
 
 class StepFailed(Exception):
-    """No step is short enough; `what` failed last: newton, error, or round-off where shorter steps were no better."""
+    """Raised if no step is short enough; `what` failed last: newton, error, or round-off where shorter steps were no better."""
 
     def __init__(self, what: str) -> None:
         self.what = what
@@ -109,7 +109,7 @@ class StepFailed(Exception):
 
 @dataclass(slots=True)
 class Problem:
-    """M y' = f(t, y), with its Jacobian and a factorisation that fits it. `differential` marks the rows where M is 1."""
+    """M y' = f(t, y), with its Jacobian and a matching factorisation. `differential` marks the rows where M is 1."""
 
     function: Callable[[float, Any], Any]
     jacobian: Callable[[float, Any], Any]
@@ -117,22 +117,22 @@ class Problem:
     differential: Any
     relative: float
     absolute: Any  # per state
-    follows: Callable[[float, float], bool]  # whether a step from here to there would see what time alone moves
+    follows: Callable[[float, float], bool]  # start, stop -> True if a step resolves the signals of time
     longest: float = np.inf  # no step is longer
-    hold: Callable[[float, Any], Any] | None = None  # brings the end of a step onto the invariants of the states
-    bends: Callable[[float, Any], Any] | None = None  # time, state -> zero where a law bends
-    terms: Callable[[Any, Any], Any] = lambda jacobian, state: 0.0  # per row, the sum of the sizes of what it adds up
-    mode: Any = None  # what conditions are in the functions, to be changed in place
+    hold: Callable[[float, Any], Any] | None = None  # projects the end of a step on the invariants of the states
+    bends: Callable[[float, Any], Any] | None = None  # time, state -> kink functions, zero where a law has a kink
+    terms: Callable[[Any, Any], Any] = lambda jacobian, state: 0.0  # per row, the sum of the sizes of its terms
+    mode: Any = None  # the conditions used by the functions, to be changed in place
 
 
 class Radau:
-    """Steps from `time` to `stop`; after each `step()` the last one can be sampled."""
+    """Radau IIA from `time` to `stop`; after each `step()` the last one can be sampled."""
 
     def __init__(self, problem: Problem, time: float, state: Any, stop: float, size: float = np.inf) -> None:
         self.problem, self.time, self.state, self.stop = problem, time, state, stop
         self.evaluations = {"derivative": 0, "jacobian": 0, "factorisation": 0}
         self.rejected = 0
-        self.error: Any = np.zeros(len(state))  # of the last step, in units of its tolerance
+        self.error: Any = np.zeros(len(state))  # error of the last step, in units of its tolerance
         self._rate = self._function(time, state)
         self._size = size if np.isfinite(size) else self._first_size()
         self._newton_tolerance = newton_tolerance(problem.relative)
@@ -141,14 +141,14 @@ class Radau:
         self._creeping_tolerance = creeping_tolerance(problem.relative)
         self._allowed = allowed_estimate(problem.relative)
         self._jacobian: Any = None
-        self._explicit = bool(np.all(problem.differential))  # no unknowns of loops, nor of closing joints
+        self._explicit = bool(np.all(problem.differential))  # neither unknowns of loops nor of loop joints
         self._has_loops = not self._explicit and problem.hold is None
-        self._current = False  # whether the Jacobian is that of this state
-        self._side: Any = None  # of the bends on which it was taken
+        self._current = False  # True if the Jacobian belongs to this state
+        self._side: Any = None  # side of the kinks at which it was computed
         self._real: Factorised | None = None
-        self.factors: Factorised | None = None  # of the last step, the real ones
+        self.factors: Factorised | None = None  # real factors of the last step
         self._complex: Factorised | None = None
-        self._stages: Any = None  # of the last step, relative to its start
+        self._stages: Any = None  # stages of the last step, relative to its start
         self._factorised_size = 0.0
         self._ends = [End(time, state, None)]
         self._last_size, self._last_error = 0.0, 0.0
@@ -156,46 +156,46 @@ class Radau:
     # ------------------------------------------------------------ what a run asks
     @property
     def finished(self) -> bool:
-        """Whether the end is reached."""
+        """True if the end is reached."""
         return self.time >= self.stop
 
-    parts = 1  # of a step, each of which is searched for events by itself
+    parts = 1  # parts of a step that are searched for events separately
 
     @property
     def inner(self) -> tuple[float, ...]:
-        """The places of a step where the limits of a model are looked at."""
+        """Fractions of a step at which the limits of a model are checked."""
         return INNER
 
     def put_mode(self, mode: Any) -> None:
-        """Conditions are like this from now on."""
+        """Set the mode from now on."""
         self.problem.mode[:] = mode
 
     def begin_with(self, size: float) -> None:
-        """Let the next step be no longer than this."""
+        """Limit the next step to this size."""
         self._size = size
 
     def hold_to(self, absolute: Any) -> None:
-        """Other absolute tolerances from now on."""
+        """Set the absolute tolerances from now on."""
         self.problem.absolute = absolute
 
     @property
     def wish(self) -> float:
-        """How long the next step would be if nothing else limited it."""
+        """Size of the next step if nothing else limits it."""
         return self._size
 
     @property
     def last_step(self) -> tuple[float, float]:
-        """Its start and its end."""
+        """Start and end of the last step."""
         return self._ends[-2].time, self._ends[-1].time
 
     def step(self) -> None:
-        """One accepted step. Raises `StepFailed`."""
+        """Make one accepted step. Raises `StepFailed`."""
         problem, time, state = self.problem, self.time, self.state
         least = 10 * np.abs(np.nextafter(time, np.inf) - time)
         size, reason = min(self._size, self.stop - time, problem.longest), "error"
-        norms: list[float] = []  # of the rejected tries
+        norms: list[float] = []  # errors of the rejected tries
         sizes: list[float] = []
-        bent = 0  # how often the step was made to end at a bend
+        bent = 0  # number of times that the step was cut at a kink
         if time + 1.01 * size >= self.stop:
             size = self.stop - time
         while size > 2 * least and not problem.follows(time, time + size):
@@ -234,7 +234,7 @@ class Radau:
                 reason = "error"
                 factor = 0.1 if not np.isfinite(norm) else self._factor(size, norm)
                 sizes.append(size)
-                # What a stiff mode rings with errs alike at all steps that are longer than its period: those are left behind quickly.
+                # The error of an oscillating stiff mode is equal for all steps longer than its period: reduce those quickly.
                 size *= max(SMALLEST, safety * factor) if len(norms) < PATIENT else SMALLEST
                 self.rejected += 1
                 norms.append(norm)
@@ -253,18 +253,18 @@ class Radau:
         self.error = error
 
     def _look_at_side(self, ahead: float) -> None:
-        """After a step, and where it ends at a bend a little further: a Jacobian from the other side of a bend hides errors, which are filtered through it."""
+        """Renew the Jacobian after a step if it belongs to the other side of a kink, also where the step ends at one: it would hide errors filtered by it."""
         time, state = self.time + ahead, self.state + ahead * self._rate
         if (self._side_at(time, state) != self._side).any():
             self._renew(time, state)
 
     def _side_at(self, time: float, state: Any) -> Any:
-        """On which side of all bends a state is."""
+        """Return the side of each kink at which a state lies: the signs of the kink functions; None if there are none."""
         bends = self.problem.bends
         return np.sign(bends(time, state)) if bends is not None else None
 
     def _bend(self, time: float, state: Any, size: float, stages: Any) -> float:
-        """The share of a step at which a law bends first, along the collocation polynomial; 1 if none does."""
+        """Return the fraction of a step at which a law first has a kink, along the collocation polynomial; 1 if there is none."""
         bends = self.problem.bends
         assert bends is not None
 
@@ -275,7 +275,7 @@ class Radau:
         seen = np.stack(
             [bends(time, state), *(bends(time + c * size, state + z) for c, z in zip(C, stages, strict=True))]
         )
-        seen[0][np.abs(seen[0]) <= ON_IT * np.abs(seen).max(axis=0)] = 0.0  # where the last step ended
+        seen[0][np.abs(seen[0]) <= ON_IT * np.abs(seen).max(axis=0)] = 0.0  # zero at the end of the last step
         places = np.array([0.0, *C])
         first = 1.0
         for row, column in zip(*np.nonzero(seen[:-1] * seen[1:] < 0), strict=True):
@@ -287,10 +287,10 @@ class Radau:
         return first if first < 1 - CLOSE else 1.0
 
     def sample(self, times: Any) -> Any:
-        """States at instants within the last step; shape (times, n).
+        """Return states at instants within the last step; shape (times, n).
 
-        The quintic through the last ends, unless it differs from the collocation polynomial (order 3) by more than that can err: then something
-        bent within the steps that it spans.
+        The quintic through the last step ends, unless it differs from the collocation polynomial (order 3) by more than that one's error: then a law had a
+        kink within the steps that it spans.
         """
         times = np.asarray(times)
         after, cubic = self._ends[-1], self.collocation(times)
@@ -302,28 +302,28 @@ class Radau:
         return np.where((np.abs(quintic - cubic) <= limit) & np.isfinite(limit), quintic, cubic)
 
     def interpolated(self, times: Any) -> Any:
-        """The polynomial through the last ends, or the collocation polynomial where these are too few; shape (times, n)."""
+        """Return the polynomial through the last step ends, or the collocation polynomial where these are too few; shape (times, n)."""
         return hermite(self._ends, times) if self.has_quintic else self.collocation(times)
 
     @property
     def jacobian(self) -> Any:
-        """The one that served last."""
+        """The Jacobian used last."""
         return self._jacobian
 
     @property
     def has_quintic(self) -> bool:
-        """Whether three ends are known."""
+        """True if three step ends are known."""
         return len(self._ends) == 3
 
     @property
     def state_at_end(self) -> Any:
-        """Of the last step."""
+        """State at the end of the last step."""
         return self._ends[-1].state
 
     def collocation(self, times: Any) -> Any:
-        """The collocation polynomial of the last step; shape (times, n).
+        """Return the collocation polynomial of the last step; shape (times, n).
 
-        Its integral is what the step adds to a state: what is summed up along it agrees with the states, stiff parts included.
+        The step adds its integral to a state: integrals along it agree with the states, stiff parts included.
         """
         before, after = self._ends[-2:]
         s = (np.asarray(times) - before.time) / (after.time - before.time)
@@ -342,8 +342,11 @@ class Radau:
         self._side = self._side_at(time, state)
 
     def _first_size(self) -> float:
-        """Hairer, Nørsett and Wanner, Solving ODEs I, section II.4, from slopes of the differential part. A state below its tolerance, as a jump
-        leaves it of what was large, tells no length: what moves all by a hundredth of the tolerance is short enough."""
+        """Return the first step size after Hairer, Nørsett and Wanner, Solving ODEs I, section II.4, from rates of the differential part.
+
+        A state below its tolerance, as after a jump from a large value, gives no size: there a step that changes all states by a hundredth of the
+        tolerance is short enough.
+        """
         problem, span = self.problem, self.stop - self.time
         scale = problem.absolute + np.abs(self.state) * problem.relative
 
@@ -361,7 +364,7 @@ class Radau:
         return float(min(max(min(100 * h0, h1), FIRST_ULPS * float(np.spacing(self.time))), span))
 
     def _guess(self, size: float) -> Any:
-        """Stages from the last step's polynomial, carried on."""
+        """Return stages extrapolated from the last step's polynomial."""
         if self._stages is None or self._last_size == 0:
             return np.zeros((3, len(self.state)))
         s = 1 + C * size / self._last_size
@@ -369,7 +372,7 @@ class Radau:
         return (powers.T @ P.T) @ self._stages - self._stages[-1]
 
     def _newton(self, time: float, state: Any, size: float, stages: Any, scale: Any) -> tuple[Any, int, float] | None:
-        """The simplified Newton iteration for the stages: `(stages, iterations, rate)`, or None if it does not converge."""
+        """Iterate for the stages by simplified Newton; return `(stages, iterations, rate)`, or None if it does not converge."""
         m = self.problem.differential
         if self._real is None or abs(size - self._factorised_size) > 1e-9 * size:
             self.evaluations["factorisation"] += 2
@@ -382,7 +385,7 @@ class Radau:
                 return None
         assert self._complex is not None
         if self._explicit and self._real.negative:
-            return None  # a mode grows by exp(MU_REAL) and more within the step, and the method would damp it
+            return None  # a mode grows by exp(MU_REAL) or more within the step, and the method would damp it
         w = TI @ stages
         f = np.empty_like(stages)
         m_real, m_complex = MU_REAL / size * m, MU_COMPLEX / size * m
@@ -423,30 +426,35 @@ class Radau:
     def _stagnant(
         self, time: float, state: Any, scale: Any, answer: tuple[Any, int, float], residual: Any, norm: float
     ) -> tuple[Any, int, float] | None:
-        """The answer of an iteration that gets no better, if rounding is all that is left: see `rounding`; else None."""
+        """Return the answer of an iteration that no longer improves, if the remainder is rounding (see `rounding`); else None."""
         if norm > self._stagnation_tolerance or not norm <= STAGNANT * self.rounding(time, state, scale):
             return None
         self._residual = residual
         return answer
 
     def rounding(self, time: float, state: Any, scale: Any) -> float:
-        """The norm of what rounding does to a stage, in units of the tolerance, from a second difference of the rates within which they are straight.
+        """Return the norm of the rounding error of a stage, in units of the tolerance, from a second difference of the rates over a very short distance.
 
-        Laws of large numbers that nearly cancel, as lengths of a mechanism beside its displacements, round by more than states do."""
+        Laws with large numbers that nearly cancel, as lengths of a mechanism next to its displacements, have larger rounding errors than the states.
+        """
         assert self._real is not None
         aside = ASIDE * state * np.where(np.arange(len(state)) % 2, -1.0, 1.0)
         bent = self._function(time, state + aside) - 2 * self._rate + self._function(time, state - aside)
         return _norm(self._real.solve(np.where(np.isfinite(bent), bent, 0.0)) / scale)
 
     def _noise(self, state: Any) -> Any:
-        """What rounding leaves of the equations of loops, shape (n,); below zero for the others. Where leakage alone decides an unknown, a correction by
-        rounding has no end."""
+        """Return the rounding level of the loop equations, shape (n,); negative for the others.
+
+        Where only leakage determines an unknown, corrections by rounding would never end.
+        """
         problem = self.problem
         return np.where(problem.differential, -1.0, NOISE * problem.terms(self._jacobian, state))
 
     def _misses(self, end: float, new: Any, size: float, scale: Any) -> bool:
-        """Whether the unknowns of loops do not solve their equations where a step ends. Slopes of another place, as of a diode that conducts no more, may be
-        so much too steep that iterations change nothing; where as much is left of an equation as before the last one, slopes of the end tell how much it is.
+        """Return True if the unknowns of loops do not solve their equations at the end of a step.
+
+        A Jacobian of another place, as of a diode that no longer conducts, may be so much too steep that iterations change nothing. Where the residual is as
+        large as before the last iteration, the Jacobian at the end gives the error.
         """
         if not self._has_loops:
             return False
@@ -467,7 +475,7 @@ class Radau:
         return not np.abs(off[~self.problem.differential]).max() <= SOLVED
 
     def _estimate(self, time: float, state: Any, size: float, stages: Any, new: Any, rejected: bool) -> Any:
-        """The error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
+        """Return the error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
         assert self._real is not None
         problem = self.problem
         scale = self._allowed * (problem.absolute + np.maximum(np.abs(state), np.abs(new)) * problem.relative)
@@ -478,11 +486,11 @@ class Radau:
         return error / scale
 
     def _without_noise(self, rates: Any, state: Any) -> Any:
-        """Rates with equations of loops that lack no more than rounding taken for solved."""
+        """Return rates with residuals of loop equations below rounding set to zero."""
         return np.where(np.abs(rates) <= self._noise(state), 0.0, rates) if self._has_loops else rates
 
     def _factor(self, size: float, norm: float) -> float:
-        """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8)."""
+        """Return the step-size factor from the last two errors (Gustafsson; Hairer and Wanner, section IV.8)."""
         if norm == 0:
             return LARGEST
         factor: float = norm**-0.25
@@ -500,7 +508,7 @@ class Radau:
         self._last_size, self._last_error = size, max(norm, 1e-2)
         self.time, self.state, self._stages = end, new, stages
         self._rate = self._ahead if self._has_loops else self._function(end, new)
-        if self.problem.hold is not None:  # multipliers that were solved for another state say nothing of an error
+        if self.problem.hold is not None:  # multipliers of another state give no error estimate
             self._rate = np.where(self.problem.differential, self._rate, 0.0)
         stale = iterations > 2 and rate > 1e-3
         if rejected:
@@ -510,7 +518,7 @@ class Radau:
         else:
             self._current = False
         if not stale and factor < 1.2:
-            factor = 1.0  # the factorisation serves once more
+            factor = 1.0  # the factorisation is used once more
         self._size = size * factor
 
 
@@ -519,7 +527,9 @@ def _norm(x: Any) -> float:
 
 
 def _left(share: Any, before: Any) -> float:
-    """The most that further iterations would change a single number: a Jacobian that is far too steep for one of them lets it creep, which hides beside
-    large changes of the others. The last changes in units of the tolerance, and those before."""
+    """Return the largest further change of a single component by more iterations, from the last changes and those before, in units of the tolerance.
+
+    With a Jacobian that is far too steep for it, one component changes slowly, which large changes of the others hide.
+    """
     rate = np.minimum(share / np.where(before > 0, before, np.inf), SLOWEST)
     return float(np.where(rate > CREEPING, share * rate / (1 - rate), 0.0).max(initial=0.0))

@@ -1,13 +1,11 @@
-"""Rodas5P: a Rosenbrock method of order 5 for M y' = f(t, y) with M = diag(1 … 1, 0 … 0), stiffly accurate and L-stable, with an estimate of order 4
-and a polynomial of order 4 within a step.
+"""Rodas5P: Rosenbrock method of order 5 for M y' = f(t, y) with M = diag(1 … 1, 0 … 0), stiffly accurate, L-stable.
 
-Steinebach, Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within the Julia Differential Equations package, BIT Numerical
-Mathematics 63, 27, 2023. A step solves eight linear systems of one matrix and iterates nothing. With J = df/dy and df/dt where a step of length h begins
-its stages are (Hairer and Wanner, Solving ODEs II, section IV.7, without products by J)
-
+It has an estimate of order 4 and a polynomial of order 4 within a step. Steinebach, Construction of Rosenbrock-Wanner method Rodas5P and numerical
+benchmarks within the Julia Differential Equations package, BIT Numerical Mathematics 63, 27, 2023. A step solves eight linear systems with one
+matrix, without iteration. With J = df/dy and df/dt at the start of a step of length h its stages are (Hairer and Wanner, Solving ODEs II, section
+IV.7, without products by J)
     (M/(GAMMA h) - J) U_i = f(t + C_i h, y + sum_j A_ij U_j) + M sum_j COUPLING_ij U_j / h + D_i h df/dt.
-
-The last two stages ask for f where the one before them and its U lead. So does the end of the step; the last U is the estimate.
+The last two stages evaluate f at the result of the stage before them and its U. So does the end of the step; the last U is the estimate.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ C = (0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.42884036
 D = (
     0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734, 2.325825639765069, 0.0, 0.0, 0.0,
 )  # fmt: skip
-WRITTEN = 6  # stages whose weights stand in A
+WRITTEN = 6  # number of stages with weights in A
 # Rows below the diagonal, one after the other: that of stage i begins at i (i - 1)/2.
 A = (
     3.0,
@@ -39,7 +37,7 @@ COUPLING = (
     37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047, -40.06618937091002, -54.66780262877968,
     -9.48861652309627,
 )  # fmt: skip
-# Within a step y(s) = y0 + s (y1 - y0 + (1 - s) (H0 + s H1 + s^2 H2) U) at a share s of it.
+# Within a step y(s) = y0 + s (y1 - y0 + (1 - s) (H0 + s H1 + s^2 H2) U) at a fraction s of it.
 _H = np.array([
     [25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204,
      0.524948541321073, 1.1241088310450404, 0.4272876194431874, -0.17202221070155493],
@@ -52,8 +50,9 @@ ROWS = 3
 WITHIN = tuple(
     np.stack([_H[0], _H[1] + _H[2], -_H[2]]).ravel().tolist()
 )  # the same in powers of s and 1 - s in turns, as `pair.polynomial`
-ASIDE = 1e-3  # of a step: so far apart three rates tell their slope in time
-CAREFUL = 10.0  # times the estimate are held to the tolerance: it is closer to the error than that of Radau
-SHORTEST, LONGEST, SAFETY = 0.2, 6.0, 0.9  # of the next step, in parts of the last; and of what the estimate says
-MOST_BENDS = 8  # how often a step is made shorter because of a bend: stages ask beyond its end, where the law is another one, of which the estimate sees little
-POWER = 0.2  # of the estimate: steps go as that
+ASIDE = 1e-3  # fraction of a step: distance of three rates for their derivative by time
+CAREFUL = 10.0  # factor on the estimate, which is closer to the error than that of Radau
+SHORTEST, LONGEST, SAFETY = 0.2, 6.0, 0.9  # ratios of two steps; safety factor of the estimate
+# Most reductions of a step because of a kink: stages are evaluated beyond it, with another branch of the law, which the estimate hardly shows.
+MOST_BENDS = 8
+POWER = 0.2  # exponent of the estimate in the step size

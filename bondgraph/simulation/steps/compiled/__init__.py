@@ -1,1 +1,1 @@
-"""Stepping in machine code: the subset that is compiled, and how a run uses it."""
+"""Integration in machine code: functions in the subset of Python that is compiled, and their use in a run."""

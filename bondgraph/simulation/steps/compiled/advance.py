@@ -1,8 +1,7 @@
-"""Stepping in the subset of Python that becomes machine code: the loop over steps of `one_by_one.py`, with the same decisions, around a step of
-one method or another.
+"""Loop over steps in the subset of Python that becomes machine code: as in `one_by_one.py`, with the same decisions, around a step of one method.
 
-For Radau the reference is `radau.py`, in which the method is explained and whose names stand here; a test holds both to the same steps. The other
-methods are written here alone, and run as Python where there is no machine code.
+For Radau the reference is `radau.py`, which explains the method and uses the same names; a test requires equal steps of both. The other methods
+are written here only, and run as Python where there is no machine code.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from .stepper import Stepper
 from .watching import GOES_ON, begin_watch, watch
 from .within import sample
 
-FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # what `advance` answers, or why there is no step
-FLIP = 11  # in the last step a condition may flip: the caller says where it ends, if one does (`until`), or that the mode is another
-STIFF = 10  # it is stability that holds the steps of an explicit method
+FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # results of `advance`, besides the reasons why there is no step
+FLIP = 11  # a condition may cross zero in the last step: the caller sets its end (`until`), or another mode
+STIFF = 10  # stability limits the steps of an explicit method
 
 
 def advance(s: Stepper, most: int) -> int:
-    """Up to `most` steps; less if something needs the caller's attention."""
+    """Make up to `most` steps; return earlier if the caller has to act."""
     for _ in range(most):
         if s.pending == 0:
             if s.time >= s.stop:
@@ -63,7 +62,7 @@ def advance(s: Stepper, most: int) -> int:
 
 
 def one_step(s: Stepper) -> int:
-    """One accepted step of the method: 0, or why there is none."""
+    """Make one accepted step of the method; return 0, or the reason why there is none."""
     if s.method == EXPLICIT:
         return explicit_step(s)
     if s.method == ENERGY:
@@ -74,7 +73,7 @@ def one_step(s: Stepper) -> int:
 
 
 def begin(s: Stepper) -> None:
-    """The first slope and the first size of a step (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
+    """Compute the first rates and the first step size (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
     rates(s, s.time, s.state, s.rate)
     begin_watch(s)
     if s.method == ENERGY:

@@ -1,6 +1,6 @@
-"""The polynomial of order 7 within a step of the explicit pair, and where a law bends along it; see `pair.py`.
+"""Dense output of DOP853 (order 7), and the kinks of laws along it; see `pair.py`.
 
-A step that is tried and one that is accepted are looked at alike: both go from a state and a time to others, with slopes at all stages.
+A tried step and an accepted one are treated alike: both lead from a state and a time to others, with rates at all stages.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 C, STARTS, FROM, A, D = pair.C, pair.STARTS, pair.FROM, pair.A, pair.D
 STAGES, ALL_STAGES = pair.STAGES, pair.ALL_STAGES
 NEAREST = pair.NEAREST
-PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a step, at which it is seen whether a law has bent
+PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # fractions of a step at which kinks are searched
 
 
 def densify(s: Stepper) -> None:
-    """The polynomial of the last step."""
+    """Compute the dense output of the last step."""
     n = s.n
     before = s.ends - 2
     densify_between(
@@ -33,7 +33,7 @@ def densify(s: Stepper) -> None:
 
 
 def densify_between(s: Stepper, start: float, stop: float, first: Floats, last: Floats) -> None:
-    """The polynomial between two states, from three more slopes; that at the end is known."""
+    """Compute the dense output between two states, from three more rates; the rates at the end are known."""
     n = s.n
     size = stop - start
     for stage in range(STAGES + 1, ALL_STAGES):
@@ -58,7 +58,7 @@ def densify_between(s: Stepper, start: float, stop: float, first: Floats, last: 
 
 
 def polynomial(s: Stepper, time: float, out: Floats) -> None:
-    """The scaled states within the last step."""
+    """Put the scaled states within the last step into `out`."""
     if s.dense_known == 0:
         densify(s)
     before = s.ends - 2
@@ -67,14 +67,14 @@ def polynomial(s: Stepper, time: float, out: Floats) -> None:
 
 
 def first_bend_of_pair(s: Stepper, size: float, least: float) -> float:
-    """The share of the step that is tried at which a law bends first; 1 if none does, or so near that no step of the least size leads there."""
+    """Return the fraction of the tried step at which a law first has a kink; 1 if there is none, or if it is nearer than a step of the least size."""
     rates(s, s.time + size, s.new, s.slope[STAGES * s.n :])
     densify_between(s, s.time, s.time + size, s.state, s.new)
     return first_bend_along(s, size, least)
 
 
 def first_bend_along(s: Stepper, size: float, least: float) -> float:
-    """The same where the polynomial of the step that is tried is known."""
+    """Return the same where the dense output of the tried step is known."""
     for k in range(5):
         bends_at(s, size, PLACES[k], s.bend_seen[k * s.bend_count :])
     return first_between(s, size, PLACES, 5, max(NEAREST, 2.0 * least / size), NEAREST)

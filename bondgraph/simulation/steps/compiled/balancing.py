@@ -1,4 +1,4 @@
-"""A matrix balanced, in the subset that becomes machine code: see `start.motion.balance`."""
+"""Balancing of a matrix, in the subset that becomes machine code: see `start.motion.balance`."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ....door import Floats
 
-LESS = 0.95  # of the sum of the norms: what is worth another factor
+LESS = 0.95  # largest ratio of the sums of the norms for which a factor is applied
 ROOT = sqrt(2.0)
-MOST = 100  # times through all rows
+MOST = 100  # most passes over all rows
 
 
 def balance(n: int, a: Floats, scale: Floats) -> None:
-    """Powers of two by which columns, and rows divided, come to like norms (Parlett and Reinsch 1969, as LAPACK's gebal does it).
+    """Balance a matrix by powers of two on columns, and inversely on rows (Parlett and Reinsch 1969, as LAPACK's gebal).
 
-    `a`, n n row by row, becomes the balanced matrix; `scale`, n, begins with ones.
+    `a`, n n row by row, becomes the balanced matrix; `scale`, n, must be ones at first.
     """
     for _ in range(MOST):
         changed = 0
@@ -41,7 +41,7 @@ def balance(n: int, a: Floats, scale: Floats) -> None:
 
 
 def power_of_two(x: float) -> float:
-    """The nearest one, by ratio; 1 for what is not finite."""
+    """Return the power of two nearest to x, by ratio; 1 if x is not finite."""
     found = 1.0
     if not isfinite(x) or x <= 0.0:
         return found

@@ -1,4 +1,4 @@
-"""Where a law bends within a step that is tried: see `radau.Radau._bend`. Bends are looked at at a few places of it, which its method chooses."""
+"""Kinks of laws within a tried step: see `radau.Radau._bend`. They are searched at a few places, chosen by the method."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NEAREST, ON_IT, CLOSE = radau.NEAREST, radau.ON_IT, radau.CLOSE
 
 
 def first_bend(s: Stepper, size: float) -> float:
-    """The share of a step of Radau at which a law bends first, along the collocation polynomial; 1 if none does."""
+    """Return the fraction of a Radau step at which a law first has a kink, along the collocation polynomial; 1 if there is none."""
     for k in range(4):
         for i in range(s.n):
             s.rest[i] = s.state[i]
@@ -28,9 +28,9 @@ def first_bend(s: Stepper, size: float) -> float:
 
 
 def first_between(s: Stepper, size: float, places: Numbers, count: int, nearest: float, on_it: float) -> float:
-    """The share of a step at which a law bends first, from all bends at `count` places of it (in `bend_seen`); 1 if none does.
+    """Return the fraction of a step at which a law first has a kink, from the kink functions at `count` places (in `bend_seen`); 1 if there is none.
 
-    What lies nearer to its start than a share of it does not count, nor where it starts if a bend is so small a share of its largest value there.
+    Kinks nearer to the start than `nearest` are ignored, and those whose value there is below `on_it` times its largest.
     """
     m = s.bend_count
     first = 1.0
@@ -50,7 +50,7 @@ def first_between(s: Stepper, size: float, places: Numbers, count: int, nearest:
 
 
 def false_position(s: Stepper, size: float, j: int, a: float, b: float, k: int, count: int) -> float:
-    """Nearly a zero of a bend between the places a and b, the k-th and the next, at which its signs differ."""
+    """Return an approximate zero of a kink function between the places a and b, the k-th and the next, where its signs differ."""
     m = s.bend_count
     at_a = s.bend_seen[k * m + j]
     at_b = s.bend_seen[(k + 1) * m + j]
@@ -71,20 +71,20 @@ def false_position(s: Stepper, size: float, j: int, a: float, b: float, k: int, 
 
 
 def bends_at(s: Stepper, size: float, at: float, out: Floats) -> None:
-    """All bends at a share of the step."""
+    """Evaluate all kink functions at a fraction of the step."""
     tried_at(s, at, s.rest)
     bends_of(s, s.time + at * size, s.rest, out)
 
 
 def bends_of(s: Stepper, time: float, scaled: Floats, out: Floats) -> None:
-    """All bends at a scaled state."""
+    """Evaluate all kink functions at a scaled state."""
     for i in range(s.n):
         s.si[i] = scaled[i] * s.magnitude[i]
     s.bends(time, s.si, s.inputs, s.constants, s.mode, out)
 
 
 def after_bend(s: Stepper, size: float) -> None:
-    """After a step that ends at a bend: no polynomial spans it, and the next step may be as long as this one was to be."""
+    """Prepare the step after one that ends at a kink: no polynomial spans it, and the next step may have the size planned for this one."""
     n = s.n
     if s.ends == 3:
         s.ends = 2

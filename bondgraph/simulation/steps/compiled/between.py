@@ -1,4 +1,4 @@
-"""What is stiff at the reported instants within a step: see `stretch/between.py`, whose names stand here."""
+"""Stiff interpolation at the reported instants within a step: see `stretch/between.py`, which uses the same names."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MU_REAL = float(radau.MU_REAL)
 
 
 def has_steep_states(s: Stepper) -> int:
-    """Whether states follow at once in the last step of a method for what is stiff; how steeply they do is noted."""
+    """Return 1 if a method for stiff equations has stiff states in the last step, and store their steepness."""
     if (s.method != RADAU and s.method != RODAS) or s.closed.gaps > 0 or s.sparse != 0:
         return 0
     size = s.time - s.end_time[s.ends - 2]
@@ -36,7 +36,7 @@ def has_steep_states(s: Stepper) -> int:
 
 
 def is_unsure(s: Stepper, time: float) -> bool:
-    """Whether the two polynomials differ in what is stiff, or there is but one; that of Rodas5P is asked how far it is from its equations."""
+    """Return True if the two polynomials differ in stiff states, or if there is only one; for Rodas5P, if it misses its equations."""
     if s.method == RODAS:
         return is_off(s, time)
     if s.ends < 3:
@@ -51,7 +51,7 @@ def is_unsure(s: Stepper, time: float) -> bool:
 
 
 def is_off(s: Stepper, time: float) -> bool:
-    """Whether a first change of Newton's method, with the factors of the step, moves what is stiff."""
+    """Return True if a first Newton correction, with the factors of the step, moves a stiff state."""
     slopes(s, time, s.time - s.end_time[s.ends - 2])
     collocation(s, time, s.w)
     correction(s, s.real, time)
@@ -63,7 +63,7 @@ def is_off(s: Stepper, time: float) -> bool:
 
 
 def bring_back(s: Stepper, time: float, out: Floats) -> None:
-    """What is stiff in a state in SI to where its equations want it, if Newton's method finds that: with the factors of the step, else with its own."""
+    """Correct the stiff states of a state in SI by Newton's method, if it converges: with the factors of the step, else with new ones."""
     size = s.time - s.end_time[s.ends - 2]
     slopes(s, time, size)
     for i in range(s.n):
@@ -73,7 +73,7 @@ def bring_back(s: Stepper, time: float, out: Floats) -> None:
 
 
 def brings_back(s: Stepper, factors: Factors, own: int, time: float, size: float, out: Floats) -> bool:
-    """Whether Newton's method finds it with these factors; its own are made anew where it slows down."""
+    """Return True if Newton's method converges with these factors; new factors (`own`) are renewed where it slows down."""
     n = s.n
     before = 1e300
     slow = 0  # iterations in a row
@@ -103,7 +103,7 @@ def brings_back(s: Stepper, factors: Factors, own: int, time: float, size: float
 
 
 def slopes(s: Stepper, time: float, size: float) -> None:
-    """The slope of the polynomial, from two values: into `rest`."""
+    """Put the derivative of the polynomial, from two values, into `rest`."""
     n = s.n
     late = s.f
     early = s.f[n:]
@@ -118,7 +118,7 @@ def slopes(s: Stepper, time: float, size: float) -> None:
 
 
 def renewed(s: Stepper, time: float, size: float) -> bool:
-    """The factors for Newton's method at the state in `w`; false if there are none."""
+    """Compute the factors for Newton's method at the state in `w`; return False if the matrix is singular."""
     n = s.n
     for i in range(n):
         s.si[i] = s.w[i] * s.magnitude[i]
@@ -136,7 +136,7 @@ def renewed(s: Stepper, time: float, size: float) -> bool:
 
 
 def correction(s: Stepper, factors: Factors, time: float) -> None:
-    """One change of Newton's method from the state in `w`: into `change`."""
+    """Put one Newton correction of the state in `w` into `change`."""
     rates(s, time, s.w, s.change)
     for i in range(s.n):
         s.change[i] -= s.rest[i]

@@ -1,4 +1,4 @@
-"""After a step: tolerances grow, other states may have to go on, work is added up; see `quadrature.py` and `choice.py`."""
+"""Step acceptance: growth of tolerances, state selection, work; see `quadrature.py` and `choice.py`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DEEPEST = quadrature.DEEPEST
 
 
 def grow(s: Stepper) -> None:
-    """A state that grows beyond its magnitude sets a new one; not so where the author said the tolerance."""
+    """Raise the magnitude of a state that exceeds it; tolerances given by the author stay."""
     for i in range(s.n):
         s.peak[i] = max(s.peak[i], abs(s.state[i]))
         s.greatest[i] = max(s.greatest[i], abs(s.state[i]))
@@ -22,7 +22,7 @@ def grow(s: Stepper) -> None:
 
 
 def steep(s: Stepper) -> bool:
-    """Whether other states should go on from here (see `choice.Choice.look`)."""
+    """Return True if other states should be integrated from here on (see `choice.Choice.look`)."""
     count = s.differential
     for i in range(s.n):
         s.si[i] = s.state[i] * s.magnitude[i]
@@ -41,9 +41,9 @@ def steep(s: Stepper) -> bool:
 
 
 def add_work(s: Stepper) -> None:
-    """The work of a step; it is halved where the two quadratures differ by more than the tolerance allows.
+    """Add the work of a step, which is halved where the two quadratures differ by more than the tolerance allows.
 
-    The halves are walked through from left to right: `at` is where a part begins, in the smallest parts, `depth` how often it was halved.
+    The halves are visited from left to right: `at` is the start of a part, in units of the smallest parts, `depth` the number of halvings.
     """
     start = s.end_time[s.ends - 2]
     end = min(s.time, s.until)
@@ -64,7 +64,7 @@ def add_work(s: Stepper) -> None:
             for k in range(s.power_count):
                 s.work[k] += s.partial[k]
             at += width
-            # Up again while this was a right half.
+            # Go up again while this part was a right half.
             while width < smallest and at % (2 * width) == 0:
                 width *= 2
                 depth -= 1
@@ -74,7 +74,7 @@ def add_work(s: Stepper) -> None:
 
 
 def part_of_work(s: Stepper, a: float, b: float, depth: int) -> bool:
-    """The work between two instants into `partial`; whether it is good enough."""
+    """Put the work between two instants into `partial`; return True if it is accurate enough."""
     m = s.power_count
     for k in range(m):
         s.partial[k] = 0.0

@@ -1,6 +1,6 @@
-"""The loop of the coarse run over steps of `euler.py`, in the subset that becomes machine code: as `start.coarse.CoarseRun.peak`, whose names stand here.
+"""Loop of the pilot run over steps of `euler.py`, in the subset that becomes machine code; same names as in `start.coarse.CoarseRun.peak`.
 
-It comes back where Python must look: before the step that ends a stretch, and where a step is not found however short.
+It returns where Python must act: before the step that ends a segment, and where even the shortest step fails.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GROWN, SAME, SLIGHT = look.GROWN, look.SAME, look.SLIGHT
 
 
 class Coarse(Record):
-    """Where the coarse run is. n states, all of them differential."""
+    """State of the pilot run. n states, all of them differential."""
 
     euler: Euler
     n: int
@@ -34,10 +34,10 @@ class Coarse(Record):
     stop: float
     begun: float  # where the whole run began
     noted: int
-    far: Floats  # NOTES: how far it was
-    until: Floats  # NOTES n: the magnitudes until then
-    taken: int  # steps that were tried
-    reaching: int  # whether what a free motion reaches counts
+    far: Floats  # NOTES: times of the records
+    until: Floats  # NOTES n: the magnitudes up to these times
+    taken: int  # number of steps tried
+    reaching: int  # 1 if the reach of a free motion counts
     amplitudes: Floats  # n n, or none
     inverse_re: Floats  # n n, or none
     inverse_im: Floats  # n n, or none
@@ -48,7 +48,7 @@ class Coarse(Record):
 
 
 def coarse(c: Coarse) -> int:
-    """Steps: `FINE`, where Python should look; `ANEW`: the factors want another order; `SINGULAR`: no step is short enough."""
+    """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough."""
     while c.taken < MOST_STEPS:
         size = c.usual if c.taken + 1 == CAREFUL else c.size
         if c.time + 1.001 * size >= c.stop:
@@ -62,7 +62,7 @@ def coarse(c: Coarse) -> int:
             c.size *= 0.25
             if c.size < c.smallest:
                 c.taken -= 1
-                c.size *= 4.0  # the last one again, told
+                c.size *= 4.0  # Python repeats the last one and reports it
                 return SINGULAR
             continue
         go_on(c, c.euler)
@@ -71,7 +71,7 @@ def coarse(c: Coarse) -> int:
 
 
 def go_on(c: Coarse, e: Euler) -> None:
-    """Go on from what was found."""
+    """Go on from the accepted result."""
     c.time += c.size
     c.size = min(c.usual, 2.0 * c.size)
     for i in range(c.n):
@@ -82,7 +82,7 @@ def go_on(c: Coarse, e: Euler) -> None:
 
 
 def note(c: Coarse, e: Euler) -> None:
-    """How large all was until here, if that was not noted just before."""
+    """Record the magnitudes so far, if the last record is not recent."""
     far = c.time - c.begun
     if c.noted < NOTES and (c.noted == 0 or far >= AGAIN * c.far[c.noted - 1]):
         c.far[c.noted] = far
@@ -92,7 +92,7 @@ def note(c: Coarse, e: Euler) -> None:
 
 
 def reached(c: Coarse, e: Euler) -> None:
-    """What a free linear motion from here reaches: the sum of its modes' amplitudes."""
+    """Raise the magnitudes by the reach of a free linear motion from here: the sum of its modes' amplitudes."""
     for i in range(c.n):
         real = 0.0
         imaginary = 0.0
@@ -108,7 +108,7 @@ def reached(c: Coarse, e: Euler) -> None:
 
 
 def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
-    """The state after a step; where one grows fast two half steps must agree, since implicit Euler overshoots growth."""
+    """Compute the state after a step; where a state grows fast, two half steps must agree, because implicit Euler overshoots growth."""
     for i in range(c.n):
         e.start[i] = c.state[i]
     done = single_step(e, c.time + c.size, c.size)
@@ -141,13 +141,13 @@ def sure_step(c: Coarse, e: Euler, careful: bool) -> int:
 
 
 def has_grown(c: Coarse, e: Euler, i: int) -> bool:
-    """Whether a state is much larger after a step, and by so much larger than ever before: what stays within that does no harm."""
+    """Return True if a state grew much in a step and beyond its largest value so far; growth within that range is harmless."""
     beyond = max(max(GROWN * abs(c.state[i]), SAME * e.largest[i]), SLIGHT * c.most[i])
     return abs(c.found[i]) > beyond and c.state[i] != 0.0
 
 
 def single_step(e: Euler, time: float, size: float) -> int:
-    """One step from `start`."""
+    """Make one step from `start`."""
     for i in range(e.n):
         e.x[i] = e.start[i]
     e.time = time

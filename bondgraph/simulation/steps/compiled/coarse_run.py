@@ -1,4 +1,4 @@
-"""The coarse run in machine code: one step of it, and its loop."""
+"""Pilot run in machine code: one step of it, and its loop."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SMALL = 0.0  # pivots beside what they divide; scales change from one iteration 
 
 
 def _room(program: Program, constants: Any) -> dict[str, Any]:
-    """What steps need room for, and what they know of the program."""
+    """Return the work arrays of steps, and the data of the program that they need."""
     entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
     numbers = {
         "n": n, "differential": len(program.states.names), "entry_count": entries, "time": 0.0, "size": 0.0, "sparse": int(is_sparse(program)),
@@ -44,7 +44,7 @@ def _room(program: Program, constants: Any) -> dict[str, Any]:
 
 
 class CompiledEuler:
-    """Steps of the coarse run: `start.coarse.CoarseRun._step` from where the unknowns of loops are known."""
+    """Steps of the pilot run: `start.coarse.CoarseRun._step` after the unknowns of loops are known."""
 
     def __init__(self, program: Program, inputs: Any, constants: Any, smallest: Any) -> None:
         rows, columns = program.pattern
@@ -62,7 +62,7 @@ class CompiledEuler:
         self._step = called("euler", ctypes.c_int64, ctypes.c_void_p)
 
     def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
-        """The state at the end of a step, None if it is not found; `at`: when that is, and how long the step."""
+        """Return the state at the end of a step, or None if it fails; `at`: time of the end, and size of the step."""
         values, record, order = self.values, self.record, self.order
         record.time, record.size = at
         order.record.tolerant = 0
@@ -77,7 +77,7 @@ class CompiledEuler:
 
 
 class CompiledCoarse:
-    """The loop over these steps, for a program whose states are all differential and on no constraints."""
+    """Loop over these steps, for a program whose states are all differential and without constraints."""
 
     def __init__(self, euler: CompiledEuler, motion: FreeMotion | None) -> None:
         self.euler, n = euler, euler.record.n
@@ -108,7 +108,7 @@ class CompiledCoarse:
         self._run = called("coarse", ctypes.c_int64, ctypes.c_void_p)
 
     def go(self, run: CoarseRun, pace: Pace, begun: float, mode: Any) -> None:
-        """On to where Python should look, in a run that began there: its state, its magnitudes and `pace` are those of that place then."""
+        """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
         values.put({"state": run.state, "far": run.far, "until": run.until, "begun": begun, "noted": run.noted})
         euler["largest"][:], euler["mode"][:] = run.largest, mode

@@ -1,4 +1,4 @@
-"""The machine code of the solver, which is the same for all models: made once for a machine, then loaded."""
+"""Machine code of the solvers, the same for all models: compiled once per machine, then loaded."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
 
 @lru_cache
 def machine_code() -> MachineCode:
-    """The code of the solver, for all models."""
+    """Return the machine code of the solvers."""
 
     def text() -> str:
         from ....door import translate
@@ -39,5 +39,5 @@ def machine_code() -> MachineCode:
 
 @lru_cache
 def called(name: str, result: Any, *arguments: Any) -> Any:
-    """A function of that code."""
+    """Return a function of that code."""
     return ctypes.CFUNCTYPE(result, *arguments)(machine_code().address(name))

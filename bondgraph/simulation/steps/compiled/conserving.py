@@ -1,4 +1,4 @@
-"""One step of the method of `gauss.py`, which keeps the energy; written once, as machine code and as Python."""
+"""One step of the energy-conserving method of `gauss.py`; one source, as machine code and as Python."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ITERATIONS, SLOW, CLOSE, PROJECTIONS = gauss.ITERATIONS, gauss.SLOW, gauss.CLOSE
 
 
 def conserving_step(s: Stepper) -> int:
-    """One step of the size that all have: 0, or why there is none."""
+    """Make one step of the common size; return 0, or the reason why there is none."""
     n = s.n
     end = s.stop if s.time + 1.5 * s.size >= s.stop else s.time + s.size
     size = end - s.time
@@ -47,7 +47,7 @@ def conserving_step(s: Stepper) -> int:
 
 
 def move_by(s: Stepper, i: int, start: float, change: float) -> float:
-    """A state changed, with what rounding dropped before; what it drops now is kept (Kahan)."""
+    """Return a state after a change, with compensated summation (Kahan): the rounding error is stored for the next step."""
     whole = change + s.dropped[i]
     result = start + whole
     s.dropped[i] = whole - (result - start)
@@ -55,7 +55,7 @@ def move_by(s: Stepper, i: int, start: float, change: float) -> float:
 
 
 def find_stages(s: Stepper, size: float) -> int:
-    """Stages and their slopes to rounding, by simplified Newton iteration: how many it took; 0: not found."""
+    """Compute stages and their rates to rounding, by simplified Newton iteration; return the number of iterations, 0 if it fails."""
     n = s.n
     if s.since_looked >= SLOW or s.factorised_size != size:
         renew(s)
@@ -93,7 +93,7 @@ def find_stages(s: Stepper, size: float) -> int:
 
 
 def factorise_stages(s: Stepper, size: float) -> bool:
-    """I - h A x J of all stages at once."""
+    """Factorise I - h A x J for all stages together."""
     n = s.n
     m = 3 * n
     matrix = s.real.matrix
@@ -111,7 +111,7 @@ def factorise_stages(s: Stepper, size: float) -> bool:
 
 
 def onto_energy(s: Stepper, time: float, y: Floats, keep: int) -> None:
-    """Scaled states moved to the energy of the start, by the least in parts of their peaks; `keep`: what rounding drops is kept."""
+    """Move scaled states to the energy of the start, by the least change relative to their peaks; `keep`: store the rounding error."""
     n = s.n
     for i in range(n):
         s.si[i] = y[i] * s.magnitude[i]
@@ -129,7 +129,7 @@ def onto_energy(s: Stepper, time: float, y: Floats, keep: int) -> None:
 
 
 def take_energy(s: Stepper) -> None:
-    """The energy of the state where a stretch begins is the one to be kept."""
+    """Store the energy at the start of a segment as the one to conserve."""
     for i in range(s.n):
         s.si[i] = s.state[i] * s.magnitude[i]
     s.stored_energy(s.time, s.si, s.inputs, s.constants, s.mode, s.energies)
@@ -137,7 +137,7 @@ def take_energy(s: Stepper) -> None:
 
 
 def within_step(s: Stepper, time: float, out: Floats) -> None:
-    """The scaled states within the last step."""
+    """Put the scaled states within the last step into `out`."""
     n = s.n
     before = s.ends - 2
     size = s.end_time[before + 1] - s.end_time[before]
@@ -151,7 +151,7 @@ def within_step(s: Stepper, time: float, out: Floats) -> None:
                     total += WITHIN[5 * row + stage] * s.slope[stage * n + i]
                 s.dense[row * n + i] = size * total
                 left -= size * total
-            s.dense[5 * n + i] = left  # what the end has besides, at which it must arrive
+            s.dense[5 * n + i] = left  # the remaining difference at the end of the step
         s.dense_known = 1
     smooth = at * at * (3.0 - 2.0 * at)
     for i in range(n):
@@ -162,7 +162,7 @@ def within_step(s: Stepper, time: float, out: Floats) -> None:
 
 
 def sample_step(s: Stepper, time: float, out: Floats) -> None:
-    """The same at the energy of the start."""
+    """Put the scaled states within the last step, moved to the energy of the start, into `out`."""
     within_step(s, time, out)
     for _ in range(PROJECTIONS):
         onto_energy(s, time, out, 0)

@@ -1,4 +1,4 @@
-"""mu/h M - J for a real and a complex mu: assembled, factorised, solved; see `factorise.dense`."""
+"""Dense matrices mu/h M - J for a real and a complex mu: assembly, factorisation, solution; see `factorise.dense`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), floa
 
 
 def factorise(s: Stepper, size: float) -> int:
-    """mu/h M - J for the real mu and a complex one, rows scaled: `FINE`, `SINGULAR`, or `ANEW`: in another order."""
+    """Factorise mu/h M - J for the real mu and a complex one, rows scaled; return `FINE`, `SINGULAR`, or `ANEW` if another order is needed."""
     done = factorise_real(s, MU_REAL / size)
     if done != FINE:
         return done
@@ -37,7 +37,7 @@ def factorise(s: Stepper, size: float) -> int:
 
 
 def factorise_real(s: Stepper, shift: float) -> int:
-    """shift M - J, as `factorise`."""
+    """Factorise shift M - J, as `factorise`."""
     if s.sparse != 0:
         return real_factors(s.pattern, shift, s.jacobian)
     n = s.n
@@ -55,7 +55,7 @@ def factorise_real(s: Stepper, shift: float) -> int:
 
 
 def solve_real(s: Stepper, x: Floats) -> None:
-    """The solution in the place of the right side."""
+    """Replace the right-hand side by the solution."""
     if s.sparse != 0:
         real_back(s.pattern, x)
     else:
@@ -63,7 +63,7 @@ def solve_real(s: Stepper, x: Floats) -> None:
 
 
 def solve_complex(s: Stepper, xr: Floats, xi: Floats) -> None:
-    """The solution in the place of the right side."""
+    """Replace the right-hand side by the solution."""
     if s.sparse != 0:
         complex_back(s.pattern, xr, xi)
     else:

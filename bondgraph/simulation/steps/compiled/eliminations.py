@@ -1,4 +1,4 @@
-"""Where the factors of a symmetric pattern have entries, in the subset that becomes machine code: by the tree that tells which pivot acts on which."""
+"""Symbolic factorisation of a symmetric pattern by its elimination tree, in the subset that becomes machine code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NOBODY = -1
 
 
 class Eliminations(Record):
-    """n pivots in an order. The tree (Liu, ACM Trans. Math. Software 12, 1986): above each pivot stands the first one that it acts on."""
+    """n pivots in an order, with the elimination tree (Liu, ACM Trans. Math. Software 12, 1986): the parent of a pivot is the first one that it updates."""
 
     n: int
     start: Ints  # n + 1: of the neighbours of each node
@@ -33,7 +33,7 @@ class Eliminations(Record):
 
 
 def plan_eliminations(e: Eliminations) -> None:
-    """From an order: the tree, the order as it goes through the tree from below, so that columns of one pattern lie side by side, and how long columns are."""
+    """Compute from an order: the elimination tree, a postorder of it, in which columns of equal pattern are adjacent, and the lengths of the columns."""
     for k in range(e.n):
         e.place[e.order[k]] = k
     grow_tree(e)
@@ -48,7 +48,7 @@ def plan_eliminations(e: Eliminations) -> None:
 
 
 def grow_tree(e: Eliminations) -> None:
-    """The tree."""
+    """Compute the elimination tree."""
     for k in range(e.n):
         e.above[k] = NOBODY
         e.reached[k] = NOBODY
@@ -64,7 +64,7 @@ def grow_tree(e: Eliminations) -> None:
 
 
 def go_through_tree(e: Eliminations) -> None:
-    """Number pivots so that all below one come right before it."""
+    """Number the pivots in postorder: all descendants of a pivot come right before it."""
     n = e.n
     for k in range(n):
         e.child[k] = NOBODY
@@ -92,7 +92,7 @@ def go_through_tree(e: Eliminations) -> None:
 
 
 def measure_columns(e: Eliminations) -> None:
-    """How many rows each column of L has: a row has those pivots that lie in the tree between its neighbours and itself."""
+    """Count the rows of each column of L: a row has entries at the pivots on the tree paths between its neighbours and itself."""
     for k in range(e.n):
         e.count[k] = 0
         e.number[k] = 0
@@ -112,7 +112,7 @@ def measure_columns(e: Eliminations) -> None:
 
 
 def put_rows(e: Eliminations) -> None:
-    """The rows of the columns of L and of U, rising. `count` and `number` begin with where columns begin, and end with where they end."""
+    """Store the rows of the columns of L and of U, rising. `count` and `number` hold the starts of the columns at first, and their ends afterwards."""
     for k in range(e.n):
         e.reached[k] = k
         i = e.order[k]

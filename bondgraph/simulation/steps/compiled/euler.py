@@ -1,4 +1,4 @@
-"""One step of the coarse run by implicit Euler, in the subset that becomes machine code: see `start.coarse.CoarseRun`, whose names stand here."""
+"""One step of the pilot run by implicit Euler, in the subset that becomes machine code; same names as in `start.coarse.CoarseRun`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KEPT_ITERATIONS, FAR, SHRINKS = kept.KEPT_ITERATIONS, kept.FAR, kept.SHRINKS
 
 
 class Euler(Record):
-    """What a step knows. n states and unknowns."""
+    """Data of a step. n states and unknowns."""
 
     derivative: Function
     entries: Function
@@ -34,23 +34,23 @@ class Euler(Record):
     entry_count: int
     rows: Ints  # entry_count
     columns: Ints  # entry_count
-    largest: Floats  # n: so far
-    smallest: Floats  # n: what is rounding below
-    kinds: Ints  # n: the number of the unit
-    most: Floats  # n: room, the largest of each unit
-    slight: float  # the last change in parts of at least a small share of the unit's largest
-    start: Floats  # n: the state at its start
-    x: Floats  # n: that at its end
-    time: float  # of its end
+    largest: Floats  # n: largest values so far
+    smallest: Floats  # n: smaller values are rounding
+    kinds: Ints  # n: index of the unit
+    most: Floats  # n: work array, the largest of each unit
+    slight: float  # last relative change, with states at least a small fraction of their unit's largest
+    start: Floats  # n: the state at the start of the step
+    x: Floats  # n: the state at its end
+    time: float  # time of its end
     size: float
     jacobian: Floats  # entry_count
     scaled: Floats  # entry_count
     sparse: int
     pattern: Pattern
-    keeping: int  # whether factors of one step serve in others
-    kept: float  # the step for which the sparse factors stand, with `scale`; 0: there are none
-    factorised: int  # how often there were new ones
-    # room
+    keeping: int  # 1 if factors of one step are reused in others
+    kept: float  # step size of the sparse factors, with `scale`; 0: there are none
+    factorised: int  # number of factorisations
+    # work arrays
     slope: Floats  # n
     scale: Floats  # n
     reached: Floats  # n
@@ -58,7 +58,7 @@ class Euler(Record):
 
 
 def euler(e: Euler) -> int:
-    """The state at the end of the step, from a guess in its place: `FINE`; not found: `SINGULAR`; `ANEW`: in another order."""
+    """Compute the state at the end of the step, from a guess in its place: `FINE`; `SINGULAR` if it fails; `ANEW` if another order is needed."""
     n = e.n
     if e.keeping != 0 and e.size <= FAR * e.kept <= FAR * FAR * e.size:
         if with_kept_factors(e) == FINE:
@@ -95,7 +95,7 @@ def euler(e: Euler) -> int:
 
 
 def with_kept_factors(e: Euler) -> int:
-    """The same with the factors of an earlier step: see `start.kept.KeptFactors.step`."""
+    """Compute the same with the factors of an earlier step: see `start.kept.KeptFactors.step`."""
     relaxed = 2.0 / (1.0 + e.kept / e.size)
     before = INFINITE
     for turn in range(KEPT_ITERATIONS):
@@ -119,7 +119,7 @@ def with_kept_factors(e: Euler) -> int:
 
 
 def solve_step(e: Euler) -> int:
-    """The scaled change of the state in the place of what is missed."""
+    """Replace the residual by the scaled change of the state."""
     n = e.n
     for k in range(e.entry_count):
         row = e.rows[k]
@@ -147,7 +147,7 @@ def solve_step(e: Euler) -> int:
 
 
 def magnitudes(e: Euler) -> None:
-    """Positive magnitudes for a step: a state that has not moved yet gets what the others bring it to, link by link."""
+    """Compute positive magnitudes for a step: a state that has not moved yet gets the value to which the others bring it, link by link."""
     still = 0
     for i in range(e.n):
         moved = abs(e.size * e.slope[i]) if i < e.differential else 0.0
@@ -178,7 +178,7 @@ def magnitudes(e: Euler) -> None:
 
 
 def moved_share(e: Euler) -> float:
-    """The largest change of a state in parts of the state; what rounding leaves of larger ones counts for nothing. The other share goes into `slight`."""
+    """Return the largest relative change of a state, ignoring rounding of larger ones. Store the second measure in `slight`."""
     for i in range(e.n):
         e.reached[i] = 0.0
         e.most[i] = 0.0

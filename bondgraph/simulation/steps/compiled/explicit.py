@@ -1,9 +1,9 @@
-"""One step of the explicit pair of `pair.py`, written once: as machine code, and as Python where there is none (`interpreted.py`).
+"""One step of DOP853 (see `pair.py`); one source, as machine code and as Python where there is none (`interpreted.py`).
 
-No step is longer than what keeps the fastest mode stable: one that nothing excites and nothing damps would else be excited by the steps, up to
-the tolerance and beyond, and hold them, and those of any other method that goes on, for good. Its rate comes from the Jacobian, by the power
-method; it is looked for anew every few steps, and where slopes and states at the end of a step say that something faster has come
-(Hairer and Wanner, Solving ODEs II, section IV.2). Where accuracy would allow longer steps time and again, another method should go on.
+No step exceeds the stability limit of the fastest mode: a mode without excitation and damping would otherwise be excited by the steps, up to the
+tolerance and beyond, and limit them, and those of the next method, permanently. The rate of that mode comes from the Jacobian, by power
+iteration. It is computed again every few steps, and where rates and states at the end of a step show that a faster mode has appeared (Hairer and
+Wanner, Solving ODEs II, section IV.2). Where accuracy would repeatedly allow longer steps, another method should go on.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = pair.STABLE, pair.SELDOM, pair.LOOK_AGA
 
 
 def explicit_step(s: Stepper) -> int:
-    """One accepted step: 0, or why there is none."""
+    """Make one accepted step; return 0, or the reason why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)
     if s.since_looked >= LOOK_AGAIN:
@@ -59,7 +59,7 @@ def explicit_step(s: Stepper) -> int:
         if norm <= 1.0:
             if has_rates_at(s, end):
                 break
-            rejected += 1  # the law of this side ends within the step
+            rejected += 1  # the law has no value within the step
             size *= 0.5
             continue
         rejected += 1
@@ -82,7 +82,7 @@ def explicit_step(s: Stepper) -> int:
 
 
 def has_rates_at(s: Stepper, end: float) -> bool:
-    """Whether the rates at the end of a step are numbers; they stand behind those of its stages."""
+    """Return True if the rates at the end of a step are finite; they are stored behind those of its stages."""
     last = s.slope[STAGES * s.n :]
     rates(s, end, s.new, last)
     for i in range(s.n):
@@ -92,11 +92,11 @@ def has_rates_at(s: Stepper, end: float) -> bool:
 
 
 def put_explicit_end(s: Stepper, end: float, size: float) -> None:
-    """Close a step, whose last rates are known, and look at what held it."""
+    """Complete a step, whose last rates are known, and check if stability limited it."""
     n = s.n
     above = 0.0
     below = 0.0
-    for i in range(n):  # the last stage stands at the end too, at a state of its own, which is still in `rest`
+    for i in range(n):  # the last stage is at the end too, with a different state, which is still in `rest`
         scale = s.absolute[i] + abs(s.new[i]) * s.relative
         a = (s.slope[STAGES * n + i] - s.slope[(STAGES - 1) * n + i]) / scale
         b = (s.new[i] - s.rest[i]) / scale
@@ -113,7 +113,7 @@ def put_explicit_end(s: Stepper, end: float, size: float) -> None:
 
 
 def look_for_fastest(s: Stepper) -> None:
-    """The rate of the fastest mode where the run stands: how fast products with the Jacobian grow, from the direction of the last search on."""
+    """Compute the rate of the fastest mode at the current state: growth of products with the Jacobian, from the direction of the last search."""
     n = s.n
     renew(s)
     if s.fastest == 0.0:
@@ -125,7 +125,7 @@ def look_for_fastest(s: Stepper) -> None:
             product(s)
             product(s)
     grown = 1.0
-    for _ in range(ITERATIONS):  # in pairs: where scales differ, every other product is large
+    for _ in range(ITERATIONS):  # in pairs: with different scales, every second product is large
         grown *= product(s) * product(s)
     s.fastest = pow(grown, 1.0 / (2.0 * ITERATIONS))
     if not isfinite(s.fastest):
@@ -134,7 +134,7 @@ def look_for_fastest(s: Stepper) -> None:
 
 
 def product(s: Stepper) -> float:
-    """The direction turned by the Jacobian, at unit length again; by how much it grew."""
+    """Multiply the direction by the Jacobian and normalise it; return its growth."""
     for i in range(s.n):
         s.rest[i] = 0.0
     for k in range(s.entry_count):
@@ -155,7 +155,7 @@ def product(s: Stepper) -> float:
 
 
 def combine(s: Stepper, stage: int, size: float, out: Floats) -> None:
-    """The state of a stage, from the slopes of those before it."""
+    """Compute the state of a stage, from the rates of those before it."""
     n = s.n
     for i in range(n):
         out[i] = 0.0
@@ -169,13 +169,13 @@ def combine(s: Stepper, stage: int, size: float, out: Floats) -> None:
 
 
 def evaluate_stage(s: Stepper, stage: int, size: float) -> None:
-    """The slope of a stage."""
+    """Compute the rates of a stage."""
     combine(s, stage, size, s.rest)
     rates(s, s.time + C[stage] * size, s.rest, s.slope[stage * s.n :])
 
 
 def norm_of_pair(s: Stepper, size: float) -> float:
-    """The estimated error in units of the tolerance: that of order 5, less where that of order 3 says that it is too careful."""
+    """Return the estimated error in units of the tolerance: that of order 5, reduced where that of order 3 shows that it is too cautious."""
     n = s.n
     fifth = 0.0
     third = 0.0

@@ -1,6 +1,6 @@
-"""Factors of a small matrix, real or complex: rows scaled, partial pivoting, and what is not zero listed, since most of a model's Jacobian is.
+"""Factors of a small matrix, real or complex: rows scaled, partial pivoting, nonzeros listed, because most entries of a Jacobian are zero.
 
-Matrices lie row by row, real and imaginary parts in two arrays.
+Matrices are stored row by row, real and imaginary parts in two arrays.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ Kind = TypeVar("Kind", bound=Record)
 
 
 class Factors(Record):
-    """A matrix of n rows, and the list of its factors: for each pivot its row of U, then its column of L, as rows stood at that time."""
+    """A matrix of n rows, and the list of its factors: for each pivot its row of U, then its column of L, in the row order at that time."""
 
     n: int
     matrix: Floats  # n n
-    scale: Floats  # n: of the rows
-    pivots: Ints  # n: with which later row each changes places
-    inverse: Floats  # n: of the pivots
-    first: Ints  # 2 n + 1: where these rows and columns begin in the list
-    where: Ints  # n n: the column, or the row, of what is listed
+    scale: Floats  # n: scales of the rows
+    pivots: Ints  # n: the later row with which each is exchanged
+    inverse: Floats  # n: inverses of the pivots
+    first: Ints  # 2 n + 1: starts of these rows and columns in the list
+    where: Ints  # n n: the column, or the row, of each listed item
     item: Floats  # n n
 
 
 class ComplexFactors(Record):
-    """The same for complex numbers."""
+    """The same as `Factors` for complex numbers."""
 
     n: int
     re: Floats  # n n
@@ -49,7 +49,7 @@ class ComplexFactors(Record):
 
 
 def room_for(noun: type[Kind], n: int) -> Kind:
-    """Factors of a matrix of n rows."""
+    """Return empty factors of a matrix of n rows."""
     lengths = {"scale": n, "inverse": n, "inverse_re": n, "inverse_im": n, "pivots": n, "first": 2 * n + 1}
     whole = ("pivots", "first", "where")
     arrays: dict[str, Any] = {
@@ -61,7 +61,7 @@ def room_for(noun: type[Kind], n: int) -> Kind:
 
 
 def eliminate(f: Factors) -> bool:
-    """Factors of the matrix, which is spent; false if it is singular."""
+    """Factorise the matrix, which is overwritten; return False if it is singular."""
     n = f.n
     a = f.matrix
     for i in range(n):
@@ -115,7 +115,7 @@ def eliminate(f: Factors) -> bool:
 
 
 def back(f: Factors, x: Floats) -> None:
-    """The solution in the place of the right side."""
+    """Replace the right-hand side by the solution."""
     n = f.n
     for i in range(n):
         x[i] *= f.scale[i]
@@ -135,7 +135,7 @@ def back(f: Factors, x: Floats) -> None:
 
 
 def is_negative(f: Factors) -> int:
-    """The sign of a determinant: that of the pivots and of the exchanges of rows."""
+    """Return the sign of a determinant: that of the pivots and of the exchanges of rows."""
     count = 0
     for k in range(f.n):
         if f.inverse[k] < 0.0:
@@ -146,7 +146,7 @@ def is_negative(f: Factors) -> int:
 
 
 def eliminate_complex(f: ComplexFactors) -> bool:
-    """As `eliminate`."""
+    """Factorise a complex matrix as `eliminate`."""
     n = f.n
     re = f.re
     im = f.im
@@ -212,7 +212,7 @@ def eliminate_complex(f: ComplexFactors) -> bool:
 
 
 def back_complex(f: ComplexFactors, xr: Floats, xi: Floats) -> None:
-    """As `back`."""
+    """Replace a complex right-hand side as `back`."""
     n = f.n
     for i in range(n):
         xr[i] *= f.scale[i]
@@ -241,7 +241,7 @@ def back_complex(f: ComplexFactors, xr: Floats, xi: Floats) -> None:
 
 
 def swap(a: Floats, b: Floats, n: int) -> None:
-    """Two rows change places."""
+    """Exchange two rows."""
     for j in range(n):
         kept = a[j]
         a[j] = b[j]

@@ -1,4 +1,4 @@
-"""The fields of a `Stepper` where a stretch begins, for machine code and for the same source as Python."""
+"""Initial fields of a `Stepper` at the start of a segment, for machine code and for the same source as Python."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from .factors import ComplexFactors, Factors, room_for
 if TYPE_CHECKING:
     from ...trajectory import Tolerances
 
-LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with the help of its order
+LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
 
 
 def is_sparse(program: Program) -> bool:
-    """Whether the linear algebra is sparse."""
+    """Return True if the linear algebra is sparse."""
     count = len(program.states.names) + len(program.unknowns.names)
     return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
 
@@ -42,7 +42,7 @@ def fields_at(
     signals: Signals,
     method: int = RADAU,
 ) -> dict[str, Any]:
-    """All fields of a `Stepper` where the stretch begins."""
+    """Return all fields of a `Stepper` at the start of a segment."""
     given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
     bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
     return room_of(program, method, len(signals.allowed), bends) | given
@@ -51,12 +51,12 @@ def fields_at(
 def given_at(
     program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float, signals: Signals
 ) -> dict[str, Any]:  # fmt: skip
-    """Those that depend on the run, and on where it is."""
+    """Return the fields that depend on the run and on its current state."""
     rows, columns = program.pattern
     differential = len(program.states.names)
     magnitude = np.asarray(tolerances.magnitude, dtype=float)
     unit = np.array(magnitude)
-    unit[differential:] = 1.0  # residuals are scaled by the factorisation
+    unit[differential:] = 1.0  # the factorisation scales residuals
     scaled, resting = state / magnitude, tolerances.scaled
     relative = tolerances.relative
     earliest, latest = inside(stretch)
@@ -75,11 +75,11 @@ def given_at(
 
 
 def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str, Any]:
-    """The others, which depend on the program and the method alone."""
+    """Return the other fields, which depend on the program and the method alone."""
     n = len(program.states.names) + len(program.unknowns.names)
     differential, entries = len(program.states.names), len(program.pattern[0])
     large = is_sparse(program)
-    order = 3 * n if method == ENERGY else 0 if large else n  # of the linear systems
+    order = 3 * n if method == ENERGY else 0 if large else n  # size of the linear systems
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
@@ -115,7 +115,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
 
 
 def signal_fields(signals: Signals, start: float) -> dict[str, Any]:
-    """The fields of a `Stepper` that say what time alone moves, from a start on."""
+    """Return the fields of a `Stepper` for the signals of time, from a start on."""
     return {
         "node_time": signals.times, "node_value": signals.values.ravel(), "signal_nodes": len(signals.times),
         "node_next": int(np.searchsorted(signals.times, start)), "steady": int(signals.steady), "signal_count": len(signals.allowed),

@@ -1,4 +1,4 @@
-"""Whether a condition may flip within the last step: `events/locate.py` finds out where, by the same polynomials (`events/interpolants.py`)."""
+"""Detection of possible zero crossings in the last step; `events/locate.py` locates them, with the same polynomials (`events/interpolants.py`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CONVERGED, SURE = interpolants.CONVERGED, interpolants.SURE
 
 
 def may_flip(s: Stepper) -> bool:
-    """Whether some condition is not what the mode says at a place of the step, or may have been something else between some."""
+    """Return True if a condition differs from the mode at a place of the step, or may have differed between places."""
     start = s.end_time[s.ends - 2]
     parts = 1 if s.method == RADAU else PARTS
     begin = start
@@ -41,7 +41,7 @@ def may_flip(s: Stepper) -> bool:
 
 
 def is_clear(s: Stepper, j: int, part: int) -> bool:
-    """Whether a condition is what the mode says throughout a part of the step, at whose places it is known: see `Interpolants.far` and `dips`."""
+    """Return True if a condition agrees with the mode throughout a part of the step, from its values there: see `Interpolants.far` and `dips`."""
     unknown = 0
     still = 0
     for place in range(PLACES):
@@ -76,7 +76,7 @@ def is_clear(s: Stepper, j: int, part: int) -> bool:
 
 
 def keeps_away(s: Stepper, j: int, part: int, margin: float) -> bool:
-    """Whether a polynomial has the sign that the mode says on a finer grid, and does not come as near zero as the margin; it may begin a step there."""
+    """Return True if a polynomial has the sign of the mode on a finer grid, and stays away from zero by the margin; a step may begin near zero."""
     before = 0.0
     here = 0.0
     for place in range(GRID + 1):
@@ -97,7 +97,7 @@ def keeps_away(s: Stepper, j: int, part: int, margin: float) -> bool:
 
 
 def is_wrong(s: Stepper, j: int, root: float) -> bool:
-    """Whether a condition with this root is not what the mode says."""
+    """Return True if a condition with this root differs from the mode."""
     if not isfinite(root) or abs(root) < s.root_floor[j]:
         return False
     holds = 1 if root < 0.0 or (root == 0.0 and s.root_strict[j] == 0) else 0
@@ -105,25 +105,25 @@ def is_wrong(s: Stepper, j: int, root: float) -> bool:
 
 
 def roots_at(s: Stepper, time: float, out: Floats) -> None:
-    """The roots of all conditions at an instant of the last step."""
+    """Compute the roots of all conditions at an instant of the last step."""
     full_at(s, time, s.si)
     s.roots(time, s.si, s.inputs, s.constants, s.mode, out)
 
 
 def full_at(s: Stepper, time: float, out: Floats) -> None:
-    """States in SI at an instant of the last step, with the multipliers that belong to them; other unknowns as the step carries them along."""
+    """Compute the state in SI at an instant of the last step, with the multipliers that belong to it; other unknowns as interpolated."""
     state_at(s, time, out)
     if s.closed.multipliers > 0:
         put_multipliers(s.closed, time, out)
 
 
 def roots_along(s: Stepper, count: int, times: Floats, out: Floats) -> None:
-    """The same at several instants."""
+    """Compute the roots at several instants."""
     for k in range(count):
         roots_at(s, times[k], out[k * s.root_count :])
 
 
 def states_along(s: Stepper, count: int, times: Floats, out: Floats) -> None:
-    """The states at several instants."""
+    """Compute the states at several instants."""
     for k in range(count):
         full_at(s, times[k], out[k * s.n :])

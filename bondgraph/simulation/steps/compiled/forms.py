@@ -1,7 +1,7 @@
-"""Records of machine code in one block of memory: where what lies is found once for a program, and kept with it.
+"""Record layout: records of machine code in one block of memory, whose layout is computed once for a program and cached with it.
 
-A record of the stepper has more than a hundred fields, most of them room of which only the size is known. Made one by one for each run they cost more than the
-steps of a small model; so a run takes a block of zeros, copies the words that are the same for all runs into it, and writes what is its own.
+A record of the stepper has more than a hundred fields, most of them work arrays of known size. Created one by one for each run they would cost more
+than the steps of a small model. So a run takes a block of zeros, copies the words that are the same for all runs into it, and writes its own values.
 """
 
 from __future__ import annotations
@@ -24,8 +24,11 @@ _C_TYPES = {"double": ctypes.c_double, "i64": ctypes.c_int64}
 
 
 class Form:
-    """Where the fields of a record lie, and what is the same in all of its kind. `values`: numbers, arrays as they are where it begins, which
-    each of its kind gets as its own, and records within; a field that is not among them is given to each. `addresses`: those of functions."""
+    """Layout of the fields of a record, and the values common to all records of its kind.
+
+    `values`: numbers, initial arrays, of which each record gets a copy, and nested records; a field that is not in it is set per record. `addresses`:
+    those of functions.
+    """
 
     def __init__(self, noun: type, values: Mapping[str, Any], addresses: Mapping[str, int]) -> None:
         self.addresses = addresses
@@ -34,13 +37,13 @@ class Form:
         self.places = {name: (place, kind) for place, (name, kind) in enumerate(fields.items())}
         self.lacking = frozenset(n for n, kind in fields.items() if n not in values and not isinstance(kind, Handed))
         words: list[int] = []
-        inside: list[int] = []  # words that are addresses within the block
+        inside: list[int] = []  # indices of words that are addresses within the block
         arrays: list[tuple[int, str, Any]] = []
         self._lay(fields, values, words, inside, arrays)
-        arrays.sort(key=lambda item: not item[2].any())  # what is not zero first: behind it, a block is zeros
+        arrays.sort(key=lambda item: not item[2].any())  # nonzero arrays first: the rest of a block is zeros
         own = [np.ravel(a).view(np.int64) for _, _, a in arrays if a.any()]
         size = len(words)
-        self.views: dict[str, tuple[int, int, bool]] = {}  # of its own arrays: place, length, whether of whole numbers
+        self.views: dict[str, tuple[int, int, bool]] = {}  # its own arrays: place, length, True for integers
         for at, name, array in arrays:
             words[at] = WORD * size
             self.views[name] = size, array.size, array.dtype == _WHOLE
@@ -52,7 +55,7 @@ class Form:
         self, fields: Mapping[str, Any], values: Mapping[str, Any], words: list[int], inside: list[int], arrays: list[tuple[int, str, Any]],
         within: str = "",
     ) -> int:  # fmt: skip
-        """The words of a record, and of those within it; its place."""
+        """Lay out the words of a record and of its nested records; return its place."""
         place = len(words)
         words += [0] * len(fields)
         for at, (name, kind) in enumerate(fields.items(), place):
@@ -76,7 +79,7 @@ class Form:
 
 
 class Laid:
-    """A record in a block of its own; arrays and numbers by the names of its fields. What is `given` is pointed to, not copied."""
+    """A record in a separate block; arrays and numbers by the names of its fields. `given` values are pointed to, not copied."""
 
     def __init__(self, form: Form, given: Mapping[str, Any]) -> None:
         if not given.keys() >= form.lacking:
@@ -93,7 +96,7 @@ class Laid:
         self.put(given)
 
     def put(self, values: Mapping[str, Any]) -> None:
-        """Set fields: numbers are copied, arrays and records pointed to."""
+        """Set fields: numbers are copied, arrays and records are pointed to."""
         places, words = self._form.places, self._words
         for name, value in values.items():
             place, kind = places[name]
@@ -129,13 +132,13 @@ class Laid:
 
 @lru_cache
 def _layout(noun: type) -> type[ctypes.Structure]:
-    """How a record lies in memory."""
+    """Return the memory layout of a record."""
     fields = [(n, _C_TYPES.get(k, ctypes.c_void_p) if isinstance(k, str) else ctypes.c_void_p) for n, k in record_of(noun).fields.items()]  # fmt: skip
     return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})
 
 
 def form_of(noun: type, program: Program, key: object, values: Callable[[], Mapping[str, Any]]) -> Form:
-    """The form of a record for a program, kept with it. `key`: what it depends on besides."""
+    """Return the layout of a record for a program, cached with it. `key`: further data on which it depends."""
     kept = program.kept
     found: Form | None = kept.get((noun, key))
     if found is None:

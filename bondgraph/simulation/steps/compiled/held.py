@@ -1,4 +1,4 @@
-"""Constraints in machine code, as `constraints.py` asks for them: many instants in one call."""
+"""Constraints in machine code, with the functions of `constraints.py`: many instants in one call."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _COUNT = ctypes.c_int64
 
 
 def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, taking: Any) -> dict[str, Any]:
-    """The fields of a `Held`; `taking`: which gaps take part. Empty where a program has no constraints."""
+    """Return the fields of a `Held`; `taking`: mask of the active residuals. Empty where a program has no constraints."""
     count, full = len(program.states.names), len(program.states.names) + len(program.unknowns.names)
     gaps = len(program.multipliers)
     rows, columns = program.invariant_pattern
@@ -43,7 +43,7 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
 
 
 class CompiledConstraints:
-    """Projections and singular values at several instants; states have their index last, unknowns included."""
+    """Projections and singular values at several instants; the index of the state is last, unknowns included."""
 
     def __init__(self, constraints: Constraints) -> None:
         program, taking = constraints.program, constraints.taking
@@ -63,7 +63,7 @@ class CompiledConstraints:
         self._rates = called("rates_all", None, *signature, _POINTER)
 
     def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
-        """The states on their invariants, and how many rows nearly hang together at each."""
+        """Return the states projected on their invariants, and the number of nearly dependent rows at each."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
         weak = np.zeros(len(times), dtype=np.int64)
@@ -71,7 +71,7 @@ class CompiledConstraints:
         return states, weak
 
     def least(self, times: Any, states: Any, mode: Any) -> Any:
-        """The smallest singular value of the gaps' slopes at each."""
+        """Return the smallest singular value of the residuals' Jacobian at each instant."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
         out = np.empty(len(times))
@@ -79,7 +79,7 @@ class CompiledConstraints:
         return out
 
     def rates(self, times: Any, scaled: Any, unknowns: Any, mode: Any) -> tuple[Any, Any]:
-        """Rates of the states at their projections, in units of the magnitudes, and how many rows nearly hang together at each."""
+        """Return rates of the states at their projections, in units of the magnitudes, and the number of nearly dependent rows at each."""
         self.values["mode"][:] = mode
         self.values["full"][self.values["count"] :] = unknowns
         times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)

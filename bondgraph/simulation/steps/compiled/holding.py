@@ -1,7 +1,7 @@
-"""Mechanisms held on their constraints, in the subset of Python that becomes machine code: see `constraints.Constraints.project`.
+"""Constraint projection in the subset of Python that becomes machine code: see `constraints.Constraints.project`.
 
-J J' of the gaps' slopes is factorised, L D L' on a fixed pattern (`squares.py` chooses the order once): its pivots tell rows that hang together, and a few
-solutions with it the smallest singular value of J. What the squares lose of the digits, Newton's method gives back.
+The normal equations J J' of the residuals' Jacobian are factorised, L D L' on a fixed pattern (`squares.py` chooses the order once): the pivots show
+dependent rows, and a few solutions give the smallest singular value of J. Newton's method recovers the digits lost by squaring.
 """
 
 from __future__ import annotations
@@ -17,18 +17,16 @@ if TYPE_CHECKING:
     from ....door import Floats, Ints
 
 ITERATIONS, ROUNDING, NOISE = constraints.ITERATIONS, constraints.ROUNDING, constraints.NOISE
-WEAK = constraints.WEAK * constraints.WEAK  # of its own diagonal: pivots that are less trusted
-DROPPED = 1e-15  # of its own diagonal: round-off of what cancels
-INVERSE, SETTLED = 100, 1e-8  # inverse iterations for the smallest singular value, and where they stop
-FRESH = (
-    0.3  # of a vector: what is mixed into that of the last pose, so that another loop may become the nearest to be lost
-)
+WEAK = constraints.WEAK * constraints.WEAK  # relative to its diagonal entry: smaller pivots count as weak
+DROPPED = 1e-15  # relative to its diagonal entry: round-off after cancellation
+INVERSE, SETTLED = 100, 1e-8  # inverse iterations for the smallest singular value, and relative change at their end
+FRESH = 0.3  # share of a random vector mixed into that of the last pose, so that another loop may become the weakest
 
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
 
 
 class Square(Record):
-    """J J' of some rows of slopes, in the order of its factors."""
+    """J J' of some rows of the Jacobian, in the order of its factors."""
 
     rows: int
     invariant: Ints  # rows: the number among the invariants
@@ -36,26 +34,27 @@ class Square(Record):
     entry_start: Ints  # rows + 1
     entry: Ints  # the place among all slopes
     column: Ints  # the state
-    pair_start: Ints  # below + rows + 1: what adds up to a number of the square, those below the diagonal first
+    # below + rows + 1: products that add up to an entry of the square, entries below the diagonal first
+    pair_start: Ints
     pair_one: Ints
     pair_other: Ints
     below: int
     l_start: Ints  # rows + 1
     l_row: Ints
-    update: Ints  # where what a column changes lies, in the order in which it is met
+    update: Ints  # places that a column updates, in the order of the elimination
     value: Floats  # slopes in units of the magnitudes
     lower: Floats  # below
     pivot: Floats  # rows
-    own: Floats  # rows: squares of the norms of the slopes
-    size: Floats  # rows: how large a gap can be
+    own: Floats  # rows: squared norms of the rows of the Jacobian
+    size: Floats  # rows: size of a residual
     right: Floats  # rows
-    weakest: float  # pivot, as a share of its own diagonal
-    vector: Floats  # rows: the direction that is nearest to be lost
+    weakest: float  # smallest pivot, relative to its diagonal entry
+    vector: Floats  # rows: the direction of the smallest singular value
     fresh: Floats  # rows
 
 
 class Held(Record):
-    """The constraints of a program."""
+    """Constraints of a program."""
 
     invariant: Function
     invariant_slopes: Function
@@ -63,23 +62,23 @@ class Held(Record):
     inputs: Floats
     constants: Floats
     mode: Floats
-    active: int  # whether there are any
+    active: int  # 1 if there are any
     n: int  # states and unknowns
     count: int  # states
     gaps: int
     magnitude: Floats  # n
-    values: Floats  # of all invariants
+    values: Floats  # values of all invariants
     slopes: Floats
     positions: Square
     speeds: Square
     multipliers: int
-    place: Ints  # multipliers: where each stands among the n
+    place: Ints  # multipliers: index of each among the n
     solution: Floats  # n + multipliers
     full: Floats  # n
 
 
 def hold(h: Held, time: float, x: Floats) -> int:
-    """A full state in SI brought onto its invariants; how many pivots were weak."""
+    """Project a full state in SI on its invariants; return the number of weak pivots."""
     weak = close(h, h.positions, time, x)
     if h.speeds.rows > 0:
         weak += stand(h, h.speeds, time, x)
@@ -87,7 +86,7 @@ def hold(h: Held, time: float, x: Floats) -> int:
 
 
 def close(h: Held, q: Square, time: float, x: Floats) -> int:
-    """The gaps closed, by Newton's method with the slopes of its first state while these serve."""
+    """Make the residuals vanish by Newton's method, with the Jacobian of its first state as long as it converges."""
     known = 0
     weak = 0
     before = 1e300
@@ -117,7 +116,7 @@ def close(h: Held, q: Square, time: float, x: Floats) -> int:
 
 
 def stand(h: Held, q: Square, time: float, x: Floats) -> int:
-    """The rates of the gaps made to vanish; they are linear in the speeds, the second time is for round-off."""
+    """Make the rates of the residuals vanish; they are linear in the speeds, the second pass is for round-off."""
     h.invariant_slopes(time, x, h.inputs, h.constants, h.mode, h.slopes)
     weak = factorise_square(q, h.slopes, h.magnitude)
     for _ in range(2):
@@ -130,14 +129,14 @@ def stand(h: Held, q: Square, time: float, x: Floats) -> int:
 
 
 def move(q: Square, magnitude: Floats, x: Floats) -> None:
-    """The state less the shortest change that the solution in `right` stands for."""
+    """Subtract from the state the minimum-norm change that belongs to the solution in `right`."""
     for i in range(q.rows):
         for k in range(q.entry_start[i], q.entry_start[i + 1]):
             x[q.column[k]] -= magnitude[q.column[k]] * (q.value[k] * q.right[i])
 
 
 def measure_gaps(q: Square) -> None:
-    """As `Constraints.sizes`: rows of one unit share the largest."""
+    """Compute the sizes of the rows as `Constraints.sizes`: rows of one unit share the largest."""
     lengths = 0.0
     others = 0.0
     for i in range(q.rows):
@@ -151,7 +150,7 @@ def measure_gaps(q: Square) -> None:
 
 
 def factorise_square(q: Square, slopes: Floats, magnitude: Floats) -> int:
-    """L D L' of the square; how many pivots are weak."""
+    """Factorise the square as L D L'; return the number of weak pivots."""
     for k in range(q.entry_start[q.rows]):
         q.value[k] = slopes[q.entry[k]] * magnitude[q.column[k]]
     for t in range(q.below + q.rows):
@@ -185,7 +184,7 @@ def factorise_square(q: Square, slopes: Floats, magnitude: Floats) -> int:
 
 
 def solve_square(q: Square, b: Floats) -> None:
-    """The solution in the place of the right side."""
+    """Replace the right-hand side by the solution."""
     for k in range(q.rows):
         for r in range(q.l_start[k], q.l_start[k + 1]):
             b[q.l_row[r]] -= q.lower[r] * b[k]
@@ -197,7 +196,7 @@ def solve_square(q: Square, b: Floats) -> None:
 
 
 def least(h: Held, q: Square, time: float, x: Floats) -> float:
-    """The smallest singular value of the gaps' slopes, rows in units of their sizes, by inverse iteration."""
+    """Return the smallest singular value of the residuals' Jacobian, rows in units of their sizes, by inverse iteration."""
     h.invariant_slopes(time, x, h.inputs, h.constants, h.mode, h.slopes)
     factorise_square(q, h.slopes, h.magnitude)
     measure_gaps(q)
@@ -228,26 +227,26 @@ def least(h: Held, q: Square, time: float, x: Floats) -> float:
 
 
 def put_multipliers(h: Held, time: float, x: Floats) -> None:
-    """The multipliers that belong to a state, in it."""
+    """Put the multipliers that belong to a state into it."""
     h.solved(time, x, h.inputs, h.constants, h.mode, h.solution)
     for k in range(h.multipliers):
         x[h.place[k]] = h.solution[h.n + k]
 
 
 def hold_all(h: Held, instants: int, times: Floats, states: Floats, weak: Ints) -> None:
-    """States at several instants brought onto their invariants."""
+    """Project states at several instants on their invariants."""
     for k in range(instants):
         weak[k] = hold(h, times[k], states[k * h.n :])
 
 
 def least_all(h: Held, instants: int, times: Floats, states: Floats, out: Floats) -> None:
-    """The smallest singular values at several instants."""
+    """Compute the smallest singular values at several instants."""
     for k in range(instants):
         out[k] = least(h, h.positions, times[k], states[k * h.n :])
 
 
 def rates_all(h: Held, instants: int, times: Floats, scaled: Floats, out: Floats, weak: Ints) -> None:
-    """The rates at the projections of states, all in units of the magnitudes; `full` has the unknowns that are not sought."""
+    """Compute the rates at the projections of states, all in units of the magnitudes; `full` holds the unknowns that are not computed."""
     for k in range(instants):
         for i in range(h.count):
             h.full[i] = scaled[k * h.count + i] * h.magnitude[i]

@@ -1,6 +1,6 @@
-"""The source of the compiled steps as Python, in the place of the loop over steps in `one_by_one.py`: where there is no machine code, and for delays.
+"""Source of the compiled steps run as Python, for the loop over steps in `one_by_one.py`: without machine code, and for delays.
 
-Only what a step does by itself happens here; limits, events, work and samples are the affair of `one_by_one.py`.
+It makes the steps only; `one_by_one.py` handles limits, events, work and samples.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "po
 
 
 class Interpreted:
-    """Steps of all methods but Radau over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
+    """Steps of all methods except Radau over one segment, with the interface of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
@@ -46,7 +46,7 @@ class Interpreted:
         if program.stored_energy is not None:
             values["stored_energy"] = _into(program.stored_energy)
         values |= {"closed": _open(), "redundant": 0, "pattern": None, "stop": float(stretch.stop)}
-        if method == RODAS and values["sparse"]:  # no order of pivots is looked for here
+        if method == RODAS and values["sparse"]:  # no order of pivots is computed here
             values |= {"sparse": 0, "real": room_for(Factors, values["n"])}
         self.record = Stepper(**values)
         begin(self.record)
@@ -54,51 +54,51 @@ class Interpreted:
             self.record.size = size
 
     def step(self) -> None:
-        """One accepted step. Raises `StepFailed`."""
+        """Make one accepted step. Raises `StepFailed`."""
         failed = one_step(self.record)
         if failed:
             raise StepFailed(FAILURES[failed])
 
     def put_mode(self, mode: Any) -> None:
-        """Conditions are like this from now on."""
+        """Set the mode from now on."""
         self.record.mode[:] = mode  # type: ignore[index]
 
     def begin_with(self, size: float) -> None:
-        """Let the next step be no longer than this."""
+        """Limit the next step to this size."""
         self.record.size = size
 
     def hold_to(self, absolute: Any) -> None:
-        """Other absolute tolerances from now on."""
+        """Set the absolute tolerances from now on."""
         self.record.absolute[:] = absolute  # type: ignore[index]
 
     @property
     def is_stiff(self) -> bool:
-        """Whether it is stability that holds the last steps."""
+        """True if stability limits the last steps."""
         return self.record.held_by_stability >= pair.OFTEN
 
     @property
     def finished(self) -> bool:
-        """Whether the end is reached."""
+        """True if the end is reached."""
         return self.record.time >= self.record.stop
 
     @property
     def time(self) -> float:
-        """Where it stands."""
+        """Current time."""
         return self.record.time
 
     @property
     def state(self) -> Any:
-        """The scaled states there."""
+        """Current scaled states."""
         return self.record.state
 
     @property
     def error(self) -> Any:
-        """Of the last step, in units of its tolerance."""
+        """Error of the last step, in units of its tolerance."""
         return self.record.error
 
     @property
     def last_step(self) -> tuple[float, float]:
-        """Its start and its end."""
+        """Start and end of the last step."""
         times, count = self.record.end_time, self.record.ends
         return float(times[count - 2]), float(times[count - 1])
 
@@ -106,17 +106,17 @@ class Interpreted:
 
     @property
     def inner(self) -> tuple[float, ...]:
-        """The places of a step where the limits of a model are looked at."""
+        """Fractions of a step at which the limits of a model are checked."""
         return pair.INNER
 
     @property
     def evaluations(self) -> dict[str, int]:
-        """How often what was evaluated."""
+        """Number of evaluations, by kind."""
         record = self.record
         return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     def sample(self, times: Any) -> Any:
-        """States at instants within the last step; shape (times, n)."""
+        """Return states at instants within the last step; shape (times, n)."""
         record = self.record
         if record.method == ENERGY:
             found = np.empty((len(times), record.n))
@@ -129,7 +129,7 @@ class Interpreted:
         return pair.polynomial(rows, states[record.ends - 2], *self.last_step, times)
 
     def settled(self, times: Any) -> Any:
-        """The same at instants that are reported, with what is stiff where its equations want it: see `within.sample`."""
+        """Return states at reported instants, with stiff states corrected by their equations: see `within.sample`."""
         record, found = self.record, self.sample(times)
         if has_steep_states(record):
             for time, row in zip(np.asarray(times).tolist(), found, strict=True):
@@ -139,11 +139,11 @@ class Interpreted:
                     row /= record.magnitude
         return found
 
-    collocation = sample  # what is summed up along the step agrees with its states to the order of its polynomial
+    collocation = sample  # integrals along the step agree with its states to the order of its polynomial
 
 
 def sampled(solver: Any, times: Any) -> Any:
-    """States within the last step of the method that keeps the energy, from what its machine code knows."""
+    """Return states within the last step of the energy-conserving method, from the data of its machine code."""
     names = (
         "n",
         "ends",
@@ -168,7 +168,7 @@ def sampled(solver: Any, times: Any) -> Any:
 
 
 def _into(function: Callable[..., Any]) -> Callable[..., None]:
-    """A function of a program in the shape in which the steps call it."""
+    """Wrap a function of a program for the call by the steps: values go into an argument."""
 
     def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
         found = function(time, state, inputs, constants, mode)
@@ -186,7 +186,7 @@ def _of_time(function: Callable[..., Any]) -> Callable[..., None]:
 
 
 def _open() -> Held:
-    """No constraints."""
+    """Return an empty `Held`: no constraints."""
     held = object.__new__(Held)
     held.gaps = held.multipliers = 0
     return held

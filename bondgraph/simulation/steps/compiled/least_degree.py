@@ -1,8 +1,8 @@
-"""An order that keeps sparse factors sparse, in the subset that becomes machine code: nodes of least degree are eliminated first.
+"""Fill-reducing order for sparse factors, in the subset that becomes machine code: nodes of least degree are eliminated first.
 
-The approximate degrees of Amestoy, Davis and Duff (SIAM J. Matrix Anal. Appl. 17, 1996): what is eliminated is not filled in but kept as an element, a
-list of the nodes that it joins; elements that lie within another one vanish, nodes with equal neighbours are eliminated together, and a degree counts
-what two elements share twice. A node of very many neighbours, which each of them would look through, comes last.
+Approximate degrees of Amestoy, Davis and Duff (SIAM J. Matrix Anal. Appl. 17, 1996): an eliminated node is not filled in but stored as an element, a
+list of the nodes that it joins; elements within another one are absorbed, nodes with equal neighbours are eliminated together, and nodes shared
+by two elements are counted twice in a degree. A node with very many neighbours, which each of them would search, comes last.
 """
 
 from __future__ import annotations
@@ -16,39 +16,41 @@ if TYPE_CHECKING:
     from ....door import Ints
 
 NOBODY = -1
-DENSE, FEW = 10.0, 16.0  # times the root of the number of nodes, and at least so many neighbours: these come last
+DENSE, FEW = 10.0, 16.0  # nodes with more neighbours than DENSE sqrt(n), and than FEW, come last
 
 
 class Quotient(Record):
-    """n nodes, of which some wait and others have become elements. A list is that of the elements that a node is in, then of other neighbours; of an
-    element that of the nodes that it joins."""
+    """Quotient graph of n nodes: some wait for elimination, others have become elements.
+
+    The list of a node has its elements first, then other neighbours; the list of an element has the nodes that it joins.
+    """
 
     n: int
-    left: int  # nodes that are to be eliminated
-    at: int  # how many have been
-    least: int  # no node that waits has a lower degree
-    mark: int  # more than what was marked before
-    free: int  # from there on `lists` is free
+    left: int  # number of nodes still to be eliminated
+    at: int  # number of nodes eliminated
+    least: int  # lower bound of the degrees of waiting nodes
+    mark: int  # greater than all earlier marks
+    free: int  # start of the free part of `lists`
     room: int  # its length: n more than all neighbours
     lists: Ints  # room
     spare: Ints  # room
     start: Ints  # n
     length: Ints  # n
-    joined: Ints  # n: how many of a list are elements
-    weight: Ints  # n: for how many nodes one stands; 0: for none any more; less than 0: joined by the pivot
+    joined: Ints  # n: number of elements in a list
+    weight: Ints  # n: number of nodes that one represents; 0: none any more; less than 0: joined by the pivot
     degree: Ints  # n
-    first: Ints  # n + 1: of the nodes of a degree
-    after: Ints  # n: the next one in its row
+    first: Ints  # n + 1: first node of each degree
+    after: Ints  # n: the next node of the same degree
     before: Ints  # n
-    bucket: Ints  # n + 1: of nodes that may be equal, the first
-    seen: Ints  # n: marks; 0: an element that is in another
-    member: Ints  # n: the next node for which the same one stands
+    bucket: Ints  # n + 1: first of the nodes that may be equal
+    seen: Ints  # n: marks; 0: an element that is absorbed
+    member: Ints  # n: the next node with the same representative
     last: Ints  # n: the last of these
-    order: Ints  # n: what was eliminated, in this order
+    order: Ints  # n: eliminated nodes, in this order
 
 
 def least_degree(q: Quotient) -> None:
-    """The order, from `start`, `length` and `lists` of a symmetric pattern without its diagonal; all else begins with zeros."""
+    """Compute the order from `start`, `length` and `lists` of a symmetric pattern without its diagonal; all other fields must be zero at first."""
     all_wait(q)
     while q.left > 0:
         while q.first[q.least] == NOBODY:
@@ -63,7 +65,7 @@ def least_degree(q: Quotient) -> None:
 
 
 def all_wait(q: Quotient) -> None:
-    """All nodes wait, but for those of very many neighbours, which are put at the end."""
+    """Let all nodes wait, except those with very many neighbours, which are put at the end."""
     n = q.n
     dense = max(FEW, DENSE * sqrt(float(n)))
     for i in range(n):
@@ -88,7 +90,7 @@ def all_wait(q: Quotient) -> None:
 
 
 def chain(q: Quotient, i: int, degree: int) -> None:
-    """To the nodes of a degree."""
+    """Insert a node into the list of its degree."""
     other = q.first[degree]
     q.degree[i] = degree
     q.after[i] = other
@@ -100,7 +102,7 @@ def chain(q: Quotient, i: int, degree: int) -> None:
 
 
 def unchain(q: Quotient, i: int) -> None:
-    """From the nodes of its degree."""
+    """Remove a node from the list of its degree."""
     other = q.after[i]
     if other != NOBODY:
         q.before[other] = q.before[i]
@@ -111,7 +113,7 @@ def unchain(q: Quotient, i: int) -> None:
 
 
 def join(q: Quotient, pivot: int) -> None:
-    """The pivot becomes an element: its list is that of all that it and its elements have beside it."""
+    """Make the pivot an element: its list has all waiting neighbours of it and of its elements."""
     if q.free + q.degree[pivot] > q.room:
         tidy(q)
     q.left -= q.weight[pivot]
@@ -133,7 +135,7 @@ def join(q: Quotient, pivot: int) -> None:
 
 
 def gather(q: Quotient, pivot: int, start: int, count: int) -> None:
-    """What waits of a stretch of `lists`, and is not joined yet."""
+    """Add the waiting nodes of a part of `lists` that are not joined yet to the pivot's list."""
     for k in range(start, start + count):
         i = q.lists[k]
         if q.weight[i] > 0:
@@ -145,7 +147,7 @@ def gather(q: Quotient, pivot: int, start: int, count: int) -> None:
 
 
 def tidy(q: Quotient) -> None:
-    """Lists without gaps between them."""
+    """Compact the lists: remove the gaps between them."""
     to = 0
     for i in range(q.n):
         start = q.start[i]
@@ -159,7 +161,7 @@ def tidy(q: Quotient) -> None:
 
 
 def outside(q: Quotient, pivot: int) -> None:
-    """Mark elements by how much of them the pivot does not join."""
+    """Mark elements by the number of their nodes that the pivot does not join."""
     for p in range(q.start[pivot], q.start[pivot] + q.length[pivot]):
         i = q.lists[p]
         for k in range(q.start[i], q.start[i] + q.joined[i]):
@@ -171,7 +173,7 @@ def outside(q: Quotient, pivot: int) -> None:
 
 
 def shrink(q: Quotient, pivot: int) -> None:
-    """From the lists of joined nodes goes what the pivot says already; a node with nothing else is eliminated with it."""
+    """Remove from the lists of joined nodes the entries that the pivot covers; a node with no other entries is eliminated with it."""
     for p in range(q.start[pivot], q.start[pivot] + q.length[pivot]):
         i = q.lists[p]
         at = q.start[i]
@@ -186,7 +188,7 @@ def shrink(q: Quotient, pivot: int) -> None:
                 key += element
                 q.lists[to] = element
                 to += 1
-            else:  # all of it lies within the pivot, or did before
+            else:  # the element lies within the pivot, or was absorbed before
                 q.seen[element] = 0
                 q.length[element] = 0
         elements = to - at
@@ -202,7 +204,7 @@ def shrink(q: Quotient, pivot: int) -> None:
             q.left += q.weight[i]
             stand_for(q, pivot, i)
             continue
-        q.lists[to] = q.lists[at + elements]  # the pivot comes first: one entry at least has gone
+        q.lists[to] = q.lists[at + elements]  # the pivot comes first: at least one entry was removed
         q.lists[at + elements] = q.lists[at]
         q.lists[at] = pivot
         q.joined[i] = elements + 1
@@ -216,7 +218,7 @@ def shrink(q: Quotient, pivot: int) -> None:
 
 
 def stand_for(q: Quotient, i: int, other: int) -> None:
-    """One node in the place of another from now on."""
+    """Let one node represent another from now on."""
     q.weight[other] = 0
     q.length[other] = 0
     q.member[q.last[i]] = other
@@ -224,7 +226,7 @@ def stand_for(q: Quotient, i: int, other: int) -> None:
 
 
 def unite(q: Quotient, pivot: int) -> None:
-    """Nodes with equal lists become one."""
+    """Merge nodes with equal lists."""
     for p in range(q.start[pivot], q.start[pivot] + q.length[pivot]):
         if q.weight[q.lists[p]] == 0:
             continue
@@ -249,7 +251,7 @@ def unite(q: Quotient, pivot: int) -> None:
 
 
 def are_equal(q: Quotient, i: int, other: int) -> bool:
-    """Whether the list of another node is that of this one, which is marked."""
+    """Return True if the list of another node equals that of this one, which is marked."""
     if q.length[other] != q.length[i] or q.joined[other] != q.joined[i]:
         return False
     for k in range(q.start[other], q.start[other] + q.length[other]):
@@ -259,7 +261,7 @@ def are_equal(q: Quotient, i: int, other: int) -> bool:
 
 
 def put_back(q: Quotient, pivot: int) -> None:
-    """Joined nodes wait again, at their new degrees; the pivot and all for which it stands have their places."""
+    """Let joined nodes wait again, with their new degrees; the pivot and all nodes that it represents get their places."""
     begins = q.start[pivot]
     to = begins
     for p in range(begins, begins + q.length[pivot]):

@@ -1,4 +1,4 @@
-"""Norms of changes and the factor between two steps, of the methods that have a Jacobian: see `radau.py`, whose names stand here."""
+"""Norms of changes and the step-size factor, for methods with a Jacobian; same names as in `radau.py`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SLOWEST, CREEPING, LARGEST = radau.SLOWEST, radau.CREEPING, float(radau.LARGEST)
 
 
 def squares(s: Stepper) -> float:
-    """The sum of the squares of the changes in units of the tolerance."""
+    """Return the sum of the squared changes in units of the tolerance."""
     n = s.n
     one = 0.0
     two = 0.0
@@ -27,7 +27,7 @@ def squares(s: Stepper) -> float:
 
 
 def most_left(s: Stepper) -> float:
-    """See `radau._left`."""
+    """Return the same as `radau._left`."""
     most = 0.0
     for i in range(3):
         for k in range(s.n):
@@ -40,7 +40,7 @@ def most_left(s: Stepper) -> float:
 
 
 def factor(s: Stepper, size: float, norm: float, power: float) -> float:
-    """Step factor by the last two errors (Gustafsson; Hairer and Wanner, section IV.8); steps go as that power of the error."""
+    """Return the step-size factor from the last two errors (Gustafsson; Hairer and Wanner, section IV.8); `power`: exponent of the error."""
     if norm == 0.0:
         return LARGEST
     result = pow(norm, -power)

@@ -1,7 +1,8 @@
-"""The order of rows and columns for sparse factors.
+"""Order of rows and columns for sparse factors.
 
-With all pivots on the diagonal it depends on the pattern alone, and is found once for a program, by machine code (`least_degree.py`, `eliminations.py`);
-where the numbers of a run do not allow for that, SuperLU makes one for the numbers at hand. A run goes on with what it has while its pivots are not small.
+With all pivots on the diagonal it depends on the pattern alone, and is computed once for a program, by machine code (`least_degree.py`,
+`eliminations.py`). Where the numbers of a run do not allow that, SuperLU computes one for these numbers. A run keeps its order while its pivots are
+not small.
 """
 
 from __future__ import annotations
@@ -17,17 +18,19 @@ from .eliminations import Eliminations, plan_eliminations, put_rows
 from .forms import Form, Laid
 from .least_degree import Quotient, least_degree
 
-SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for a pattern that is not symmetric that with less fill is taken
-PRESENT = 1e-9  # of the largest number of its row: what stands for a zero that may not stay one
-DIAGONAL = 0.01  # of the largest number of its column: a pivot of the diagonal that is larger is taken
-MOST = 6  # rows of a column of L, if a pattern that is not symmetric is to be taken for one that is
+SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for an unsymmetric pattern the one with less fill is used
+PRESENT = 1e-9  # relative to the largest entry of its row: value put in place of a zero that may become nonzero
+DIAGONAL = 0.01  # relative to the largest entry of its column: larger diagonal entries are used as pivots
+MOST = 6  # most rows per column of L for which an unsymmetric pattern is treated as symmetric
 
 Columns = tuple[Any, Any]  # starts, and rows in rising order, without the diagonal
 
 
 def on_diagonal(rows: Any, columns: Any, differential: int, count: int, compiled: bool = True) -> dict[str, Any] | None:
-    """The fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0), with all pivots on the diagonal; None if that has gaps, or nothing but numbers
-    can tell a good order. `compiled`: by machine code or by its source."""
+    """Return the fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0), with all pivots on the diagonal.
+
+    None if the diagonal has gaps, or if a good order depends on the numbers. `compiled`: by machine code or by its source.
+    """
     present = np.arange(count) < differential
     present[rows[rows == columns]] = True
     if not present.all():
@@ -40,7 +43,7 @@ def on_diagonal(rows: Any, columns: Any, differential: int, count: int, compiled
 
 
 def _neighbours(rows: Any, columns: Any, count: int) -> tuple[Any, Any, bool]:
-    """Of each node those with which it stands in (i, j) or (j, i): starts, nodes; and whether all do in both."""
+    """Return for each node its neighbours in (i, j) or (j, i), as starts and nodes, and True if the pattern is symmetric."""
     beside = rows != columns
     own = _distinct(rows[beside] * count + columns[beside])
     both = _distinct(np.concatenate([own, own % count * count + own // count]))
@@ -48,7 +51,7 @@ def _neighbours(rows: Any, columns: Any, count: int) -> tuple[Any, Any, bool]:
 
 
 def _distinct(numbers: Any) -> Any:
-    """Rising, each once; numpy's own would load its masked arrays."""
+    """Return rising numbers without duplicates; numpy's own function would load its masked arrays."""
     rising = np.sort(numbers)
     first = np.ones(len(rising), dtype=bool)
     first[1:] = rising[1:] != rising[:-1]
@@ -56,7 +59,7 @@ def _distinct(numbers: Any) -> Any:
 
 
 def _least_degree(start: Any, neighbours: Any, compiled: bool) -> Any:
-    """The nodes in an order that fills little."""
+    """Return the nodes in an order with little fill."""
     count, room = len(start) - 1, len(neighbours) + len(start)
     names = ("joined", "weight", "degree", "after", "before", "seen", "member", "last", "order")
     given: dict[str, Any] = {name: np.zeros(count, dtype=np.int64) for name in names}
@@ -69,7 +72,7 @@ def _least_degree(start: Any, neighbours: Any, compiled: bool) -> Any:
 
 
 def _eliminated(start: Any, neighbours: Any, order: Any, compiled: bool) -> tuple[Any, Columns, Columns, Any]:
-    """Where nodes go, where L and U have entries, and how many columns of L have one pattern."""
+    """Return the places of the nodes, the patterns of L and U, and for each column of L the number of adjacent columns with its pattern."""
     names = ("place", "above", "reached", "child", "sibling", "stack", "count", "number", "wide")
     given: dict[str, Any] = {name: np.zeros(len(order), dtype=np.int64) for name in names}
     given |= {"n": len(order), "start": start, "neighbours": neighbours, "order": order}
@@ -83,7 +86,7 @@ def _eliminated(start: Any, neighbours: Any, order: Any, compiled: bool) -> tupl
 
 
 def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[str, Any], compiled: bool) -> None:
-    """Let a function work on a record with these fields."""
+    """Run a function on a record with these fields."""
     if compiled:
         called(function.__name__, None, POINTER)(Laid(Form(noun, {}, {}), given).address)
     else:
@@ -93,7 +96,7 @@ def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[st
 def ordered(
     rows: Any, columns: Any, differential: int, count: int, shift: float, entries: Any
 ) -> dict[str, Any] | None:
-    """The same for these numbers, with pivots that are not small; None if the matrix is singular."""
+    """Return the same fields for given numbers, with pivots that are not small; None if the matrix is singular."""
     every_row, every_column = _places(rows, columns, differential)
     matrix = _matrix(
         every_row, every_column, np.concatenate([-np.asarray(entries), np.full(differential, shift)]), count
@@ -110,7 +113,7 @@ def ordered(
 
 
 def _places(rows: Any, columns: Any, differential: int) -> tuple[Any, Any]:
-    """Where shift M - J has entries; those that fall together are added."""
+    """Return the rows and columns of the entries of shift M - J; entries at the same place are added."""
     diagonal = np.arange(differential)
     return np.concatenate([rows, diagonal]), np.concatenate([columns, diagonal])
 
@@ -137,7 +140,7 @@ def _by_library(matrix: Any, rows: Any, columns: Any, differential: int, methods
 
 
 def _is_symmetric(matrix: Any) -> bool:
-    """Whether there is something in (i, j) wherever there is in (j, i)."""
+    """Return True if the pattern has an entry at (j, i) for each one at (i, j)."""
     turned = matrix.T.tocsc()
     matrix.sort_indices()
     turned.sort_indices()
@@ -169,13 +172,13 @@ def _fields(
 
 
 def room_in(found: Mapping[str, Any]) -> dict[str, Any]:
-    """For the factors of one matrix in this order."""
+    """Return the arrays for the factors of one matrix in this order."""
     names = {"l_row": ("lower", "lower_re", "lower_im"), "u_row": ("upper", "upper_re", "upper_im")}
     return {name: np.zeros(len(found[rows])) for rows, those in names.items() for name in those}
 
 
 def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
-    """Starts of columns, and rows in rising order."""
+    """Return starts of columns, and rows in rising order, without the diagonal."""
     factor = factor.tocsc()
     factor.sort_indices()
     columns = np.repeat(np.arange(count), np.diff(factor.indptr))
@@ -184,7 +187,7 @@ def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
 
 
 def _wide(starts: Any, rows: Any) -> Any:
-    """For each column, how many from there on have one pattern, but for their own rows: these are subtracted together."""
+    """Return for each column the number of columns from there on with equal pattern, apart from their own rows: they are subtracted together."""
     count = len(starts) - 1
     lengths = np.diff(starts)
     wide = np.ones(count, dtype=np.int64)

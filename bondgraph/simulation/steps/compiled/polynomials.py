@@ -1,4 +1,4 @@
-"""The polynomials within the last step: of each method, and of Radau that through the last ends; see `radau.Radau.sample`."""
+"""Polynomials within the last step: of each method, and for Radau also the one through the last step ends; see `radau.Radau.sample`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ P = tuple(radau.P.ravel().tolist())
 
 
 def quintic(s: Stepper, time: float, out: Floats) -> None:
-    """The polynomial through the last ends, scaled states."""
+    """Put the polynomial through the last step ends, scaled states, into `out`."""
     if s.node_count == 0:
         interpolate(s)
     n = s.n
@@ -31,7 +31,7 @@ def quintic(s: Stepper, time: float, out: Floats) -> None:
 
 
 def collocation(s: Stepper, time: float, out: Floats) -> None:
-    """The polynomial of the method in the last step, scaled states."""
+    """Put the polynomial of the method in the last step, scaled states, into `out`."""
     if s.method == ENERGY:
         within_step(s, time, out)
         return
@@ -49,7 +49,7 @@ def collocation(s: Stepper, time: float, out: Floats) -> None:
 
 
 def interpolate(s: Stepper) -> None:
-    """The polynomial through values and slopes of the last three ends, from the last one back, by divided differences, in Newton's form."""
+    """Compute the polynomial through values and rates at the last three step ends, from the last one back, by divided differences in Newton's form."""
     n = s.n
     m = 6 if s.first_sloped != 0 else 5
     for j in range(m):

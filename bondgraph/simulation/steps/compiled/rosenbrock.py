@@ -1,7 +1,7 @@
-"""One step of the Rosenbrock method of `rodas.py`, written once: as machine code, and as Python where there is none (`interpreted.py`).
+"""One step of the Rosenbrock method of `rodas.py`; one source, as machine code and as Python where there is none (`interpreted.py`).
 
-It iterates nothing, so its Jacobian must be that of where a step begins, and it wants the slope of the rates in time there. A step that would damp what
-grows in the model is halved, as one of Radau is: then the matrix has a negative determinant.
+It has no iteration, so its Jacobian must be that of the start of the step, and it needs the partial derivative of the rates by time there. A step
+that would damp a growing mode of the model is halved, as for Radau: then the matrix has a negative determinant.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ MOST_BENDS = rodas.MOST_BENDS
 
 
 def rosenbrock_step(s: Stepper) -> int:
-    """One accepted step: 0, or why there is none."""
+    """Make one accepted step; return 0, or the reason why there is none."""
     least = 10.0 * ulp(s.time)
     size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
     reason = ERROR
     rejected = 0
     bent = 0
-    wish = 0.0  # how long a step was to be that a bend has cut
+    wish = 0.0  # planned size of a step that a kink has cut
     if s.current == 0:
         renew(s)
     while True:
@@ -90,13 +90,13 @@ def rosenbrock_step(s: Stepper) -> int:
     s.current = 0
     if wish > 0.0:
         look_at_side(s, BEYOND * size)
-        if s.current != 0:  # another law goes on
+        if s.current != 0:  # another branch of a law applies
             after_bend(s, wish)
     return 0
 
 
 def try_step(s: Stepper, size: float) -> float:
-    """The stages of a step of that size, its end in `new`, and its polynomial; the estimate in units of the tolerance."""
+    """Compute the stages of a step of this size, its end into `new`, and its polynomial; return the estimate in units of the tolerance."""
     n = s.n
     slope_in_time(s, size)
     for i in range(n):
@@ -122,7 +122,7 @@ def try_step(s: Stepper, size: float) -> float:
 
 
 def argue(s: Stepper, stage: int) -> None:
-    """The state at which a stage asks for the rates, from the stages before it: into `new`."""
+    """Put the state at which a stage evaluates the rates, from the stages before it, into `new`."""
     n = s.n
     first = stage * (stage - 1) // 2
     for i in range(n):
@@ -133,7 +133,7 @@ def argue(s: Stepper, stage: int) -> None:
 
 
 def solve_stage(s: Stepper, stage: int, size: float) -> None:
-    """A stage in the place of the rates that it asked for."""
+    """Replace the rates of a stage by the stage."""
     n = s.n
     first = stage * (stage - 1) // 2
     right = s.slope[stage * n :]
@@ -149,7 +149,7 @@ def solve_stage(s: Stepper, stage: int, size: float) -> None:
 
 
 def slope_in_time(s: Stepper, size: float) -> None:
-    """How fast the rates change with time alone where the step begins, from three that lie within it: into `f`."""
+    """Put the partial derivative of the rates by time at the start of a step, from three values within it, into `f`."""
     n = s.n
     aside = (s.time + ASIDE * size) - s.time
     one = s.f
@@ -168,7 +168,7 @@ def slope_in_time(s: Stepper, size: float) -> None:
 
 
 def put_polynomial(s: Stepper) -> None:
-    """The polynomial within the step, in the form of that of the explicit pair."""
+    """Store the polynomial within the step, in the form of that of DOP853."""
     n = s.n
     for i in range(n):
         s.dense[i] = s.new[i] - s.state[i]

@@ -1,7 +1,7 @@
-"""Runs `advance.advance` as machine code, in the place of the loop over steps in `one_by_one.py`.
+"""Native integrator: runs `advance.advance` as machine code instead of the loop over steps in `one_by_one.py`.
 
-What a step looks at besides (limits, other choices of states, work) happens in there too; the code comes back where Python must decide, and every
-some tens of milliseconds, so that a run can be interrupted.
+The other checks of a step (limits, state selection, work) are done in machine code too. The code returns where Python must decide, and every few
+tens of milliseconds, so that a run can be interrupted.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from .held import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
-OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # what is asked for again and again
+OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
-SMALL = 1e-3  # pivots beside what they divide, below which another order is chosen
+SMALL = 1e-3  # ratio of a pivot to the largest number that it divides, below which another order is chosen
 
 
 def obstacle(program: Program) -> str:
-    """Why the steps of this program are not made in machine code; empty if they are."""
+    """Return the reason why the steps of this program are not made in machine code; empty if they are."""
     if program.native is None:
         return "no machine code"
     if program.invariants.names and (program.solved is None) != ("solved" not in program.native.addresses):
@@ -48,7 +48,7 @@ def obstacle(program: Program) -> str:
 
 
 class Ordered:
-    """The pattern of sparse factors, and the choice of another order where the numbers ask for it."""
+    """Pattern of sparse factors, and choice of another order where the numbers need it."""
 
     def __init__(self, program: Program, small: float) -> None:
         n = len(program.states.names) + len(program.unknowns.names)
@@ -64,7 +64,7 @@ class Ordered:
         self.record = self.values.record
 
     def choose(self, shift: float, entries: Any) -> bool:
-        """Choose an order for these numbers; false if there is none."""
+        """Choose an order for these numbers; return False if there is none."""
         if self._on_diagonal(shift, entries):
             return True
         found = ordered(*self.pattern, shift, entries)
@@ -75,7 +75,7 @@ class Ordered:
         return True
 
     def _on_diagonal(self, shift: float, entries: Any) -> bool:
-        """The order that depends on the program alone, if its pivots are not small."""
+        """Choose the order that depends on the program alone, if its pivots are not small; return True if it is used."""
         key = "order", len(entries), self.pattern[-1]
         if key not in self._kept:
             self._kept[key] = on_diagonal(*self.pattern)
@@ -96,7 +96,7 @@ class Ordered:
 
 
 class CompiledRadau:
-    """Steps over one stretch; answers what `one_by_one.py` asks of `radau.Radau`."""
+    """Steps of a native method over one segment, with the interface of `radau.Radau`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
@@ -113,20 +113,20 @@ class CompiledRadau:
             return room_of(program, method, len(signals.allowed), bends)
 
         self.values = Laid(form_of(Stepper, program, method, room), given)
-        self.fixed_size: float | None = None  # of all steps, for a method that wants that
-        self._mode: Any = None  # that was put last
+        self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
+        self._mode: Any = None  # the mode set last
         self._begun = False
         self._record, self._here = self.values.record, self.values.address
         self._advance = called("advance", WHOLE, POINTER, WHOLE)
 
     def report(self, instants: Any, position: int, states: Any) -> None:
-        """Where states at instants go, from the number `position` on."""
+        """Set the array for states at the reported instants, from the index `position` on."""
         self.values.put(
             {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
         )
 
     def choose(self, choice: Choice) -> None:
-        """Stop where other states should go on."""
+        """Stop where other states should be integrated."""
         if self._begun:
             self.values["stored_peak"] = choice.peak
             return
@@ -138,12 +138,12 @@ class CompiledRadau:
         })  # fmt: skip
 
     def measure(self, work: Any, traffic: float) -> None:
-        """Add up the work at all ports, on top of this."""
+        """Add up the work at all ports, starting from these values."""
         room = {"power": np.zeros(len(work)), "partial": np.zeros(2 * len(work))}
         self.values.put({"power_count": len(work), "work": work, "traffic": traffic} | room)
 
     def begin(self) -> None:
-        """Evaluate where the stretch begins."""
+        """Evaluate the rates at the start of the segment."""
         self.put_mode(self.values["mode"])
         self._begun = True
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
@@ -152,7 +152,7 @@ class CompiledRadau:
             self._record.size = self.fixed_size
 
     def begin_at(self, stretch: Segment, state: Any, signals: Signals, method: int, automatic: int) -> None:
-        """Go on with another stretch, or behind an event, as one that is made anew would."""
+        """Go on with another segment, or after an event, as a new solver would."""
         record, values = self._record, self.values
         scaled = state / values["magnitude"]
         values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
@@ -169,16 +169,16 @@ class CompiledRadau:
         self._forget()
 
     def doubt(self, floor: Any) -> None:
-        """Roots of conditions that are nearer to zero than this are rounding."""
+        """Set the level below which roots of conditions are rounding."""
         if floor is not None:
             self.values["root_floor"][:] = floor
 
     def end_at(self, time: float) -> None:
-        """An event ends the last step: what is still to be done with it goes as far as that."""
+        """End the last step at an event: its remaining processing goes up to this time."""
         self._record.until = time
 
     def put_mode(self, mode: Any) -> None:
-        """Conditions and what only events change are like this from now on."""
+        """Set the conditions and discrete variables from now on."""
         self._mode = mode
         self.values["mode"][:] = mode
         self.constraints.values["mode"][:] = mode
@@ -187,7 +187,7 @@ class CompiledRadau:
             self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
 
     def begin_again(self, time: float, state: Any, size: float) -> None:
-        """Go on from elsewhere, with a first step that is not longer than this."""
+        """Go on from another state, with a first step no longer than this."""
         record, values = self._record, self.values
         values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
         record.time = time
@@ -195,7 +195,7 @@ class CompiledRadau:
         record.size = min(size, record.stop - time)
 
     def repeat(self, size: float) -> None:
-        """Make the last step anew, no longer than this."""
+        """Repeat the last step, no longer than this."""
         record, values, n = self._record, self.values, self._record.n
         before = record.ends - 2
         record.time = float(values["end_time"][before])
@@ -205,12 +205,12 @@ class CompiledRadau:
         record.size = size
 
     def go_on_with(self, method: int) -> None:
-        """Another method goes on from here."""
+        """Let another method go on from here."""
         self._record.method, self._record.automatic = method, 0
         self._forget()
 
     def _forget(self) -> None:
-        """What steps remember of each other is forgotten."""
+        """Discard the data that steps share with each other."""
         record = self._record
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
@@ -218,22 +218,22 @@ class CompiledRadau:
         called("begin", None, POINTER)(self._here)
 
     def went_on(self, position: int, work: Any, traffic: float) -> Any:
-        """What was reported and added up meanwhile; the array in which work goes on to be added up."""
+        """Return the array of accumulated work, after setting position, work and energy turnover reached by other means."""
         self._record.position, self._record.traffic = position, traffic
         if work is not None:
             self.values["work"][:] = work
         return None if work is None else self.values["work"]
 
     def note_tried(self, ahead: float) -> None:
-        """A pose could not be crossed from so far before it."""
+        """Store that a pose could not be crossed from this time before it."""
         self._record.tried = ahead
 
     def advance(self, most: int) -> int:
-        """Up to `most` steps; what stopped it, one of the numbers of `advance.py`. Raises `StepFailed`."""
+        """Make up to `most` steps; return the reason for the stop, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self._advance(self._here, most)
         self.order.record.tolerant = 0
         while answer == ORDER:
-            # With an order that was made for just these numbers, small pivots are what there is.
+            # With an order computed for just these numbers, small pivots are accepted.
             if self.order.choose(self._shift / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
                 answer = self._advance(self._here, 1)
@@ -246,16 +246,16 @@ class CompiledRadau:
 
     @property
     def _shift(self) -> float:
-        """Of the real matrix, times the size of the step."""
+        """Return the shift of the real matrix, times the step size."""
         return 1 / rodas.GAMMA if self.method == RODAS else float(radau.MU_REAL)
 
     @property
     def record(self) -> Any:
-        """What machine code works on: single numbers are there."""
+        """Record of machine code: it has the scalar fields."""
         return self._record
 
     def step(self) -> None:
-        """One step. Raises `StepFailed`."""
+        """Make one step. Raises `StepFailed`."""
         self.advance(1)
 
     def __getattr__(self, name: str) -> Any:
@@ -265,28 +265,28 @@ class CompiledRadau:
 
     @property
     def finished(self) -> bool:
-        """Whether the end is reached."""
+        """True if the end is reached."""
         return bool(self.time >= self.stop)
 
     @property
     def last_step(self) -> tuple[float, float]:
-        """Its start and its end."""
+        """Start and end of the last step."""
         count = self._record.ends
         return float(self.end_time[count - 2]), float(self.end_time[count - 1])
 
     @property
     def evaluations(self) -> dict[str, int]:
-        """How often what was evaluated."""
+        """Number of evaluations, by kind."""
         record = self._record
         return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     @property
     def inner(self) -> tuple[float, ...]:
-        """The places of a step where the limits of a model are looked at."""
+        """Fractions of a step at which the limits of a model are checked."""
         return radau.INNER if self.method == RADAU else pair.INNER
 
     def sample(self, times: Any) -> Any:
-        """States at instants within the last step; shape (times, n). As `Radau.sample`."""
+        """Return states at instants within the last step; shape (times, n). As `Radau.sample`."""
         if self.method == ENERGY:
             return self._interpreted(times)
         if self.method != RADAU:
@@ -295,11 +295,11 @@ class CompiledRadau:
         return self._reference().sample(times)
 
     def roots(self, times: Any, mode: Any) -> Any:
-        """The roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
+        """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
         return self._all("roots_along", times, mode, self._record.root_count)
 
     def states(self, times: Any, mode: Any) -> Any:
-        """The states in SI there, with the multipliers that belong to them; shape (times, n)."""
+        """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
         return self._all("states_along", times, mode, self._record.n)
 
     def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
@@ -312,13 +312,13 @@ class CompiledRadau:
         return out
 
     def _interpreted(self, times: Any) -> Any:
-        """The last step, told to the source as Python."""
+        """Return the last step as data of the source in Python."""
         from .interpreted import sampled
 
         return sampled(self, times)
 
     def _reference(self) -> Radau:
-        """The last step, told to the reference: it has the ends, the stages and the tolerances."""
+        """Return the last step as a `Radau`: with the step ends, the stages and the tolerances."""
         from ..ends import End
         from ..radau import Problem
 
@@ -335,10 +335,10 @@ class CompiledRadau:
 
 
 def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
-    """Go on to the end of the stretch, or to where other states should go on or a singular pose is near: which of them, as in `advance.py`.
-    `MORE` after `pause` steps of the stretch.
+    """Step to the end of the segment, or to a change of states or a singular pose; return the reason, as in `advance.py`.
 
-    `look` looks at the limits of the model in the last step, and tells which of them are left. Raises `StepFailed`.
+    `MORE` after `pause` steps of the segment. `look` checks the limits of the model in the last step, and returns the violated ones. Raises
+    `StepFailed`.
     """
     several, answer, record = 64, MORE, solver.record
     while answer == LOOK or (answer == MORE and record.steps < pause):

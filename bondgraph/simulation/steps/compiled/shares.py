@@ -1,4 +1,4 @@
-"""Scaled states at a share of a step that is tried, by the polynomial of its method."""
+"""Interpolant of a trial step: scaled states at a fraction of it, by the polynomial of its method."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ P = tuple(radau.P.ravel().tolist())
 
 
 def tried_at(s: Stepper, at: float, out: Floats) -> None:
-    """That of Radau from its stages, that of the explicit pair from what `along.densify_between` left."""
+    """Compute the state of Radau from its stages, that of DOP853 from the results of `along.densify_between`."""
     if s.method == RADAU:
         from_stages(s, at, out)
     else:
@@ -23,7 +23,7 @@ def tried_at(s: Stepper, at: float, out: Floats) -> None:
 
 
 def from_stages(s: Stepper, at: float, out: Floats) -> None:
-    """The collocation polynomial."""
+    """Compute the state by the collocation polynomial."""
     n = s.n
     a = at * P[0] + at * at * P[1] + at * at * at * P[2]
     b = at * P[3] + at * at * P[4] + at * at * at * P[5]
@@ -33,7 +33,7 @@ def from_stages(s: Stepper, at: float, out: Floats) -> None:
 
 
 def value_at(s: Stepper, at: float, first: Floats, out: Floats) -> None:
-    """The polynomial of order 7 within a step of the explicit pair that begins with `first`."""
+    """Compute the state by the polynomial of order 7 within a step of DOP853 that begins with `first`."""
     n = s.n
     back = 1.0 - at
     for i in range(n):

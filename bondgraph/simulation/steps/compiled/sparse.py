@@ -1,7 +1,7 @@
 """Sparse factors on a fixed pattern: the order of rows and columns is chosen once (`ordering.py`), then only numbers change.
 
-L and U lie column by column without the diagonal of L, the rows of a column of U rising; rows are scaled as in `factorise.sparse`. Where a
-pivot has become small beside what it divides, the answer is that another order is needed.
+L and U are stored column by column without the diagonal of L, the rows of a column of U rising; rows are scaled as in `factorise.sparse`. Where a
+pivot has become small relative to the numbers that it divides, the result is that another order is needed.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ SINGULAR, FINE, ANEW = 0, 1, 2
 
 
 class Pattern(Record):
-    """Where the numbers of a matrix of n rows and of its factors lie, and the numbers."""
+    """Pattern of a matrix of n rows and of its factors, and their numbers."""
 
     n: int
-    ready: int  # whether an order has been chosen
-    small: float  # share of the largest number that it divides below which a pivot asks for another order
-    tolerant: int  # whether small pivots are taken as they are: this order is new
-    start: Ints  # n + 1: of the columns of the matrix, in the chosen order
+    ready: int  # 1 if an order has been chosen
+    small: float  # ratio of a pivot to the largest number that it divides, below which another order is needed
+    tolerant: int  # 1 if small pivots are accepted: this order is new
+    start: Ints  # n + 1: starts of the columns of the matrix, in the chosen order
     row: Ints
-    entry: Ints  # which entry of the Jacobian is subtracted there, -1: none
-    shifted: Ints  # 1 where the shift stands
+    entry: Ints  # index of the entry of the Jacobian that is subtracted there, -1: none
+    shifted: Ints  # 1 where the shift is added
     l_start: Ints  # n + 1
     l_row: Ints
     u_start: Ints  # n + 1
     u_row: Ints
-    row_place: Ints  # n: where a row goes
-    column_place: Ints  # n: where a column goes
-    wide: Ints  # n: how many columns of L from there on have one pattern, but for their own rows
+    row_place: Ints  # n: new index of a row
+    column_place: Ints  # n: new index of a column
+    wide: Ints  # n: number of columns of L from there on with equal pattern, apart from their own rows
     lower: Floats
     upper: Floats
     diagonal: Floats  # n
@@ -53,7 +53,7 @@ class Pattern(Record):
 
 
 def real_factors(p: Pattern, shift: float, entries: Floats) -> int:
-    """Factors of shift M - J."""
+    """Factorise shift M - J."""
     if p.ready == 0:
         return ANEW
     n = p.n
@@ -109,7 +109,7 @@ def real_factors(p: Pattern, shift: float, entries: Floats) -> int:
 
 
 def four_columns(x: Floats, lower: Floats, l_start: Ints, l_row: Ints, upper: Floats, k: int) -> None:
-    """Four columns of one pattern from k on are taken from x, in the order in which one after the other would be."""
+    """Subtract four columns of equal pattern, from k on, from x, with the same result as one after the other."""
     r0 = l_start[k]
     r1 = l_start[k + 1]
     r2 = l_start[k + 2]
@@ -132,7 +132,7 @@ def four_columns(x: Floats, lower: Floats, l_start: Ints, l_row: Ints, upper: Fl
     lc = lower[r2 + 1 :]
     ld = lower[r3:]
     first = l_row[r3]
-    if l_row[r3 + count - 1] - first == count - 1:  # what is full needs no list of rows
+    if l_row[r3 + count - 1] - first == count - 1:  # a full column needs no list of rows
         y = x[first:]
         for i in range(count):
             y[i] = y[i] - la[i] * a - lb[i] * b - lc[i] * c - ld[i] * d
@@ -143,7 +143,7 @@ def four_columns(x: Floats, lower: Floats, l_start: Ints, l_row: Ints, upper: Fl
 
 
 def complex_factors(p: Pattern, re: float, im: float, entries: Floats) -> int:
-    """Factors of (re + i im) M - J."""
+    """Factorise (re + i im) M - J."""
     n = p.n
     x = p.x
     xi = p.xi
@@ -170,7 +170,7 @@ def complex_factors(p: Pattern, re: float, im: float, entries: Floats) -> int:
 
 
 def complex_part(p: Pattern, k: int, re: float, entries: Floats) -> float:
-    """The real part of the matrix at a place of its pattern."""
+    """Return the real part of the matrix at a place of its pattern."""
     value = re if p.shifted[k] != 0 else 0.0
     if p.entry[k] >= 0:
         value -= entries[p.entry[k]]
@@ -178,7 +178,7 @@ def complex_part(p: Pattern, k: int, re: float, entries: Floats) -> float:
 
 
 def take_columns(p: Pattern, j: int) -> None:
-    """Take the columns of L before from a column; what is left above the diagonal is U's."""
+    """Subtract the earlier columns of L from a column; the remainder above the diagonal belongs to U."""
     x = p.x
     xi = p.xi
     lr = p.lower_re
@@ -208,7 +208,7 @@ def take_columns(p: Pattern, j: int) -> None:
 
 
 def close_column(p: Pattern, j: int) -> int:
-    """Divide what is left of a column by its pivot: it is L's. Tells whether the pivot will do."""
+    """Divide the remainder of a column by its pivot, which gives L; return `FINE` or the reason why the pivot is not usable."""
     x = p.x
     xi = p.xi
     pr = x[j]
@@ -238,7 +238,7 @@ def close_column(p: Pattern, j: int) -> int:
 def two_columns(
     x: Floats, xi: Floats, lr: Floats, li: Floats, l_start: Ints, l_row: Ints, ur: Floats, ui: Floats, k: int
 ) -> None:
-    """The same for two columns of complex numbers."""
+    """Subtract two columns of complex numbers, as `four_columns`."""
     r0 = l_start[k]
     r1 = l_start[k + 1]
     a = x[k]
@@ -275,7 +275,7 @@ def two_columns(
 
 
 def real_back(p: Pattern, x: Floats) -> None:
-    """The solution in the place of the right side."""
+    """Replace the right-hand side by the solution."""
     n = p.n
     y = p.y
     lower = p.lower
@@ -299,7 +299,7 @@ def real_back(p: Pattern, x: Floats) -> None:
 
 
 def complex_back(p: Pattern, xr: Floats, xi: Floats) -> None:
-    """The solution in the place of the right side."""
+    """Replace the right-hand side by the solution."""
     n = p.n
     y = p.y
     yi = p.yi

@@ -1,4 +1,4 @@
-"""Where the numbers of J J' and of its factors lie, for the rows of constraints that take part: chosen once, by least degree."""
+"""Normal equations: pattern of J J' and of its factors for the active rows of constraints, chosen once, by least degree."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def square(rows: Any, columns: Any, chosen: Any, lengths: Any) -> dict[str, Any]:
-    """The fields of a `holding.Square` for some of the rows of a pattern; `lengths`: which of all rows are lengths."""
+    """Return the fields of a `holding.Square` for some of the rows of a pattern; `lengths`: mask of the rows that are lengths."""
     entries: dict[int, list[int]] = {int(i): [] for i in chosen}
     for k, row in enumerate(rows):
         if int(row) in entries:
@@ -24,7 +24,8 @@ def square(rows: Any, columns: Any, chosen: Any, lengths: Any) -> dict[str, Any]
     kept = [k for row in order for k in entries[row]]
     pairs = _pairs(order, entries, columns, below)
     count, own = len(order), np.array(kept, dtype=int)
-    fresh = np.random.default_rng(0).normal(size=count) if count else np.zeros(0)  # random numbers take a while to load
+    # loading the random generator takes time
+    fresh = np.random.default_rng(0).normal(size=count) if count else np.zeros(0)
     norm = float(np.linalg.norm(fresh)) or 1.0
     room = {name: np.zeros(count) for name in ("pivot", "own", "size", "right", "vector")}
     return room | {
@@ -38,7 +39,7 @@ def square(rows: Any, columns: Any, chosen: Any, lengths: Any) -> dict[str, Any]
 
 
 def _near(entries: dict[int, list[int]], columns: Any) -> dict[int, set[int]]:
-    """Which rows share a column."""
+    """Return for each row the other rows with a common column."""
     sharing: dict[int, list[int]] = {}
     for row, places in entries.items():
         for k in places:
@@ -53,7 +54,7 @@ def _near(entries: dict[int, list[int]], columns: Any) -> dict[int, set[int]]:
 
 
 def _least_degree(near: dict[int, set[int]]) -> tuple[list[int], dict[int, list[int]]]:
-    """The order (Tinney and Walker, Proc. IEEE 55, 1967), and what each pivot reaches."""
+    """Return the elimination order (Tinney and Walker, Proc. IEEE 55, 1967), and the rows that each pivot updates."""
     heap = [(len(others), row) for row, others in near.items()]
     heapq.heapify(heap)
     order: list[int] = []
@@ -74,7 +75,7 @@ def _least_degree(near: dict[int, set[int]]) -> tuple[list[int], dict[int, list[
 def _pairs(
     order: list[int], entries: dict[int, list[int]], columns: Any, below: dict[tuple[int, int], int]
 ) -> list[list[tuple[int, int]]]:
-    """The products that add up to each number of the square: those below the diagonal, then the diagonal."""
+    """Return the products that add up to each entry of the square: those below the diagonal, then the diagonal."""
     pairs: list[list[tuple[int, int]]] = [[] for _ in range(len(below) + len(order))]
     met: dict[int, list[tuple[int, int]]] = {}
     number = 0

@@ -25,16 +25,16 @@ UNSOLVED, SOLVED, ROUNDED, NOISE = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED, 
 SHORTER = radau.SHORTER
 STAGNANT, ASIDE = tolerances.STAGNANT, tolerances.ASIDE
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
-POWER = 0.25  # of the estimate, as steps go
+POWER = 0.25  # exponent of the estimate in the step size
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 CUBIC = tuple(segments.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
-NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # why there is no step; the last: the matrix must be ordered anew
+NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # reasons for no step; the last: the matrix needs another order
 
 
 def step(s: Stepper) -> int:
-    """One accepted step: 0, or why there is none."""
+    """Make one accepted step; return 0, or the reason why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)
     size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
@@ -95,7 +95,7 @@ def step(s: Stepper) -> int:
 
 
 def look_at_side(s: Stepper, ahead: float) -> None:
-    """After a step: see `radau.Radau._look_at_side`."""
+    """Do the same as `radau.Radau._look_at_side` after a step."""
     for i in range(s.n):
         s.rest[i] = s.state[i] + ahead * s.rate[i]
     bends_of(s, s.time + ahead, s.rest, s.bend_seen)
@@ -106,12 +106,12 @@ def look_at_side(s: Stepper, ahead: float) -> None:
 
 
 def sign(x: float) -> float:
-    """As numpy's."""
+    """Return the sign as numpy does."""
     return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
 
 
 def is_stubborn(s: Stepper, rejected: int, size: float, norm: float) -> bool:
-    """Whether steps that got much shorter have not helped; this try is the one of that number."""
+    """Return True if much shorter steps have not reduced the error; `rejected`: the number of this try."""
     s.rejected += 1
     last = (rejected - 1) % STUBBORN
     first = rejected % STUBBORN
@@ -121,7 +121,7 @@ def is_stubborn(s: Stepper, rejected: int, size: float, norm: float) -> bool:
 
 
 def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejected: bool, iterations: int) -> None:
-    """Close a step and choose the size of the next."""
+    """Complete a step and choose the size of the next."""
     n = s.n
     if s.closed.gaps > 0:
         onto_constraints(s, end)
@@ -148,12 +148,12 @@ def accept(s: Stepper, end: float, size: float, norm: float, grown: float, rejec
     else:
         s.current = 0
         if grown < 1.2:
-            grown = 1.0  # the factorisation serves once more
+            grown = 1.0  # the factorisation is used once more
     s.size = size * grown
 
 
 def put_end(s: Stepper, end: float, slope: Floats) -> None:
-    """Go to the end of a step, the state in `new`; the last three ends are kept."""
+    """Go to the end of a step, the state in `new`; the last three step ends are stored."""
     n = s.n
     if s.ends == 3:
         s.first_sloped = 1
@@ -175,7 +175,7 @@ def put_end(s: Stepper, end: float, slope: Floats) -> None:
 
 
 def onto_constraints(s: Stepper, end: float) -> None:
-    """The new state held on the invariants; multipliers that steps carry along there have no meaning."""
+    """Project the new state on the invariants; the steps' values of multipliers have no meaning then."""
     for i in range(s.n):
         s.si[i] = s.new[i] * s.magnitude[i]
     hold(s.closed, end, s.si)
@@ -186,7 +186,7 @@ def onto_constraints(s: Stepper, end: float) -> None:
 
 
 def rates(s: Stepper, time: float, y: Floats, out: Floats) -> None:
-    """The rates of scaled states, scaled."""
+    """Compute the scaled rates of scaled states."""
     for i in range(s.n):
         s.si[i] = y[i] * s.magnitude[i]
     if s.closed.multipliers > 0:
@@ -201,12 +201,12 @@ def rates(s: Stepper, time: float, y: Floats, out: Floats) -> None:
 
 
 def renew(s: Stepper) -> None:
-    """The Jacobian where the run stands."""
+    """Compute the Jacobian at the current state."""
     renew_at(s, s.time, s.state)
 
 
 def renew_at(s: Stepper, time: float, y: Floats) -> None:
-    """The Jacobian at a state, and on which side of all bends that is."""
+    """Compute the Jacobian at a state, and the side of all kinks on which it lies."""
     if s.bend_count > 0:
         bends_of(s, time, y, s.bend_side)
         for j in range(s.bend_count):
@@ -227,7 +227,7 @@ def renew_at(s: Stepper, time: float, y: Floats) -> None:
 def first_size(
     s: Stepper, size: float, least: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
 ) -> float:
-    """How long a step is tried first that is to be no longer than `size`: to the end if that is near, and short enough to see what time alone moves."""
+    """Return the size of the first try of a step, at most `size`: up to the end if that is near, and short enough to resolve the signals of time."""
     size = min(size, s.stop - s.time, s.longest)
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
@@ -239,10 +239,10 @@ def first_size(
 def follows(
     s: Stepper, start: float, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
 ) -> bool:
-    """Whether a step from here to there would see what time alone moves (see `segments.follower`).
+    """Return True if a step between two times resolves the signals of time (see `segments.follower`).
 
-    `looks`: the places that it sees, and then those where the polynomial through these (weights in `between`) must fit;
-    `through`: from the values at the former to the coefficients of that polynomial, the highest first.
+    `looks`: the nodes of the step, and then the places where the polynomial through them (weights in `between`) must fit; `through`: matrix from the
+    values at the nodes to the coefficients of that polynomial, highest degree first.
     """
     m = s.signal_count
     if m == 0:
@@ -278,7 +278,7 @@ def follows(
 
 
 def is_steady(s: Stepper, seen: int) -> bool:
-    """Whether all signals are at the places of a step what they are at all places of a stretch on which none is known to move."""
+    """Return True if all signals have the same values at the nodes of a step as throughout a segment on which none is known to change."""
     for k in range(seen):
         for j in range(s.signal_count):
             if s.seen[k * s.signal_count + j] != s.node_value[j]:
@@ -287,7 +287,7 @@ def is_steady(s: Stepper, seen: int) -> bool:
 
 
 def guess(s: Stepper, size: float) -> None:
-    """Stages from the last step's polynomial, carried on."""
+    """Extrapolate the stages from the last step's polynomial."""
     n = s.n
     for i in range(3):
         if s.last_size == 0.0:
@@ -304,7 +304,7 @@ def guess(s: Stepper, size: float) -> None:
 
 
 def newton(s: Stepper, size: float) -> int:
-    """The simplified Newton iteration for the stages: how many iterations it took, 0 if it does not converge, -1 if the matrix must be ordered anew."""
+    """Iterate for the stages by simplified Newton; return the number of iterations, 0 if it fails, -1 if the matrix needs another order."""
     n = s.n
     if s.factorised == 0 or abs(size - s.factorised_size) > 1e-9 * size:
         s.factorisations += 2
@@ -354,7 +354,7 @@ def newton(s: Stepper, size: float) -> int:
 
 
 def stagnant(s: Stepper, iterations: int, norm: float) -> int:
-    """See `radau.Radau._stagnant`."""
+    """Return the same as `radau.Radau._stagnant`: the number of iterations, or 0."""
     if norm > s.stagnation_tolerance or not norm <= STAGNANT * rounding(s):
         return 0
     s.contraction = 0.0
@@ -362,7 +362,7 @@ def stagnant(s: Stepper, iterations: int, norm: float) -> int:
 
 
 def rounding(s: Stepper) -> float:
-    """See `radau.Radau.rounding`."""
+    """Return the same as `radau.Radau.rounding`."""
     n = s.n
     for i in range(n):
         s.rest[i] = s.state[i] * (1.0 + (ASIDE if i % 2 == 0 else -ASIDE))
@@ -383,7 +383,7 @@ def rounding(s: Stepper) -> float:
 
 
 def correct(s: Stepper, size: float) -> bool:
-    """One iteration: into `change`; false where a rate is no number."""
+    """Compute one Newton correction into `change`; return False if a rate is not finite."""
     n = s.n
     for i in range(3):
         for k in range(n):
@@ -412,7 +412,7 @@ def correct(s: Stepper, size: float) -> bool:
 
 
 def estimate(s: Stepper, size: float, rejected: bool) -> float:
-    """The norm of the error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
+    """Return the norm of the error in units of the tolerance, filtered through the real matrix as often as needed for stiff parts."""
     n = s.n
     for i in range(n):
         s.rest[i] = 0.0
@@ -441,7 +441,7 @@ def estimate(s: Stepper, size: float, rejected: bool) -> float:
 
 
 def share(s: Stepper) -> float:
-    """The norm of the error in units of the tolerance."""
+    """Return the norm of the error in units of the tolerance."""
     total = 0.0
     for i in range(s.n):
         part = s.error[i] / (s.allowed_estimate * (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative))
@@ -450,12 +450,12 @@ def share(s: Stepper) -> float:
 
 
 def has_loops(s: Stepper) -> bool:
-    """Whether there are unknowns of algebraic loops; those of closing joints are none."""
+    """Return True if there are unknowns of algebraic loops; those of loop joints do not count."""
     return s.differential < s.n and s.closed.gaps == 0
 
 
 def put_terms(s: Stepper, y: Floats) -> None:
-    """The sizes of the terms of each equation at a state, by the Jacobian: rounding is a share of them."""
+    """Compute the sizes of the terms of each equation at a state, by the Jacobian: rounding is relative to them."""
     for i in range(s.n):
         s.terms[i] = 0.0
     for k in range(s.entry_count):
@@ -463,7 +463,7 @@ def put_terms(s: Stepper, y: Floats) -> None:
 
 
 def drop_noise(s: Stepper, x: Floats) -> None:
-    """Equations of loops that lack no more than rounding are taken for solved."""
+    """Set residuals of loop equations that are below rounding to zero."""
     if has_loops(s):
         for k in range(s.differential, s.n):
             if abs(x[k]) <= NOISE * s.terms[k]:
@@ -471,7 +471,7 @@ def drop_noise(s: Stepper, x: Floats) -> None:
 
 
 def misses(s: Stepper, end: float, size: float) -> bool:
-    """See `radau.Radau._misses`. The rates of the last iteration are still in `f`; those at the end come there, in the place of the second stage."""
+    """Return the same as `radau.Radau._misses`. The last iteration's rates are still in `f`; those at the end replace the second stage there."""
     n = s.n
     if not has_loops(s):
         return False

@@ -1,4 +1,4 @@
-"""The record that stepping in machine code works on. All arrays belong to the caller; nothing is allocated, nothing is global."""
+"""Workspace of the native integrator. All arrays belong to the caller; nothing is allocated, nothing is global."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .sparse import Pattern
 if TYPE_CHECKING:
     from ....door import Floats, Ints
 
-# time, state, inputs, constants, mode, where the values go
+# Arguments: time, state, inputs, constants, mode, array for the values.
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
 
 
 class Stepper(Record):
-    """Everything that a run over one smooth stretch knows. n states and unknowns; sizes of arrays behind the names."""
+    """Data of an integration over one smooth segment. n states and unknowns; sizes of arrays after the names."""
 
     derivative: Function
     entries: Function
@@ -53,50 +53,50 @@ class Stepper(Record):
     creeping_tolerance: float
     stagnation_tolerance: float
     allowed_estimate: float  # of Radau, in units of the tolerance
-    # what a step must see
+    # signals that a step must resolve
     signal_count: int
     allowed: Floats  # signal_count
     seen: Floats  # (SEEN + UNSEEN) signal_count
-    signal_nodes: int  # places at which the signals are known
+    signal_nodes: int  # number of places at which the signals are known
     node_time: Floats  # signal_nodes
     node_value: Floats  # signal_nodes signal_count
-    node_next: int  # the first of them that lies ahead
-    steady: int  # whether they are the same at all of them
+    node_next: int  # index of the first of them that lies ahead
+    steady: int  # 1 if they are equal at all of them
     earliest: float
     latest: float
     longest: float
-    # bends of laws
+    # kinks of laws
     bend_count: int
-    bend_seen: Floats  # 6 bend_count: at places of a step, and room
-    bend_side: Floats  # bend_count: on which side of all bends the Jacobian was taken
-    # conditions that may flip
+    bend_seen: Floats  # 6 bend_count: values at places of a step, and work space
+    bend_side: Floats  # bend_count: side of each kink at which the Jacobian was computed
+    # conditions that may cross zero
     root_count: int
-    root_said: Ints  # root_count: 1 where the mode says that one holds
+    root_said: Ints  # root_count: 1 where the condition holds in the mode
     root_strict: Ints  # root_count: 1 where it does not hold at zero
-    root_floor: Floats  # root_count: below it lies what rounding leaves
+    root_floor: Floats  # root_count: rounding level
     root_seen: Floats  # interpolants.PLACES root_count
     root_form: Floats  # interpolants.PLACES: the polynomial of one of them
-    greatest: Floats  # n: the largest that scaled states have been
-    # where it stands
+    greatest: Floats  # n: largest values of the scaled states
+    # current point
     time: float
     stop: float
-    until: float  # where an event ends the last step, or the stop
+    until: float  # end of the last step at an event, or the stop
     size: float
     state: Floats  # n
     rate: Floats  # n
     last_size: float  # 0 before the first step
     last_error: float
-    contraction: float  # of the last Newton iteration
+    contraction: float  # contraction of the last Newton iteration
     stages: Floats  # 3 n, relative to the start of the last step
-    current: int  # whether the Jacobian is that of this state
-    known: int  # whether there is a Jacobian
+    current: int  # 1 if the Jacobian belongs to this state
+    known: int  # 1 if there is a Jacobian
     factorised: int
     factorised_size: float
-    negative: int  # whether the determinant of the real matrix is; 0 where it is sparse
+    negative: int  # 1 if the determinant of the real matrix is negative; 0 where it is sparse
     jacobian: Floats  # entry_count
     inner_jacobian: Floats  # entry_count: at an instant within a step
     inner: Factors
-    steepness: Floats  # n: what a step is times the sum of a row of it
+    steepness: Floats  # n: step size times the sum of the absolute values in a row of it
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
     pattern: Pattern
@@ -107,25 +107,25 @@ class Stepper(Record):
     end_time: Floats  # 3
     end_state: Floats  # 3 n
     end_slope: Floats  # 3 n
-    first_sloped: int  # whether the slope of the first of them is known
+    first_sloped: int  # 1 if the rates at the first of them are known
     nodes: Floats  # 6
-    coefficients: Floats  # 6 n: of the polynomial through them
+    coefficients: Floats  # 6 n: coefficients of the polynomial through them
     node_count: int  # 0: not yet computed
-    # of the method that keeps the energy
-    energy: float  # to be kept
-    energies: Floats  # 1 + n: of a state, and its slopes
-    dropped: Floats  # n: by rounding of the last steps
-    # of the explicit pair
-    slope: Floats  # 16 n: of the stages
-    dense: Floats  # 7 n: of the polynomial within the last step
+    # energy-conserving method
+    energy: float  # energy to be conserved
+    energies: Floats  # 1 + n: energy of a state, and its gradient
+    dropped: Floats  # n: rounding errors of the last steps
+    # DOP853
+    slope: Floats  # 16 n: rates of the stages
+    dense: Floats  # 7 n: coefficients of the dense output of the last step
     dense_known: int
-    automatic: int  # 1: a step that is held by stability alone is left to another method
+    automatic: int  # 1: where only stability limits the steps, another method goes on
     fastest: float  # the rate of the fastest mode, 1/s; 0: not known
-    direction: Floats  # n: in which it moves
-    since_looked: int  # how many steps ago it was looked for
-    held_by_stability: int  # how many of the last steps were
-    free_steps: int  # since then
-    # room
+    direction: Floats  # n: direction of the fastest mode
+    since_looked: int  # number of steps since the last search for it
+    held_by_stability: int  # number of last steps limited by stability
+    free_steps: int  # number of other steps since then
+    # work arrays
     si: Floats  # n: states in SI
     z: Floats  # 3 n
     w: Floats  # 3 n
@@ -135,26 +135,26 @@ class Stepper(Record):
     scale: Floats  # n
     per_tolerance: Floats  # n: one over the tolerances of a step
     new: Floats  # n
-    error: Floats  # n: of the last step, in units of its tolerance
+    error: Floats  # n: error of the last step, in units of its tolerance
     rest: Floats  # n
     terms: Floats  # n: the sizes of the terms of each equation
     norms: Floats  # STUBBORN: of the last rejected tries
     sizes: Floats  # STUBBORN
-    # what is reported
+    # reported states
     instants: Floats
     instant_count: int
     position: int
     reported: Floats  # instant_count n
     # limits
     limit_count: int
-    left: Ints  # limit_count: 1 where it is known that it does not hold
+    left: Ints  # limit_count: 1 where a violation is known
     truth: Floats  # limit_count
-    always: int  # whether every step is looked at by the caller
-    # choice of states
+    always: int  # 1 if the caller checks every step
+    # state selection
     slope_count: int
     slope_rows: Ints
     slope_columns: Ints
-    slope_chosen: Ints  # 1: these can change places
+    slope_chosen: Ints  # 1: these can be exchanged
     slopes: Floats  # slope_count
     stored: Floats  # differential + dependents
     dependent_count: int
@@ -167,19 +167,19 @@ class Stepper(Record):
     partial: Floats  # 2 power_count
     traffic: float
     tolerance: float  # relative, of the work
-    pending: int  # 2: nothing has looked at the last step yet; 1: it is not yet closed
+    pending: int  # 2: the last step has not been checked yet; 1: it is not yet complete
     # constraints, and singular poses ahead
     closed: Held
     usual: float  # the longest step where no pose is near
-    poses: int  # how many of the last are kept
+    poses: int  # number of last ones stored
     pose_time: Floats  # 3
     pose_least: Floats  # 3: smallest singular values
-    ahead: float  # time to where it vanishes
+    ahead: float  # extrapolated time until it vanishes
     behind: float
-    tried: float  # time ahead at the last try to cross that failed
+    tried: float  # time ahead at the last failed try to cross
     comes: int
-    redundant: int  # whether there are gaps that take no part
-    # what it took
+    redundant: int  # 1 if there are inactive residuals
+    # statistics
     steps: int
     rejected: int
     derivatives: int

@@ -1,4 +1,4 @@
-"""Singular poses ahead of a run in machine code: see `singular.Watcher.look` and `singular.Watcher.crossing`, which decide when Python is asked."""
+"""Detection of singular poses in machine code: see `singular.Watcher.look` and `singular.Watcher.crossing`, which decide when Python is called."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GOES_ON, CROSS, REDUNDANT = 0, 8, 9
 
 
 def begin_watch(s: Stepper) -> None:
-    """At the start of a stretch, or after a crossing."""
+    """Reset the detection at the start of a segment, or after a crossing."""
     s.ahead = NEVER
     s.behind = NEVER
     s.tried = NEVER
@@ -29,13 +29,13 @@ def begin_watch(s: Stepper) -> None:
 
 
 def in_units(s: Stepper) -> None:
-    """The state in SI."""
+    """Put the state in SI into `si`."""
     for i in range(s.n):
         s.si[i] = s.state[i] * s.magnitude[i]
 
 
 def watch(s: Stepper) -> int:
-    """After a step: how long the next may be, and whether the caller should try to cross a pose."""
+    """Update the detection after a step: set the longest next step, and return if the caller should try to cross a pose."""
     in_units(s)
     if s.poses == 3:
         for k in range(2):
@@ -70,7 +70,7 @@ def watch(s: Stepper) -> int:
 
 
 def opened(s: Stepper) -> bool:
-    """Whether a gap that takes no part may be open; the caller looks closer."""
+    """Return True if an inactive residual may be open; the caller examines it."""
     smallest = NEVER
     for i in range(s.closed.positions.rows):
         smallest = min(smallest, s.closed.positions.size[i])

@@ -1,4 +1,4 @@
-"""Within the last step: states at reported instants, and the limits of the model; see `radau.Radau.sample` and `validity.py`."""
+"""States at reported instants within the last step, and the limits of the model; see `radau.Radau.sample` and `validity.py`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INNER, C = pair.INNER, tuple(radau.C.tolist())
 
 
 def sample(s: Stepper) -> bool:
-    """States at the instants that the last step passed; whether the caller should look at the limits of the model."""
+    """Store states at the reported instants within the last step; return True if the caller should check the limits of the model."""
     first = s.position
     steep = 0
     if s.position < s.instant_count and s.instants[s.position] <= s.time:
@@ -54,7 +54,7 @@ def sample(s: Stepper) -> bool:
 
 
 def leaves(s: Stepper, time: float) -> bool:
-    """Whether a limit that is not known to be left does not hold at an instant of the last step."""
+    """Return True if a limit without known violation does not hold at an instant of the last step."""
     state_at(s, time, s.si)
     s.holds(time, s.si, s.inputs, s.constants, s.mode, s.truth)
     for k in range(s.limit_count):
@@ -64,7 +64,7 @@ def leaves(s: Stepper, time: float) -> bool:
 
 
 def state_at(s: Stepper, time: float, out: Floats) -> None:
-    """States in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that can err."""
+    """Compute the state in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that one's error."""
     n = s.n
     if s.method == ENERGY:
         sample_step(s, time, out)
