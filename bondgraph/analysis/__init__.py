@@ -1,1 +1,1 @@
-"""What a model is and does, read from its equations: rest, linear models, modes, responses, its port-Hamiltonian form."""
+"""Analyses of a model from its equations: equilibria, linear models, modes, responses, the port-Hamiltonian form."""

@@ -1,9 +1,10 @@
-"""A branch of states of rest against a parameter, round its folds: pull-in, snap-through, buckling.
+"""Branch of equilibria as a function of a parameter, through its folds: pull-in, snap-through, buckling.
 
 Pseudo-arclength continuation (Keller, in: Applications of Bifurcation Theory, 1977): steps along the branch instead of along the parameter, in
-scaled coordinates, each corrected by Newton's method with exact slopes on the plane across its tangent. Folds are where the tangent
-has no part along the parameter; there, and where an eigenvalue crosses the imaginary axis, the step is found by bracketing.
-What every motion keeps (a charge that has no way out) is kept along the branch. At a branch point another one crosses: it is told, and followed on request.
+scaled coordinates, each corrected by Newton's method with exact derivatives on the plane perpendicular to its tangent. At a fold the tangent
+has no component along the parameter; there, and where an eigenvalue crosses the imaginary axis, the step is found by bracketing.
+Conserved quantities (the charge of an isolated node) are constant along the branch. At a branch point another branch crosses: it is reported, and
+followed on request.
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ SCHEMA = "bondgraph-branch/1"
 
 @dataclass(frozen=True, eq=False)
 class Special:
-    """Where a branch turns or loses stability. `kind`: "fold"; "branch" (a real eigenvalue crosses zero: another branch passes);
-    "oscillation" (a pair crosses the imaginary axis). States and outputs by name, in SI."""
+    """Point at which a branch turns or changes stability.
+
+    `kind`: "fold"; "branch" (a real eigenvalue crosses zero: another branch passes); "oscillation" (a pair crosses the imaginary axis). States and
+    outputs by name, in SI.
+    """
 
     kind: str
     value: float
@@ -39,8 +43,7 @@ class Special:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """States of rest along a branch: `values` (n,) of the parameter, `states` and `outputs` name -> (n,), `stable` and `unstable` (n,), all in
-    SI."""
+    """Equilibria along a branch: `values` (n,) of the parameter, `states` and `outputs` name -> (n,), `stable` and `unstable` (n,), all in SI."""
 
     model: str
     experiment: str | None
@@ -48,31 +51,33 @@ class Branch:
     values: NDArray[np.float64]
     states: Mapping[str, NDArray[np.float64]]
     outputs: Mapping[str, NDArray[np.float64]]
-    stable: NDArray[np.bool_]  # surely
-    unstable: NDArray[np.bool_]  # surely; where neither, rounding hides it
+    stable: NDArray[np.bool_]  # certainly stable
+    unstable: NDArray[np.bool_]  # certainly unstable; neither, where rounding hides it
     special: tuple[Special, ...]
     units: Mapping[str, str]
-    ended: str  # why the branch ends
-    others: tuple[Branch, ...] = ()  # those that pass through its branch points, if they were asked for
+    ended: str  # reason for the end of the branch
+    others: tuple[Branch, ...] = ()  # branches through its branch points, if requested
 
     def __len__(self) -> int:
         return len(self.values)
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """The parameter, an output or a state along the branch. Raises KeyError."""
+        """Return the parameter, an output or a state along the branch. Raises KeyError."""
         if name == self.parameter:
             return self.values
         return self.outputs[name] if name in self.outputs else self.states[name]
 
     @property
     def folds(self) -> tuple[Special, ...]:
-        """Those of the special points that are folds."""
+        """The special points that are folds."""
         return tuple(s for s in self.special if s.kind == "fold")
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-branch/1`: {schema, model, experiment, parameter: {name, unit, values}, outputs, states: {name: {unit,
-        values}}, stable, special: [{kind, value, outputs, states}], ended}; `others` are those that cross, as such objects, if they were
-        followed."""
+        """Return JSON values by the schema `bondgraph-branch/1`.
+
+        {schema, model, experiment, parameter: {name, unit, values}, outputs, states: {name: {unit, values}}, stable, special: [{kind, value, outputs,
+        states}], ended}; `others` are the crossing branches, as such objects, if they were followed.
+        """
         told: dict[str, Any] = {
             "schema": SCHEMA,
             "model": self.model,
@@ -101,13 +106,13 @@ class Branch:
         return {**told, "others": [b.to_json() for b in self.others]} if self.others else told
 
     def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
-        """Outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
+        """Plot outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
         from ..views.phase import plot_branch
 
         plot_branch(self, path, names)
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.analyses import branch_text
 
         return branch_text(self)
@@ -116,9 +121,9 @@ class Branch:
 def follow(
     first: OperatingPoint, name: str, low: float, high: float, points: int, most: int, branches: bool = False
 ) -> Branch:
-    """From a state of rest at `low` towards `high` in steps of about 1/`points` of the range, until the parameter leaves it.
+    """Follow a branch from an equilibrium at `low` towards `high` in steps of about 1/`points` of the range, until the parameter leaves it.
 
-    `branches`: also those that pass through its branch points, either way.
+    `branches`: also follow the branches through its branch points, in both directions.
     """
     if not points >= 2 or low == high:
         raise UsageError("a branch goes from one value to another, in 2 steps or more")

@@ -1,7 +1,7 @@
-"""Steps along a branch of states of rest, and the special points between them.
+"""Steps along a branch of equilibria, and the special points between them.
 
-Each step is corrected by Newton's method on the plane across the tangent. A fold, a branch point or an oscillation is one only if its test
-function has another sign on either side of it, close by, and comes to zero there instead of passing a pole.
+Each step is corrected by Newton's method on the plane perpendicular to the tangent. A fold, a branch point or an oscillation is accepted only if its
+test function has different signs close by on both sides, and goes to zero there instead of passing a pole.
 """
 
 from __future__ import annotations
@@ -18,52 +18,52 @@ from .operating_point import OperatingPoint
 from .verdict import Eigenvalues, decisive
 
 ITERATIONS = 12
-CLOSE = 1e-13  # of the magnitudes: a last correction
-ENOUGH = 1e-9  # the same, where rounding lets it come no closer
+CLOSE = 1e-13  # relative to the magnitudes: size of the last correction
+ENOUGH = 1e-9  # the same, where rounding prevents a smaller one
 SINGULAR = 1e-11
 TURN = 0.97  # cosine of the largest turn between two tangents
-SHORTEST = 1e-7  # of the range
-ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # of the magnitudes: first steps onto another branch
-LIMIT_STEPS = 30  # halvings of the step on which the model ceases to hold
-LONGEST = 4.0  # first steps
-# By unit, else in SI: what symmetry and rest leave of an angle, a place, a speed, a momentum is rounding, and no magnitude.
+SHORTEST = 1e-7  # shortest step, as a fraction of the range
+ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # relative to the magnitudes: first steps onto another branch
+LIMIT_STEPS = 30  # halvings of the step within which the model ceases to be valid
+LONGEST = 4.0  # longest step, in units of the first one
+# Rounding levels by unit, else in SI: smaller angles, positions, speeds and momenta are rounding of zero, and no magnitudes.
 NOTHING = {"1": 1e-9, "1/s": 1e-9, "m": 1e-12, "m/s": 1e-12}
 LEAST = 1e-25
-RESTING = 1e-6  # of the terms in a rate: more of it is no rest
-NOISE = 1e-14  # of the largest term of a row: what rounding leaves
-CROSSED = 0.5  # of a test function at the ends of a step: how large it may be next to its zero, unlike next to a pole
-BOTH_SIDES = (0.01, 0.05, 0.2)  # of a step: how far beside a zero its sign is verified
+RESTING = 1e-6  # relative to the terms in a rate: a larger rate is no equilibrium
+NOISE = 1e-14  # relative to the largest term of a row: rounding
+CROSSED = 0.5  # relative to a test function at the ends of a step: limit next to a zero, exceeded next to a pole
+BOTH_SIDES = (0.01, 0.05, 0.2)  # fractions of a step: distances from a zero at which the signs are verified
 
 
 @dataclass(frozen=True, eq=False)
 class BranchPlace:
-    """A point of the branch: A and b are the slopes of the rates by free coordinates and the parameter."""
+    """A point of the branch: A and b are the derivatives of the rates by free coordinates and by the parameter."""
 
     point: OperatingPoint
     value: float
     A: Any
     b: Any
-    tangent: Any  # of all states and the parameter, in scaled coordinates, of length 1
-    eigenvalues: Eigenvalues  # that decide on stability
-    scale: Any  # of the states, with which the tangent was scaled
-    before: BranchPlace | None = None  # of a branch point the point before it, which is a plain one
+    tangent: Any  # for all states and the parameter, in scaled coordinates, of length 1
+    eigenvalues: Eigenvalues  # eigenvalues that decide on stability
+    scale: Any  # scales of the states used for the tangent
+    before: BranchPlace | None = None  # for a branch point: the ordinary point before it
 
     @property
     def forward(self) -> float:
         return float(self.tangent[-1])
 
     def unstable(self) -> int:
-        """How many eigenvalues grow."""
+        """Return the number of growing eigenvalues."""
         return self.eigenvalues.growing
 
     @property
     def decided(self) -> bool:
-        """Whether each eigenvalue is known to grow or not."""
+        """True if it is known for each eigenvalue if it grows."""
         return not self.eigenvalues.undecided
 
 
 class BranchFollower:
-    """Holds the scales, which grow with what is seen, and makes points."""
+    """Corrector with the scales of the states, which grow with the values encountered; makes points of the branch."""
 
     def __init__(self, first: OperatingPoint, name: str, low: float, high: float) -> None:
         self.name, self.range, self.count = name, high - low, first.count
@@ -73,7 +73,7 @@ class BranchFollower:
         self.see(first.state)
 
     def see(self, state: Any) -> None:
-        """Magnitudes of the states: those of one unit share the largest; 1 for what was never seen."""
+        """Raise the magnitudes of the states: those of one unit share the largest; 1 for units without any value."""
         size = np.abs(state[: self.count])
         least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
         self.seen = np.maximum(self.seen, np.where(size > least, size, 0.0))
@@ -85,7 +85,7 @@ class BranchFollower:
         )
 
     def rests(self, place: BranchPlace) -> bool:
-        """Whether all rates that read states of known magnitudes vanish beside their terms."""
+        """Return True if all rates that read states of known magnitudes vanish relative to their terms."""
         chosen, size = place.point.reduced.chosen, np.abs(place.point.state[: self.count])
         least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
         terms = np.abs(place.A) @ np.where(size > least, size, 0.0)[chosen]
@@ -93,7 +93,7 @@ class BranchFollower:
         return not bool(((rates > RESTING * terms) & (terms > 0)).any())
 
     def shrink(self, state: Any) -> bool:
-        """Smaller magnitudes for what was never seen; False if there is nothing of that kind, or they are very small."""
+        """Reduce the magnitudes of states without any value; return False if there are none, or if they are very small already."""
         self.unseen *= 1e-4
         before = self.scale
         self.see(state)
@@ -106,12 +106,12 @@ class BranchFollower:
         return np.where(np.array(turning)[:, None], 0.0, A), np.where(turning, 0.0, b[:, 0])
 
     def rates(self, point: OperatingPoint) -> Any:
-        """Rates of the free coordinates, zero for angles that turn steadily."""
+        """Return the rates of the free coordinates, zero for angles that rotate steadily."""
         names = np.take(point.program.states.names, point.reduced.chosen)
         return np.where([n in self.steady for n in names], 0.0, point.rates[point.reduced.chosen])
 
     def system(self, point: OperatingPoint, A: Any, b: Any) -> Any:
-        """Scaled rows of [A b], then what every motion keeps; columns are scaled coordinates and the parameter."""
+        """Return the scaled rows of [A b], then the conserved sums; columns are scaled coordinates and the parameter."""
         whole = np.concatenate([A * self.scale[point.reduced.chosen], b[:, None] * self.range], axis=1)
         rows = np.abs(whole).max(axis=1)
         rows = np.where(rows > 0, rows, 1.0)
@@ -123,7 +123,7 @@ class BranchFollower:
         return rows, whole / rows[:, None], kept
 
     def place(self, point: OperatingPoint, value: float, along: Any) -> BranchPlace:
-        """With the tangent that goes on like `along`."""
+        """Return the point with the tangent in the direction of `along`."""
         A, b = self.slopes(point)
         _, whole, kept = self.system(point, A, b)
         _, _, right = np.linalg.svd(np.concatenate([whole, kept]), full_matrices=True)
@@ -140,7 +140,7 @@ class BranchFollower:
         return BranchPlace(point, value, A, b, tangent, found, self.scale)
 
     def corrected(self, start: BranchPlace, length: float) -> BranchPlace | None:
-        """The point of the branch at a length along the tangent; None if it is not found."""
+        """Return the point of the branch at a length along the tangent; None if it is not found."""
         origin = np.concatenate([start.point.state[: self.count] / self.scale, [start.value / self.range]])
         guess = origin + length * start.tangent
         before = math.inf
@@ -161,7 +161,7 @@ class BranchFollower:
             lift = np.concatenate([lift / self.scale[:, None], np.eye(1, lift.shape[1], lift.shape[1] - 1)])
             matrix = np.concatenate([whole, kept, (start.tangent @ lift)[None]])
             moved = here - origin
-            rates = self.rates(point)  # near a branch point their rounding would be made large
+            rates = self.rates(point)  # near a branch point their rounding would be amplified
             rates = np.where(np.abs(rates) < NOISE * rows, 0.0, rates)
             right = np.concatenate(
                 [
@@ -184,12 +184,13 @@ class BranchFollower:
         return None
 
     def beside(self, place: BranchPlace, sign: float) -> BranchPlace | None:
-        """The first point of the branch that crosses at a branch point: two directions keep rest there to first order, one is
-        the branch's own; along the other one steps aside, and corrects on the plane across (Keller's parallel search)."""
+        """Return the first point of the branch that crosses at a branch point; None if it is not found.
+
+        Two directions preserve the equilibrium there to first order, one is that of this branch. A step along the other one is corrected on the
+        perpendicular plane (Keller's parallel search).
+        """
         reduced, before = place.point.reduced, place.before or place
-        rows, _, kept = self.system(
-            before.point, before.A, before.b
-        )  # at the point itself a row may be nothing but rounding
+        rows, _, kept = self.system(before.point, before.A, before.b)  # at the point itself a row may be pure rounding
         whole = np.concatenate([place.A * self.scale[reduced.chosen], place.b[:, None] * self.range], axis=1)
         _, _, right = np.linalg.svd(np.concatenate([whole / rows[:, None], kept]), full_matrices=True)
         own = np.concatenate([place.tangent[:-1] * place.scale / self.scale, place.tangent[-1:]])
@@ -218,11 +219,11 @@ class BranchLine:
     def __init__(self, follower: BranchFollower, low: float, high: float, points: int, most: int) -> None:
         self.follower, self.low, self.high, self.points, self.most = follower, low, high, points, most
         self.places: list[BranchPlace] = []
-        self.sure: tuple[BranchPlace, float] | None = None  # the last point with a verdict, and how far it lies back
+        self.sure: tuple[BranchPlace, float] | None = None  # the last point with a verdict, and its distance
         self.ended = f"after {most} points"
 
     def go(self, first: BranchPlace) -> list[tuple[str, BranchPlace]]:
-        """From a first point along its tangent; what is special on the way."""
+        """Follow the branch from a first point along its tangent; return the special points on the way."""
         follower, self.places = self.follower, [first]
         special: list[tuple[str, BranchPlace]] = []
         length = 1.0 / self.points
@@ -259,8 +260,7 @@ class BranchLine:
     def _limit(
         self, here: BranchPlace, found: BranchPlace, length: float
     ) -> tuple[tuple[float, str] | None, BranchPlace]:
-        """How far the model holds on the way to a point and what it is outside of beyond, with the last point where it holds; None if it
-        holds all the way."""
+        """Return the length up to which the model is valid with the violated limit, and the last valid point; None with the given point if it is valid."""
         left = found.point.left
         if not left:
             return None, found
@@ -276,7 +276,7 @@ class BranchLine:
         return (low, f"the model does not hold beyond: {left[0].words_at_rest}"), last
 
     def _passed_between(self, found: BranchPlace, length: float) -> list[tuple[str, BranchPlace]]:
-        """What lies between the last point at which stability was decided and another."""
+        """Return the special points between the last point with known stability and another one."""
         base, way = self.sure if self.sure is not None else (None, 0.0)
         way += length
         here = self.places[-1]
@@ -289,14 +289,14 @@ class BranchLine:
         return [] if base is None or found is here else _special(self.follower, base, found, way)
 
     def _passed(self, value: float) -> float | None:
-        """The end of the range that a value lies beyond."""
+        """Return the end of the range that a value exceeds; None if it is within."""
         if (value - self.high) * (self.high - self.low) >= 0:
             return self.high
         return self.low if (value - self.low) * (self.high - self.low) <= 0 else None
 
 
 def _switches(point: OperatingPoint) -> bool:
-    """Whether conditions on states are no longer what they were at the first point."""
+    """Return True if conditions on states differ from those at the first point."""
     program = point.program
     if program.hybrid is None:
         return False
@@ -314,8 +314,10 @@ def _bracketed(function: Callable[[float], float], length: float) -> float:
 def _special(
     follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float
 ) -> list[tuple[str, BranchPlace]]:
-    """What lies between two points at which each eigenvalue is known to grow or not: a fold, or an eigenvalue that is seen on both sides of zero
-    and gets there. One that passes through infinity is none."""
+    """Return the special point between two points of known stability: a fold, or an eigenvalue that changes sign through zero.
+
+    An eigenvalue that passes through infinity is no special point.
+    """
     if here.forward * found.forward < 0:
         place = _at(follower, here, length, lambda p: p.forward)
         return [("fold", place)] if abs(place.forward) < min(abs(here.forward), abs(found.forward), CROSSED) else []
@@ -329,7 +331,7 @@ def _special(
 def _verified(
     kind: str, follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float, test: Callable[[BranchPlace], float]
 ) -> list[tuple[str, BranchPlace]]:  # fmt: skip
-    """The point at which a test function changes sign, if it has another sign on either side and an eigenvalue is next to zero there."""
+    """Return the point at which a test function changes sign, if the signs differ close by on both sides and an eigenvalue is near zero there."""
     first, last = test(here), test(found)
     if not first * last < 0:
         return []
@@ -347,23 +349,23 @@ def _verified(
 
 
 def _determinant(place: BranchPlace, here: BranchPlace) -> float:
-    """The product of the eigenvalues that decide, in units of those of an earlier point: it changes sign where one of them does."""
+    """Return the product of the deciding eigenvalues, in units of those of an earlier point: it changes sign with one of them."""
     values, units = (p.eigenvalues.values for p in (place, here))
     if len(values) != len(units):
-        return 0.0  # one of them has become neutral
+        return 0.0  # one eigenvalue has become neutral
     values, units = (v[np.argsort(np.abs(v))] for v in (values, units))
     return float(np.prod(values / np.abs(units)).real)
 
 
 def _largest(place: BranchPlace, here: BranchPlace, found: BranchPlace) -> float:
-    """The real part of the eigenvalue that crosses: of those sorted, the one after the growing ones of the stabler side."""
+    """Return the real part of the crossing eigenvalue: in sorted order, the one after the growing ones of the stabler side."""
     count = min(here.unstable(), found.unstable())
     values = place.eigenvalues.values
     return float(np.sort(values.real)[::-1][count]) if count < len(values) else 0.0
 
 
 def _crossing(place: BranchPlace) -> bool:
-    """Whether the slowest growing eigenvalue is one of a pair."""
+    """Return True if the slowest growing eigenvalue is one of a complex pair."""
     values, bounds = place.eigenvalues.values, place.eigenvalues.bounds
     growing = values[values.real > bounds]
     least = growing[np.argmin(growing.real)] if len(growing) else 0.0
@@ -373,14 +375,14 @@ def _crossing(place: BranchPlace) -> bool:
 def _at(
     follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]
 ) -> BranchPlace:
-    """The point of a step at which a function of it changes sign."""
+    """Return the point of a step at which a function of it changes sign."""
     return _root(follower, here, length, sign)[0]
 
 
 def _root(
     follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]
 ) -> tuple[BranchPlace, float]:  # fmt: skip
-    """The same, and how far along the step it lies."""
+    """Return the same point, and its length along the step."""
     made: dict[float, BranchPlace] = {0.0: here}
 
     def value(at: float) -> float:
@@ -395,14 +397,14 @@ def _root(
         return made[length], length
     try:
         root = _bracketed(value, length)
-    except RunFailed:  # at a branch point itself Newton's matrix is singular: between two points close to it
+    except RunFailed:  # at a branch point Newton's matrix is singular: interpolate between two close points
         return _between(made, sign)
     nearest = min(made, key=lambda at: abs(at - root))
     return made[nearest], nearest
 
 
 def _between(made: Mapping[float, BranchPlace], sign: Callable[[BranchPlace], float]) -> tuple[BranchPlace, float]:
-    """Where a straight line between the two closest points of unlike sign passes zero."""
+    """Return the point by linear interpolation of the sign function between the two closest points with different signs, and its length."""
     order = sorted(made)
     values = [sign(made[at]) for at in order]
     low = min(
@@ -415,7 +417,7 @@ def _between(made: Mapping[float, BranchPlace], sign: Callable[[BranchPlace], fl
 
 
 def _ended(follower: BranchFollower, here: BranchPlace, length: float, end: float) -> BranchPlace | None:
-    """The point at the end of the range."""
+    """Return the point at the end of the range."""
     try:
         return _at(follower, here, length, lambda p: p.value - end)
     except RunFailed:

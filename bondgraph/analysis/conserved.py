@@ -1,7 +1,7 @@
-"""Sums of states that every motion keeps, whatever the laws are: charges of an isolated node, displacements round a loop, moieties.
+"""Conserved sums of states, for any laws: charges of an isolated node, displacements round a loop, moieties.
 
-They follow from how rates are put together from the same flows (`dependent_rates` of the compiler), with the numbers of the parameters:
-w' f = 0 for all states, inputs and instants. A search for rest keeps them at their start, and their zero eigenvalues say nothing of stability.
+They follow from rates that are composed of the same flows (`dependent_rates` of the compiler), with the values of the parameters: w' f = 0 for
+all states, inputs and instants. A search for an equilibrium keeps their initial values, and their zero eigenvalues do not affect stability.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from ..door import EquationSystem, Expression
     from .operating_point import OperatingPoint
 
-ROUNDING = 1e-11  # of the largest: what cancels among factors of 1 and ratios
+ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
 
 
 def conserved_sums(point: OperatingPoint) -> Any:
-    """Factors of the states, (k, n), each row of length 1; k = 0 for most models."""
+    """Return the factors of the states, (k, n), each row of length 1; k = 0 for most models."""
     rows = point.made.kept.get("dependent rates")
     system, n = point.compilation.equations, point.count
     if rows is None:
@@ -35,7 +35,7 @@ def conserved_sums(point: OperatingPoint) -> Any:
         for number, row in enumerate(rows.values()):
             for flow, factor in row.items():
                 matrix[number, flows[flow]] = evaluate(factor, value)
-    except (ArithmeticError, ValueError):  # a ratio by zero: nothing is known of these
+    except (ArithmeticError, ValueError):  # a division by zero in a ratio: no sums are known
         return np.zeros((0, n))
     size = np.abs(matrix).max(axis=1, keepdims=True)
     size = np.where(size > 0, size, 1.0)
@@ -48,7 +48,7 @@ def conserved_sums(point: OperatingPoint) -> Any:
 
 
 def _constants(system: EquationSystem, point: OperatingPoint) -> Callable[[Any], float]:
-    """What computes a variable from parameters alone."""
+    """Return a function that computes a variable from parameters alone."""
     names, parameters = point.program.parameters.names, point.constraints.parameters
     given = {n: float(v) for n, v in zip(names, parameters, strict=True)}
     assigned: dict[int, Expression] = {a.target: a.expression for a in system.assignments if not a.implicit}

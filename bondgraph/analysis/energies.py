@@ -1,7 +1,7 @@
-"""Energy over time: what sources have given, what storages hold more than at the start, what resistors have taken.
+"""Energy over time: supplied by sources, increase of the stored energy, dissipated in resistors.
 
-The work of every port is integrated along with the run: the model is written flat with one more signal with memory for each element, so that
-the run's own error control keeps it. A mechanism has what the others have not: its motion, and gravity.
+The work of every port is integrated along with the run: the model is written flat with one more integral for each element, under the error
+control of the run. A mechanism gets the rest of the balance: its motion, and gravity.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SOURCES, STORAGES, LOSSES = ("Se", "Sf"), ("C", "I", "IC"), ("R",)
 
 @dataclass(frozen=True, eq=False)
 class Energies:
-    """At `time` (N,): work of each element, name -> (N,) in J, and its kind. Positive: given by sources, taken by all others."""
+    """Work of each element at `time` (N,), name -> (N,) in J, and its kind. Positive: supplied by sources, received by all others."""
 
     model: str
     experiment: str | None
@@ -36,34 +36,34 @@ class Energies:
     kinds: Mapping[str, str]
 
     def sum_of(self, kinds: tuple[str, ...]) -> NDArray[np.float64]:
-        """Of all elements of some kinds."""
+        """Return the sum over all elements of some kinds."""
         found = [v for n, v in self.elements.items() if self.kinds[n] in kinds]
         return np.sum(found, axis=0) if found else np.zeros_like(self.time)
 
     @property
     def supplied(self) -> NDArray[np.float64]:
-        """By sources."""
+        """Energy from sources."""
         return self.sum_of(SOURCES)
 
     @property
     def dissipated(self) -> NDArray[np.float64]:
-        """In resistors; one that gives heat as what it takes counts nothing."""
+        """Energy lost in resistors; one that passes its loss on as heat counts zero."""
         return self.sum_of(LOSSES)
 
     @property
     def stored(self) -> NDArray[np.float64]:
-        """In storages, more than at the start, without those of `motion`."""
+        """Increase of the energy in storages since the start, without that of `motion`."""
         return self.sum_of(STORAGES)
 
     @property
     def motion(self) -> NDArray[np.float64]:
-        """Of mechanisms: what is supplied and neither stored nor dissipated; zero without one."""
+        """Energy of mechanisms: supplied and neither stored nor dissipated; zero without a mechanism."""
         if "multibody" not in self.kinds.values():
             return np.zeros_like(self.time)
         return self.supplied - self.stored - self.dissipated
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Over time, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
+        """Plot the energies over time, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
         from ..views.energies import plot_energies
 
         plot_energies(self, path)
@@ -73,7 +73,7 @@ def energies(
     model: Model, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
     points: int | None = None, rtol: float | None = None,
 ) -> Energies:  # fmt: skip
-    """Of a run of an experiment ("" the first, None none), from t = 0. Raises as `Model.simulate`."""
+    """Return the energies of a run of an experiment ("": the first, None: none), from t = 0. Raises as `Model.simulate`."""
     from ..model import load
 
     made = model.compilation(model.scene(experiment, settings))
@@ -106,13 +106,13 @@ def energies(
 
 
 def _power(element: Element) -> str:
-    """The power along the arrows of its ports, in the words of the language."""
+    """Return the power along the arrows of its ports, as text of the language."""
     dotted = [f"{element.name}." if len(element.ports) == 1 else f"{element.name}.{p.name}." for p in element.ports]
     return " + ".join(f"{d}e*{d}f" for d in dotted)
 
 
 def _into_source(graph: Any, element: Element) -> bool:
-    """Whether the arrow of a source runs into it, so that its power is what it takes."""
+    """Return True if the arrow of a source points into it, so that its power is received."""
     if element.kind not in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
         return False
     (bond,) = graph.incident[graph.nodes.index(element)]

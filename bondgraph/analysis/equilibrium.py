@@ -1,4 +1,4 @@
-"""Where a model is at rest, and whether it stays there."""
+"""Equilibrium of a model, and its stability."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ SCHEMA = "bondgraph-equilibrium/1"
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """States, unknowns of loops and outputs by name, in SI, where all rates vanish at `time` (s).
+    """States, unknowns of loops and outputs by name, in SI, with all rates zero at `time` (s).
 
-    `verdict` has the largest real part of an eigenvalue (1/s) with a bound, and those that rounding hides. What nothing brings back
-    (the position of a free body) has a growth of zero and no part in it. `steady`: the rates of angles that turn steadily, by name.
+    `verdict` has the largest real part of an eigenvalue (1/s) with a bound, and the eigenvalues that rounding hides. A coordinate without restoring
+    force (the position of a free body) has a growth of zero and is not counted. `steady`: the rates of angles that rotate steadily, by name.
     """
 
     model: str
@@ -35,21 +35,21 @@ class Equilibrium:
     outputs: Mapping[str, float]
     units: Mapping[str, str]
     verdict: Verdict
-    report: Sequence[Reporting] = ()  # how the experiment shows outputs
+    report: Sequence[Reporting] = ()  # units in which the experiment shows outputs
     steady: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def growth(self) -> float:
-        """The largest real part of an eigenvalue that decides, in 1/s."""
+        """Largest real part of a deciding eigenvalue, in 1/s."""
         return self.verdict.growth
 
     @property
     def stable(self) -> bool | None:
-        """Whether no eigenvalue grows; None if rounding hides that."""
+        """True if no eigenvalue grows; None if rounding hides that."""
         return self.verdict.stable
 
     def __getitem__(self, name: str) -> float:
-        """An output, state or unknown by name. Raises KeyError."""
+        """Return an output, state or unknown by name. Raises KeyError."""
         for values in (self.outputs, self.states, self.unknowns):
             if name in values:
                 return values[name]
@@ -57,8 +57,11 @@ class Equilibrium:
         raise KeyError(f"there is no `{name}` in the equilibrium of {self.model}; it has {', '.join(known)}")
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-equilibrium/1`: {schema, model, experiment, time, states, unknowns, outputs, growth, stable (null: not decided)},
-        and where there are some `bound` of the growth and `undecided` eigenvalues, `undamped` ones, and `steady` rates."""
+        """Return JSON values by the schema `bondgraph-equilibrium/1`.
+
+        {schema, model, experiment, time, states, unknowns, outputs, growth, stable (null: not decided)}, and where there are some, `bound` of the growth,
+        `undecided` eigenvalues, `undamped` ones, and `steady` rates.
+        """
         parts = {word: with_units(getattr(self, word), self.units) for word in ("states", "unknowns", "outputs")}
         told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
         told |= {**parts, "growth": finite(self.growth), "stable": self.stable}
@@ -71,14 +74,14 @@ class Equilibrium:
         return told
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.analyses import equilibrium_text
 
         return equilibrium_text(self)
 
 
 def equilibrium(point: OperatingPoint) -> Equilibrium:
-    """What is told of a point where all rates vanish."""
+    """Return the results for a point with all rates zero."""
     program, n = point.program, point.count
     outputs = named(program.outputs.names, point.outputs)
     return Equilibrium(
@@ -92,18 +95,18 @@ def _verdict(point: OperatingPoint) -> Verdict:
         return verdict(point)
     try:
         return sampled_verdict(point)
-    except UsageError:  # samples of several periods
+    except UsageError:  # samples with several periods
         return Verdict(math.nan, math.nan, None)
 
 
 def stability(point: OperatingPoint) -> tuple[float, bool | None]:
-    """The largest real part of an eigenvalue that decides (1/s), and whether the point is stable; None if that is not decided."""
+    """Return the largest real part of a deciding eigenvalue (1/s), and True if the point is stable; None if that is not decided."""
     found = verdict(point)
     return found.growth, found.stable
 
 
 def units_of(point: OperatingPoint) -> dict[str, str]:
-    """SI units by name."""
+    """Return SI units by name."""
     program = point.program
     kinds = (program.states, program.unknowns, program.outputs, program.inputs, program.parameters)
     found = {n: u for kind in kinds for n, u in zip(kind.names, kind.units, strict=True)}

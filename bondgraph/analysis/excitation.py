@@ -1,4 +1,4 @@
-"""A frequency response measured: the model is run with a harmonic input until its transients are gone."""
+"""Measured frequency response: the model is run with a harmonic input until its transients have decayed."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from .response import Measured, first_harmonic, settling_time
 if TYPE_CHECKING:
     from ..model import Model
 
-PERIODS = 4  # that are taken apart, after those that pass until it has settled
-SAMPLES = 64  # of each of them
+PERIODS = 4  # periods evaluated, after the settling time
+SAMPLES = 64  # samples per period
 MOST_PERIODS = 100_000
 
 
@@ -20,7 +20,7 @@ def excite(
     model: Model, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None,
     settings: dict[str, str | float], rtol: float,
 ) -> Measured:  # fmt: skip
-    """`given` is an input of the model; it moves about the value that it has at the equilibrium."""
+    """Measure the response to a harmonic motion of the input `given` about its value at the equilibrium."""
     if given not in model.inputs:
         raise UsageError(f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
     linear = model.linearize((given,), (seen,), experiment, settings)

@@ -1,8 +1,8 @@
-"""Peaks and dips of a frequency response, from its poles: the same however many points are asked for.
+"""Peaks and dips of a frequency response, from its poles: independent of the number of points requested.
 
-Between frequencies that lie about each pole as closely as its damping asks, peaks and dips are bracketed; then the parabola through
-1/|G|^2 (peaks) or |G|^2 (dips), which next to a single pole or zero is exact, leads to them. A pole on the imaginary axis that an input moves
-and an output shows is an infinite peak.
+On a grid that is refined about each pole according to its damping, peaks and dips are bracketed; then the parabola through 1/|G|^2 (peaks) or
+|G|^2 (dips), which is exact next to a single pole or zero, leads to them. A pole on the imaginary axis that an input excites and an output shows
+is an infinite peak.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from typing import Any
 
 import numpy as np
 
-PER_DECADE = 50  # frequencies besides those about poles
-NARROWEST = 1e-7  # of a frequency: about a pole without damping
+PER_DECADE = 50  # frequencies in addition to those about poles
+NARROWEST = 1e-7  # relative width of the grid about a pole without damping
 WIDEST = 0.5
 ROUNDS = 40
-CLOSE = 1e-11  # of a frequency
-NOTHING = 1e-12  # of the magnitude beside it: what is left at a zero on the imaginary axis
-DOUBLED = 30.0  # times as large a hundred times as near: an infinite peak
-FLAT = 1e-9  # of a magnitude: no peak
+CLOSE = 1e-11  # relative accuracy of a frequency
+NOTHING = 1e-12  # relative to the magnitude nearby: remainder at a zero on the imaginary axis
+DOUBLED = 30.0  # growth of the magnitude at a hundredth of the distance that shows an infinite peak
+FLAT = 1e-9  # relative height below which there is no peak
 
 Evaluate = Callable[[Any], Any]  # frequencies (f,) in Hz -> (f, m, k)
 
 
 @dataclass(frozen=True, slots=True)
 class Extremum:
-    """From `given` to `seen`: a "peak" or a "dip" at a frequency (Hz), with its magnitude in SI (infinite at an undamped resonance) and phase (deg)."""
+    """A "peak" or a "dip" from `given` to `seen` at a frequency (Hz), with magnitude in SI (infinite at an undamped resonance) and phase (deg)."""
 
     given: str
     seen: str
@@ -40,7 +40,7 @@ class Extremum:
 def extrema(
     evaluate: Evaluate, poles: Any, undamped: Any, low: float, high: float, given: tuple[str, ...], seen: tuple[str, ...]
 ) -> tuple[Extremum, ...]:  # fmt: skip
-    """Of all ways from an input to an output, rising. `undamped` (n,): which of the `poles` (n,), in 1/s, lie on the imaginary axis."""
+    """Return the extrema of all pairs of input and output, rising. `undamped` (n,): mask of the `poles` (n,), in 1/s, on the imaginary axis."""
     infinite = np.unique(np.abs(poles[undamped].imag) / (2 * np.pi)) if len(poles) else np.zeros(0)
     infinite = infinite[(infinite >= low) & (infinite <= high)]
     frequencies = _about(poles, infinite, low, high)
@@ -64,7 +64,7 @@ def extrema(
 
 
 def _about(poles: Any, infinite: Any, low: float, high: float) -> Any:
-    """Frequencies (Hz) at which peaks and dips are looked for; none of them is an infinite peak."""
+    """Return the frequencies (Hz) at which peaks and dips are searched; none of them is an infinite peak."""
     count = max(20, int(PER_DECADE * np.log10(high / low)))
     parts = [np.geomspace(low, high, count)]
     for pole in poles:
@@ -87,14 +87,14 @@ def _about(poles: Any, infinite: Any, low: float, high: float) -> Any:
 
 
 def _is_infinite(evaluate: Evaluate, frequency: float, i: int, j: int) -> bool:
-    """Whether a response goes to infinity at a frequency: a hundred times as near it is much larger."""
+    """Return True if a response goes to infinity at a frequency: at a hundredth of the distance it is much larger."""
     near, nearer = frequency * (1 + 1e-4), frequency * (1 + 1e-6)
     far, close = np.abs(evaluate(np.array([near, nearer]))[:, i, j])
     return bool(close > DOUBLED * far) or not np.isfinite(close)
 
 
 def _turns(size: Any) -> list[tuple[int, int]]:
-    """Places of local maxima (sign 1) and minima (-1) of magnitudes, without those that are flat but for rounding."""
+    """Return the places of local maxima (sign 1) and minima (-1) of magnitudes, without those that are flat to rounding."""
     result = []
     for sign in (1, -1):
         rising = sign * np.diff(size)
@@ -107,7 +107,7 @@ def _turns(size: Any) -> list[tuple[int, int]]:
 
 
 def _refined(evaluate: Evaluate, frequencies: Any, brackets: list[tuple[int, int, int, int]]) -> tuple[Any, Any]:
-    """Frequencies of the extrema and the responses there, all brackets at once."""
+    """Return frequencies of the extrema and the responses there, for all brackets at once."""
     if not brackets:
         return np.zeros(0), np.zeros(0, dtype=complex)
     rows, columns, places, signs = (np.array(part) for part in zip(*brackets, strict=True))
@@ -135,7 +135,7 @@ def _refined(evaluate: Evaluate, frequencies: Any, brackets: list[tuple[int, int
 
 
 def _vertex(x: Any, q: Any) -> Any:
-    """Of the parabolas through three points each."""
+    """Return the vertices of parabolas through three points each."""
     left, right = x[1] - x[0], x[1] - x[2]
     with np.errstate(divide="ignore", invalid="ignore"):  # next to a response of zero
         above = left**2 * (q[1] - q[2]) - right**2 * (q[1] - q[0])
@@ -145,12 +145,12 @@ def _vertex(x: Any, q: Any) -> Any:
 
 
 def _halved(x: Any) -> Any:
-    """The middles of the longer sides."""
+    """Return the middles of the longer sides."""
     return np.where(x[2] - x[1] > x[1] - x[0], 0.5 * (x[1] + x[2]), 0.5 * (x[0] + x[1]))
 
 
 def _narrowed(x: Any, q: Any, new: Any, value: Any) -> tuple[Any, Any]:
-    """The three points about each minimum, with a new one taken in."""
+    """Return the three points about each minimum, updated by a new one."""
     right, better = new > x[1], value < q[1]
     triples = {
         (True, True): ((x[1], new, x[2]), (q[1], value, q[2])), (True, False): ((x[0], x[1], new), (q[0], q[1], value)),

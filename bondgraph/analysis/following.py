@@ -14,12 +14,12 @@ from ..errors import UsageError
 if TYPE_CHECKING:
     from ..door import Compilation
 
-SAME = 1e-9  # of the values of what shares a state
+SAME = 1e-9  # relative difference of values that share a state
 
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """What is `slope` times the state at a place, plus `offset`; its `unit` in SI."""
+    """A quantity equal to `slope` times the state at index `place`, plus `offset`; `unit` in SI."""
 
     place: int
     slope: float
@@ -27,12 +27,12 @@ class Follower:
     unit: str
 
     def at(self, state: Any) -> float:
-        """Its value where the states (n, ...) are these."""
+        """Return its value for states (n, ...)."""
         return float(self.slope * state[self.place] + self.offset)
 
 
 def followers(compilation: Compilation, parameters: Any) -> dict[str, Follower]:
-    """By name, with the parameters (p,) of the program."""
+    """Return the followers by name, with the parameters (p,) of the program."""
     space, lowered = compilation.state_space, compilation.lowered
     if not space.following:
         return {}
@@ -52,7 +52,7 @@ def followers(compilation: Compilation, parameters: Any) -> dict[str, Follower]:
 
 
 def led(compilation: Compilation, parameters: Any, given: Mapping[str, float]) -> dict[str, float]:
-    """Given values of states by name, without followers: the states that these follow have the values with which they are so.
+    """Return given values by name, with those of followers converted to the states that they share.
 
     Raises `UsageError` where two of them contradict each other.
     """

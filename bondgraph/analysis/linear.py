@@ -22,10 +22,10 @@ SCHEMA = "bondgraph-linearization/1"
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """A (n, n), B (n, k), C (m, n), D (m, k), in SI, over `states`, `inputs` and `outputs` by the author's names.
+    """Matrices A (n, n), B (n, k), C (m, n), D (m, k), in SI, for `states`, `inputs` and `outputs` by the author's names.
 
-    `states` are those that stay free: coordinates that closing joints tie to others follow them, unknowns of loops are eliminated.
-    `x` (n,), `u` (k,), `y` (m,) are the values at the point, `rates` (n,) what x' is there: zero at an equilibrium.
+    `states` are the free ones: coordinates tied by loop joints follow them, unknowns of loops are eliminated. `x` (n,), `u` (k,), `y` (m,) are the
+    values at the point, `rates` (n,) is x' there: zero at an equilibrium.
     """
 
     model: str
@@ -45,7 +45,7 @@ class Linearization:
     rates: Array
 
     def to_scipy(self) -> Any:
-        """`scipy.signal.StateSpace`, continuous. Raises ValueError without an input or output, as that has no such form."""
+        """Return a continuous `scipy.signal.StateSpace`. Raises ValueError without an input or output, as that has no such form."""
         if not self.inputs or not self.outputs:
             raise ValueError("a state space of scipy has at least one input and one output")
         from scipy.signal import StateSpace
@@ -53,7 +53,7 @@ class Linearization:
         return StateSpace(self.A, self.B, self.C, self.D)
 
     def to_control(self) -> Any:
-        """`control.StateSpace` of python-control, with the author's names. Raises MissingPackage without it."""
+        """Return a `control.StateSpace` of python-control, with the author's names. Raises MissingPackage without it."""
         try:
             import control
         except ImportError as error:
@@ -62,8 +62,10 @@ class Linearization:
         return control.ss(self.A, self.B, self.C, self.D, **names)
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-linearization/1`: {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}},
-        A, B, C, D (rows), rates}, in SI."""
+        """Return JSON values by the schema `bondgraph-linearization/1`, in SI.
+
+        {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}.
+        """
         told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
         for word, names, values in (
             ("states", self.states, self.x), ("inputs", self.inputs, self.u), ("outputs", self.outputs, self.y)
@@ -73,14 +75,14 @@ class Linearization:
         return {**told, "rates": rows_of([self.rates])[0]}
 
     def summary(self) -> str:
-        """Matrices for terminals."""
+        """Return the matrices as text for terminals."""
         from ..views.analyses import linearization_text
 
         return linearization_text(self)
 
 
 def linearization(point: OperatingPoint) -> Linearization:
-    """The linear model at a point; its inputs are what slopes were asked by."""
+    """Return the linear model at a point; its inputs are the quantities by which the point's derivatives are taken (`by`)."""
     space, reduced, program = point.compilation.state_space, point.reduced, point.program
     chosen = reduced.chosen
     state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))
@@ -97,6 +99,6 @@ def linearization(point: OperatingPoint) -> Linearization:
 
 
 def state_matrix(point: OperatingPoint) -> Array:
-    """A alone."""
+    """Return A alone."""
     found: Array = point.reduced.through(point.rate_slopes(point.reduced.chosen))[0]
     return found

@@ -1,9 +1,9 @@
-"""How the linear model at rest, and its frequency response, move with parameters: second derivatives of the compiled equations, no differences.
+"""Sensitivity of the linear model at equilibrium, and of its frequency response, to parameters: second derivatives, no differences.
 
-The slopes of rates, of what unknowns make vanish and of outputs by states, unknowns and inputs are one matrix W. Along the way that a
-parameter, states and unknowns take together it changes by dW, which a tape tells. With M = s diag(1 .. 1, 0 .. 0) - W of states and unknowns
-the response is y = Y v + Y_u, M v = W_u, and moves by (Y M^-1 dW_rates + dW_outputs) (v, 1): one solution forwards and one backwards for all parameters.
-Closing joints need nothing besides, as rates keep the constraints.
+The compiled equations give the derivatives of rates, of loop residuals and of outputs by states, unknowns and inputs as one matrix W. Along the
+common change of a parameter, states and unknowns it changes by dW, which a tape computes. With M = s diag(1 .. 1, 0 .. 0) - W of states and
+unknowns the response is y = Y v + Y_u, M v = W_u, and its derivative is (Y M^-1 dW_rates + dW_outputs) (v, 1): one solution forwards and one
+backwards for all parameters. Loop joints need nothing more, as rates satisfy the constraints.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SCHEMA = "bondgraph-response-sensitivity/1"
-ON = 1e-9  # of a frequency: an end of the range that lies on an undamped mode
+ON = 1e-9  # relative distance at which an end of the range lies on an undamped mode
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseSensitivity:
-    """`slopes` (f, m, k, q): derivatives of `response.values` by `parameters` (q), which are `at`, in SI; `units` are those of the parameters."""
+    """Derivatives `slopes` (f, m, k, q) of `response.values` by `parameters` (q), with values `at`, in SI; `units` of the parameters."""
 
     response: Response
     parameters: tuple[str, ...]
@@ -39,8 +39,8 @@ class ResponseSensitivity:
     units: Mapping[str, str]
 
     def of(self, given: str, seen: str, parameter: str) -> NDArray[np.complex128]:
-        """From an input to an output, (f,). Raises `UsageError`."""
-        self.response.of(given, seen)  # tells what is not there
+        """Return the derivatives from an input to an output, (f,). Raises `UsageError`."""
+        self.response.of(given, seen)  # raises for unknown names
         if parameter not in self.parameters:
             raise UsageError(
                 f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}"
@@ -51,7 +51,7 @@ class ResponseSensitivity:
 
     @property
     def magnitude(self) -> NDArray[np.float64]:
-        """Of the magnitude, (f, m, k, q)."""
+        """Derivative of the magnitude, (f, m, k, q)."""
         values = self.response.values[..., None]
         with np.errstate(divide="ignore", invalid="ignore"):
             found: NDArray[np.float64] = (values.conj() * self.slopes).real / np.abs(values)
@@ -59,21 +59,24 @@ class ResponseSensitivity:
 
     @property
     def phase(self) -> NDArray[np.float64]:
-        """Of the phase, in degrees, (f, m, k, q)."""
+        """Derivative of the phase, in degrees, (f, m, k, q)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             found: NDArray[np.float64] = np.degrees((self.slopes / self.response.values[..., None]).imag)
         return found
 
     @property
     def relative(self) -> NDArray[np.float64]:
-        """By how many percent the magnitude moves with one percent of a parameter, (f, m, k, q); NaN where it is zero."""
+        """Change of the magnitude in percent per percent of a parameter, (f, m, k, q); NaN where it is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
             found = self.magnitude * self.at / self.response.magnitude[..., None]
         return np.where(np.isfinite(found), found, np.nan)
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-response-sensitivity/1`: {schema, model, experiment, frequencies (Hz), parameters: {name: {value, unit}},
-        responses: [{input, output, values: [{re, im}], slopes: {parameter: [{re, im}]}, relative: {parameter: [number]}}]}."""
+        """Return JSON values by the schema `bondgraph-response-sensitivity/1`.
+
+        {schema, model, experiment, frequencies (Hz), parameters: {name: {value, unit}}, responses: [{input, output, values: [{re, im}], slopes:
+        {parameter: [{re, im}]}, relative: {parameter: [number]}}]}.
+        """
         told = self.response
         relative = self.relative
         responses = [
@@ -97,14 +100,14 @@ class ResponseSensitivity:
         }
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.analyses import response_sensitivity_text
 
         return response_sensitivity_text(self)
 
 
 class _Moving:
-    """W and its changes: rows are rates, residuals, outputs; columns states, unknowns, inputs. The point's `by` has inputs and parameters."""
+    """Matrix W and its changes: rows are rates, residuals, outputs; columns states, unknowns, inputs. The point's `by` has inputs and parameters."""
 
     def __init__(self, point: OperatingPoint, inputs: tuple[str, ...], parameters: tuple[str, ...]) -> None:
         self.point, self.inputs, self.parameters = point, inputs, parameters
@@ -135,7 +138,10 @@ class _Moving:
 
 
 def linear_sensitivity(point: OperatingPoint, inputs: tuple[str, ...], parameters: tuple[str, ...]) -> Sensitivity:
-    """Of the entries of A, B, C and D that are not zero or move: `A[state, state]`. Raises `UsageError` where closing joints tie coordinates."""
+    """Return derivatives of the entries of A, B, C and D that are not constantly zero: `A[state, state]`.
+
+    Raises `UsageError` where loop joints tie coordinates.
+    """
     if point.reduced.tied:
         raise UsageError(
             "closing joints tie coordinates here: which of them A stands for is a choice; modes and responses have sensitivities of their own"
@@ -171,7 +177,7 @@ def linear_sensitivity(point: OperatingPoint, inputs: tuple[str, ...], parameter
 
 
 def _ratio(above: str, a_second: bool, below: str) -> str:
-    """The unit of an entry: of a state or output (of a state's rate: a second) over that of a state or input."""
+    """Return the unit of an entry: of a state or output (of a state's rate: per second) over that of a state or input."""
     if above == below:
         return "1/s" if a_second else "1"
     found = above if not a_second else above.removesuffix("*s") if above.endswith("*s") else f"{above}/s"
@@ -181,8 +187,10 @@ def _ratio(above: str, a_second: bool, below: str) -> str:
 def response_sensitivity(
     point: OperatingPoint, inputs: tuple[str, ...], parameters: tuple[str, ...], low: float | None, high: float | None, points: int
 ) -> ResponseSensitivity:  # fmt: skip
-    """Of the frequency response from inputs to all outputs of the point, at `points` frequencies and resonances. Raises as `response`, and `RunFailed`
-    on a pole."""
+    """Return derivatives of the frequency response from inputs to all outputs of the point, at `points` frequencies and resonances.
+
+    Raises as `response`, and `RunFailed` on a pole.
+    """
     moving = _Moving(point, inputs, parameters)
     found = response(moving.linear, low, high, points)
     for peak in (e.frequency for e in found.extrema if np.isinf(e.magnitude)):
@@ -204,7 +212,7 @@ def _without_bound(frequency: float) -> RunFailed:
 
 
 def _moves(moving: _Moving, s: complex) -> Any:
-    """The derivatives of the response at s, (m, k, q)."""
+    """Return the derivatives of the response at s, (m, k, q)."""
     size, k = moving.size, len(moving.inputs)
     matrix = -moving.W[:size, :size].astype(complex)
     matrix[np.arange(moving.n), np.arange(moving.n)] += s

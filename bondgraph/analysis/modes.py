@@ -1,7 +1,7 @@
-"""Modes: frequency, damping, shape, and in which elements their energy is.
+"""Modes: frequency, damping, shape, and the distribution of their energy over the elements.
 
-A storage's energy in a mode is half its effort times its displacement (its flow times its momentum), averaged over a cycle, by the
-slopes of its port: storages in derivative form count like others. A mechanism's is the second variation of its energy.
+A storage's energy in a mode is half its effort times its displacement (its flow times its momentum), averaged over a cycle, by the derivatives
+at its port: storages in derivative form count like others. A mechanism's is the second variation of its energy.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-modes/1"
 WIDTH = 64  # modes whose energies are computed at once
-STILL = 1e-12  # of the fastest: an eigenvalue of zero
-SMALL = 1e-9  # of the largest energy: what rounding leaves
+STILL = 1e-12  # relative to the fastest: an eigenvalue that counts as zero
+SMALL = 1e-9  # relative to the largest energy: rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Names:
-    """Of states, outputs and elements that store energy, in the order of a mode's numbers."""
+    """Names of states, outputs and elements that store energy, in the order of a mode's arrays."""
 
     states: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -39,47 +39,47 @@ class Names:
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """One mode: of a conjugate pair the eigenvalue (1/s) with the positive imaginary part.
+    """One mode; for a conjugate pair the eigenvalue (1/s) with the positive imaginary part.
 
     `shape` and `outputs`: complex amplitudes of states and outputs in SI, for an energy of 1 J (without energy: a norm of 1).
-    `energy`: the share of each element that stores some, together 1, the largest first; a spring that pushes on has a negative one.
+    `energy`: the share of each element that stores some, sum 1, the largest first; a spring with negative stiffness has a negative one.
     """
 
     eigenvalue: complex
     names: Names
-    amplitudes: Any  # of the states (n,)
-    seen: Any  # of the outputs (m,)
-    energies: Any  # of the elements (k,)
+    amplitudes: Any  # amplitudes of the states (n,)
+    seen: Any  # amplitudes of the outputs (m,)
+    energies: Any  # shares of the elements (k,)
 
     @property
     def frequency(self) -> float:
-        """The natural one, abs(eigenvalue)/2pi in Hz."""
+        """Natural frequency, abs(eigenvalue)/2pi in Hz."""
         return abs(self.eigenvalue) / (2 * math.pi)
 
     @property
     def damped_frequency(self) -> float:
-        """abs(Im)/2pi in Hz."""
+        """Damped frequency, abs(Im)/2pi in Hz."""
         return abs(self.eigenvalue.imag) / (2 * math.pi)
 
     @property
     def damping(self) -> float:
-        """-Re/abs; NaN for an eigenvalue of zero."""
+        """Damping ratio, -Re/abs; NaN for an eigenvalue of zero."""
         size = abs(self.eigenvalue)
         return 0.0 - self.eigenvalue.real / size if size else math.nan
 
     @property
     def shape(self) -> dict[str, complex]:
-        """Of the states."""
+        """Amplitudes of the states."""
         return dict(zip(self.names.states, map(complex, self.amplitudes), strict=True))
 
     @property
     def outputs(self) -> dict[str, complex]:
-        """Of the outputs."""
+        """Amplitudes of the outputs."""
         return dict(zip(self.names.outputs, map(complex, self.seen), strict=True))
 
     @property
     def energy(self) -> dict[str, float]:
-        """Shares; what is nothing but rounding is left out."""
+        """Shares of the energy by element, without those that are rounding."""
         size = np.abs(self.energies)
         order = np.argsort(-size, kind="stable")
         kept = order[size[order] > SMALL * size.max(initial=0.0)]
@@ -87,11 +87,11 @@ class Mode:
 
     @property
     def where(self) -> str:
-        """The element with the largest share of the energy; empty if none has any."""
+        """Element with the largest share of the energy; empty if none has any."""
         return next(iter(self.energy), "")
 
     def to_json(self) -> dict[str, Any]:
-        """Part of `bondgraph-modes/1`."""
+        """Return JSON values, a part of `bondgraph-modes/1`."""
         return {
             "eigenvalue": pair(self.eigenvalue), "frequency": self.frequency, "damped_frequency": self.damped_frequency,
             "damping": finite(self.damping), "energy": dict(self.energy),
@@ -101,7 +101,7 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Modes(Sequence[Mode]):
-    """The modes at a point, slowest first; `units` of states and outputs."""
+    """Modes at a point, slowest first; `units` of states and outputs."""
 
     model: str
     experiment: str | None
@@ -120,24 +120,27 @@ class Modes(Sequence[Mode]):
 
     @property
     def frequencies(self) -> NDArray[np.float64]:
-        """In Hz, slowest first."""
+        """Frequencies in Hz, slowest first."""
         return np.array([m.frequency for m in self.modes])
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-modes/1`: {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency,
-        damped_frequency, damping, energy: {element: share}, shape, outputs: {name: {re, im}}}]}, frequencies in Hz, all else in SI."""
+        """Return JSON values by the schema `bondgraph-modes/1`, frequencies in Hz, all else in SI.
+
+        {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency, damped_frequency, damping, energy: {element: share}, shape,
+        outputs: {name: {re, im}}}]}.
+        """
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
         return {**told, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.analyses import modes_text
 
         return modes_text(self)
 
 
 def modes(point: OperatingPoint) -> Modes:
-    """All modes at a point, slowest first."""
+    """Return all modes at a point, slowest first."""
     linear = linearization(point)
     found = spectrum(linear.A)
     chosen = _slowest_first(found.values)
@@ -161,32 +164,32 @@ def modes(point: OperatingPoint) -> Modes:
 
 
 def moving_frequencies(point: OperatingPoint) -> list[float]:
-    """Of the modes that move, in Hz, slowest first; shapes and energies are not asked for."""
+    """Return the frequencies of the moving modes, in Hz, slowest first, without computing shapes and energies."""
     return [abs(v) / (2 * math.pi) for v in eigenvalues(state_matrix(point)) if v]
 
 
 def eigenvalues(A: Any) -> list[complex]:
-    """In 1/s, of a conjugate pair the one with the positive imaginary part; slowest first."""
+    """Return the eigenvalues in 1/s, of a conjugate pair the one with the positive imaginary part; slowest first."""
     values = spectrum(A).values
     return [complex(v) for v in values[_slowest_first(values)]]
 
 
 def _slowest_first(values: Any) -> Any:
-    """Of a conjugate pair the one with the positive imaginary part."""
+    """Return the indices of eigenvalues, slowest first; of a conjugate pair only the one with the positive imaginary part."""
     chosen = np.flatnonzero(values.imag >= 0)
     return chosen[np.lexsort((values[chosen].real, np.abs(values[chosen])))]
 
 
 def _turned(shapes: Any) -> Any:
-    """What turns the largest component of each column to the positive real axis."""
+    """Return the factors that rotate the largest component of each column to the positive real axis."""
     largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])] if len(shapes) else np.ones(0)
     return np.conj(largest) / np.where(largest != 0, np.abs(largest), 1.0)
 
 
 def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[list[str], Any]:
-    """Names of elements and their energies (elements, modes) in J, for complex amplitudes of the states (n, modes).
+    """Return names of elements and their energies (elements, modes) in J, for complex amplitudes of the states (n, modes).
 
-    A motion x exp(value t): averaged over a cycle for complex values, at t = 0 for real ones. Rigid motion has none.
+    For a motion x exp(value t): averaged over a cycle for complex values, at t = 0 for real ones. Rigid motion has none.
     """
     space = point.compilation.state_space
     ports = [p for p in space.ports if p.kind in ("C", "I", "IC")]
@@ -210,7 +213,7 @@ def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[l
 
 
 def _is_displacement(point: OperatingPoint, port: Any) -> bool:
-    """Whether a port of a field of both kinds stores a displacement: its flow is then the rate of what it stores, or of the state that it shares."""
+    """Return True if a port of an IC field stores a displacement: its flow is the rate of the stored quantity, or of the state that it shares."""
     space = point.compilation.state_space
     storage = next((s for s in point.compilation.equations.storages if s.element == port.element), None)
     if storage is None:
@@ -226,14 +229,14 @@ def _is_displacement(point: OperatingPoint, port: Any) -> bool:
 
 
 def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:
-    """Amplitudes of states and unknowns."""
+    """Return amplitudes of states and unknowns."""
     if point.all == point.count:
         return shapes
     return np.concatenate([shapes, point.reduced.unknowns[:, : point.count] @ shapes])
 
 
 def _mechanism_energy(point: OperatingPoint, variable: int, full: Any) -> Any:
-    """Half the second variation of a stored energy, for each column of amplitudes."""
+    """Return half the second variation of a stored energy, for each column of amplitudes."""
     slopes = point.lowered.slopes.get(variable, {})
     tape, rows = point.tape(f"energy of {variable}", lambda: list(slopes.values())), list(slopes)
     result = np.zeros(full.shape[1])

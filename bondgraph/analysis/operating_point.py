@@ -1,8 +1,8 @@
-"""A model at one state and instant, with the slopes of everything there: what all linear analyses stand on.
+"""Operating point: a model at one state and instant, with all derivatives there; the basis of all linear analyses.
 
-What follows from others is eliminated by the derivatives of what ties it: unknowns of algebraic loops by their residuals, multipliers of
-closing joints likewise, and of the coordinates that closing joints tie a choice is made (QR with pivots) of which the others are functions.
-Both are exact: the rates keep the constraints, so that the directions that these leave are kept by the Jacobian.
+Dependent quantities are eliminated by the derivatives of their equations: unknowns of algebraic loops by their residuals, multipliers of loop
+joints likewise. Among the coordinates that loop joints tie, a choice is made (QR with pivots) of which the others are functions.
+Both are exact: the rates satisfy the constraints, so the Jacobian preserves the directions that the constraints allow.
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ if TYPE_CHECKING:
     from ..simulation.closed.constraints import Constraints
     from .following import Follower
 
-RANK = 1e-9  # of the largest: a constraint that says less follows from others
-LIMITS = 1e-9  # of a table's range: as far beyond its ends as rounding leads
-AHEAD = 1.0  # s: how far ahead instants are looked for, where a model is asked at one
+RANK = 1e-9  # relative to the largest: a smaller pivot shows a dependent constraint
+LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
+AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is asked of a model, and where: `state` "equilibrium", "start", or values of states by name (the rest at the start).
+    """Request for an operating point.
 
-    `by`: quantities that slopes are wanted by; `outputs`: None all.
+    `state`: "equilibrium", "start", or values of states by name (the rest as at the start). `by`: quantities by which derivatives are taken;
+    `outputs`: None for all.
     """
 
     experiment: str | None = None
@@ -48,7 +49,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Those of some variables that are not zero: how they are evaluated, and where they stand."""
+    """Nonzero derivatives of some variables: their tape, and their places."""
 
     tape: Tape
     rows: Any
@@ -56,7 +57,7 @@ class Slopes:
 
 
 class OperatingPoint:
-    """States (n,) and unknowns (m,) of a model at an instant. Slopes have a column for each of them and for each of `by`."""
+    """States (n,) and unknowns (m,) of a model at an instant. Derivatives have a column for each of them and for each of `by`."""
 
     def __init__(
         self, made: Prepared, constraints: Constraints, state: Any, mode: Any, time: float, by: tuple[str, ...],
@@ -64,31 +65,31 @@ class OperatingPoint:
     ) -> None:  # fmt: skip
         self.made, self.constraints, self.mode, self.time = made, constraints, mode, time
         self.program: Program = made.program
-        self.values = values or {}  # that were set when it began
+        self.values = values or {}  # parameters that were set at the beginning
         self.state, self.by = np.asarray(state, dtype=float), by
         self.count, self.all = len(self.program.states.names), len(self.state)
         self.inputs, self.constants = constraints.inputs, constraints.constants
 
     @property
     def compilation(self) -> Compilation:
-        """The stages of the compiler, made only if something asks for more than the program."""
+        """Stages of the compiler, created only if more than the program is needed."""
         return self.made.compilation
 
     @property
     def lowered(self) -> Lowered:
-        """The expressions behind the program."""
+        """Expressions behind the program."""
         return self.compilation.lowered
 
     # ------------------------------------------------------------ the same elsewhere
     def set_at(self, name: str) -> tuple[str, int]:
-        """Where a parameter or input stands that can take other values: "parameter" or "input", and its place. Raises `UsageError`."""
+        """Return the role ("parameter" or "input") and index of a quantity that can take other values. Raises `UsageError`."""
         for role, names in (("parameter", self.program.parameters.names), ("input", self.program.inputs.names)):
             if name in names:
                 return role, names.index(name)
         raise UsageError(f"nothing in the model reads `{name}`, or it follows from others: it cannot be moved")
 
     def elsewhere(self, given: Mapping[str, float], state: Any) -> OperatingPoint:
-        """At other values of parameters or inputs, and the state nearest to this one that keeps constraints and loops. Raises `RunFailed`."""
+        """Return the point at other values of parameters or inputs, with the nearest state on constraints and loops. Raises `RunFailed`."""
         from ..simulation.closed.constraints import Constraints
         from ..simulation.loops.loops import LoopSolver
 
@@ -109,7 +110,7 @@ class OperatingPoint:
 
     # ------------------------------------------------------------ values
     def lookup(self, leaf: Leaf) -> float:
-        """The value of a symbol of the program."""
+        """Return the value of a symbol of the program."""
         match leaf.role:
             case "state":
                 return float(self.state[leaf.position])
@@ -123,26 +124,26 @@ class OperatingPoint:
 
     @cached_property
     def rates(self) -> Any:
-        """Of the states, (n,)."""
+        """Rates of the states, (n,)."""
         found = self.program.derivative(self.time, self.state, self.inputs, self.constants, self.mode)
         return np.asarray(found, dtype=float)[: self.count]
 
     @cached_property
     def steady(self) -> dict[str, float]:
-        """The rates, by name, of angles that turn steadily while all else is at rest; of a point that is not at rest nothing is meant."""
+        """Rates, by name, of angles that rotate steadily while all else is at rest; meaningful at an equilibrium only."""
         from ..simulation.start.steady import steady_rates
 
         return steady_rates(self.program, self.constraints, self.time, self.state, self.inputs, self.mode)
 
     @cached_property
     def outputs(self) -> Any:
-        """Of `program.outputs`, in SI."""
+        """Values of `program.outputs`, in SI."""
         with np.errstate(all="ignore"):  # an output may have no finite value at this point, and is shown so
             found = self.program.output(self.time, self.state, self.inputs, self.constants, self.mode)
         return np.asarray(found, dtype=float)
 
     def values_of(self, names: Sequence[str]) -> Any:
-        """Of quantities by name, (len(names),); those that nothing reads have the value that the author gave them."""
+        """Return values of quantities by name, (len(names),); quantities that nothing reads have the value that the author gave them."""
         space, whole = self.compilation.state_space, self.compilation.whole_graph.quantities
         found = {n: space.quantities[n] for n in names if n in space.quantities}
         values = dict(
@@ -152,7 +153,7 @@ class OperatingPoint:
         return np.array([values.get(n, given.get(n)) for n in names], dtype=float)
 
     def stored(self, state: Any) -> dict[str, float]:
-        """States (n,) by name, and what shares them."""
+        """Return states (n,) by name, and the quantities that share them."""
         found = named(self.program.states.names, state[: self.count])
         return found | {name: follower.at(state) for name, follower in self.followers.items()}
 
@@ -165,7 +166,7 @@ class OperatingPoint:
 
     @property
     def left(self) -> tuple[LimitLeft, ...]:
-        """What the model requires and does not hold here. Raises `RunFailed` for a table that is asked outside of its range."""
+        """Requirements of the model violated here. Raises `RunFailed` for a table that is read outside its range."""
         from ..simulation.watch.validity import Watch
 
         watch = Watch(self.program, self.constants, self.inputs, LIMITS)
@@ -173,7 +174,7 @@ class OperatingPoint:
         return watch.warnings
 
     def check_limits(self) -> OperatingPoint:
-        """The same point, in which all holds that the model requires. Raises `RunFailed`."""
+        """Return the same point if all requirements of the model hold. Raises `RunFailed`."""
         left = self.left
         if left:
             raise RunFailed(f"no analysis is made where the model does not hold: {left[0].words_at_rest}")
@@ -181,20 +182,20 @@ class OperatingPoint:
 
     # ------------------------------------------------------------ slopes
     def rate_slopes(self, states: Sequence[int]) -> Any:
-        """Of the rates of states (by their places, in order), as `slopes`."""
+        """Return derivatives of the rates of states (by their indices, in order), as `slopes`."""
         if not self.by:
             return self.jacobian[states]
         return self.slopes([self.compilation.state_space.states[i].rate for i in states])
 
     def residual_slopes(self) -> Any:
-        """Of what unknowns make vanish, as `slopes`."""
+        """Return derivatives of the loop residuals, as `slopes`."""
         if not self.by:
             return self.jacobian[self.count :]
         return self.slopes([u.residual for u in self.compilation.state_space.unknowns])
 
     @cached_property
     def jacobian(self) -> Any:
-        """Of the rates and then of what unknowns make vanish, by states and unknowns, (n + m, n + m), from the program itself. Raises `RunFailed`."""
+        """Jacobian of the rates and then of the loop residuals, by states and unknowns, (n + m, n + m), from the program. Raises `RunFailed`."""
         with np.errstate(all="ignore"):
             found = np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
@@ -206,11 +207,11 @@ class OperatingPoint:
         return RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
 
     def slopes(self, variables: Sequence[int]) -> Any:
-        """Of variables by states, unknowns and `by`, (len(variables), n + m + k), dense. Raises `RunFailed`."""
+        """Return dense derivatives of variables by states, unknowns and `by`, (len(variables), n + m + k). Raises `RunFailed`."""
         return self.sparse_slopes(variables).toarray()
 
     def sparse_slopes(self, variables: Sequence[int]) -> Any:
-        """The same, sparse by rows."""
+        """Return the same, sparse by rows."""
         from scipy.sparse import csr_array
 
         slopes = self.slopes_of(tuple(variables))
@@ -222,7 +223,7 @@ class OperatingPoint:
         return csr_array((values, (numbers, slopes.columns)), shape=(len(variables), self.all + len(self.by)))
 
     def slopes_of(self, variables: tuple[int, ...]) -> Slopes:
-        """The same as expressions, with their places."""
+        """Return the same as expressions, with their places."""
         found: Slopes | None = self.made.kept.get(variables)
         if found is None:
             rows = [self.lowered.slopes.get(v, {}) for v in variables]
@@ -235,7 +236,7 @@ class OperatingPoint:
         return found
 
     def tape(self, word: str, roots: Callable[[], Sequence[Expression]]) -> Tape:
-        """A tape by its name, made once for all points of the program."""
+        """Return a tape by its name, made once for all points of the program."""
         found: Tape | None = self.made.kept.get(word)
         if found is None:
             found = self.made.kept[word] = Tape(roots())
@@ -246,14 +247,14 @@ class OperatingPoint:
 
     @cached_property
     def conserved(self) -> Any:
-        """Sums of the states that every motion keeps, (k, n)."""
+        """Conserved sums of the states, (k, n)."""
         from .conserved import conserved_sums
 
         return conserved_sums(self)
 
     @cached_property
     def reduced(self) -> Reduced:
-        """With unknowns and tied coordinates eliminated. Raises `UsageError` for what is sampled."""
+        """Reduction with unknowns and tied coordinates eliminated. Raises `UsageError` for sampled models."""
         sampled = [e for e in getattr(self.program.hybrid, "events", ()) if e.sampled]
         if sampled:
             raise UsageError(
@@ -263,15 +264,18 @@ class OperatingPoint:
         return reduction(self)
 
     def of_states(self, variables: Sequence[int]) -> tuple[Any, Any]:
-        """The slopes of variables by the free coordinates and by `by`, what is tied following."""
+        """Return the derivatives of variables by the free coordinates and by `by`, with tied coordinates following."""
         slopes, reduced = self.slopes(variables), self.reduced
         return reduced.through(slopes)
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Free coordinates (r,) of the states: `chosen` are their places; `directions` (n, r) how all states follow, `following` (n, k)
-    how they follow `by` while the free ones stand still; `unknowns` (m, n + k) how unknowns follow states and `by`."""
+    """Free coordinates (r,) of the states.
+
+    `chosen`: their indices; `directions` (n, r): derivatives of all states by them; `following` (n, k): derivatives of all states by `by` with the
+    free ones fixed; `unknowns` (m, n + k): derivatives of the unknowns by states and `by`.
+    """
 
     chosen: Any
     directions: Any
@@ -280,34 +284,34 @@ class Reduced:
 
     @property
     def tied(self) -> bool:
-        """Whether some coordinates follow others."""
+        """True if some coordinates follow others."""
         return len(self.chosen) < len(self.directions)
 
     def whole(self, amplitudes: Any) -> Any:
-        """All states from the free coordinates."""
+        """Return all states from the free coordinates."""
         return self.directions @ amplitudes if self.tied else amplitudes
 
     def by_states(self, slopes: Any) -> tuple[Any, Any]:
-        """From columns of states, unknowns and `by` to columns of all states, each by itself, and of `by`."""
+        """Convert columns for states, unknowns and `by` to columns for all states, taken as independent, and for `by`."""
         n, (m, width) = len(self.directions), self.unknowns.shape
         whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
         whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
         return whole[:, :n], whole[:, n:width]
 
     def through(self, slopes: Any) -> tuple[Any, Any]:
-        """From columns of states, unknowns and `by` to columns of free coordinates, and of `by`."""
+        """Convert columns for states, unknowns and `by` to columns for free coordinates, and for `by`."""
         states, moved = self.by_states(slopes)
         if not self.tied:
             return states, moved
         return states @ self.directions, states @ self.following + moved
 
     def held(self, moved: Any) -> Any:
-        """How states (n, k) follow `by`, with what is tied as the free ones say."""
+        """Return derivatives of the states (n, k) by `by`, with tied coordinates determined by the free ones."""
         return self.directions @ moved[self.chosen] + self.following if self.tied else moved
 
 
 def reduction(point: OperatingPoint) -> Reduced:
-    """With unknowns and tied coordinates eliminated. Raises `RunFailed`."""
+    """Return the reduction with unknowns and tied coordinates eliminated. Raises `RunFailed`."""
     n, size, k = point.count, point.all, len(point.by)
     follow = np.zeros((0, n + k))
     if size > n:
@@ -329,7 +333,7 @@ def reduction(point: OperatingPoint) -> Reduced:
 
 
 def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
-    """Coordinates that stay free where slopes @ x + moved @ p = 0, and how all follow them and p."""
+    """Return coordinates that stay free where slopes @ x + moved @ p = 0, and the derivatives of all by them and by p."""
     from scipy.linalg import qr
 
     n = slopes.shape[1]
@@ -352,10 +356,10 @@ def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
 def operating_point(
     model: Model, asked: Asked, target: str = "numpy", moved: Mapping[str, float] | None = None
 ) -> OperatingPoint:
-    """The model put where it is asked; numbers that are set are arguments of one program, so that others compile nothing.
+    """Return the model at the requested point; numbers that are set are arguments of one program, so that others need no compilation.
 
-    `moved`: values of `by` in a program that was made with the author's: what these decide (which parts of a mechanism lie on each other, a
-    choice between laws) stays as it is. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
+    `moved`: values of `by` in a program that was made with the author's: decisions that depend on these (coinciding parts of a mechanism, a choice
+    between laws) stay unchanged. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
     from ..simulation.settings import settle
 
@@ -367,13 +371,13 @@ def operating_point(
             return placed(model.prepared(scene, True, target), asked, {**settled.values, **(moved or {})})
         except RunFailed:
             if moved or all(settled.values.values()):
-                raise  # else a zero may make other equations of the model: the compiler is told of it
+                raise  # otherwise a zero may change the equations of the model: it is compiled in
     scene = replace(model.scene(asked.experiment, settings, asked.by, asked.outputs), by=asked.by)
     return placed(model.prepared(scene, True, target), asked)
 
 
 def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The same from what is compiled already; `values` are set when it begins."""
+    """Return the same for a compiled model; `values` are set at the beginning."""
     from ..simulation.leg import Leg
 
     try:
@@ -401,7 +405,7 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
 
 
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
-    """The state with given values, on the constraints, with the unknowns that belong to it."""
+    """Return the state with given values, on the constraints, with the unknowns that belong to it."""
     from ..simulation.loops.loops import LoopSolver
     from .following import led
 

@@ -1,4 +1,4 @@
-"""What an experiment or a sweep found: the analyses and runs of each of its points."""
+"""Results of an experiment or a sweep: the analyses and runs of each of its points."""
 
 from __future__ import annotations
 
@@ -26,39 +26,39 @@ if TYPE_CHECKING:
     from .response import Response
 
 SCHEMA = "bondgraph-outcome/1"
-MODES = 6  # frequencies in a table
+MODES = 6  # most frequencies in a table
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """One point: what is swept, in SI, and what was found there."""
+    """One point: swept values, in SI, and its results."""
 
     settings: Mapping[str, float]
     equilibrium: Equilibrium | None = None
     modes: Modes | None = None
     responses: tuple[Response, ...] = ()
     run: Result | None = None
-    failure: str = ""  # why there is nothing, if so
+    failure: str = ""  # reason for missing results
     analyses: tuple[
         tuple[str, Any], ...
-    ] = ()  # what other steps found, by the word of the step, in the order of the experiment
+    ] = ()  # results of other steps, by the word of the step, in the order of the experiment
 
     def of(self, role: str) -> Any:
-        """What the first step of that word found: `of("invert").inputs`. Raises `UsageError`."""
+        """Return the result of the first step with that word: `of("invert").inputs`. Raises `UsageError`."""
         for word, found in self.analyses:
             if word == role:
                 return found
         raise UsageError(f"there is no `{role}` here; there is {', '.join(w for w, _ in self.analyses) or 'none'}")
 
     def _of_analyses(self) -> dict[str, tuple[float, str]]:
-        """Numbers with units; a second step that has a name again gets it with its number."""
+        """Return numbers with units; a second step with the same name gets it with its number."""
         told: dict[str, tuple[float, str]] = {}
         for i, (role, found) in enumerate(self.analyses, 1):
             told |= {(n if n not in told else f"{n} ({i})"): v for n, v in numbers_of(role, found).items()}
         return told
 
     def units(self) -> dict[str, str]:
-        """SI units of `numbers`; what is not here is in Hz."""
+        """SI units of `numbers`; names without an entry are in Hz."""
         found: dict[str, str] = {}
         if self.equilibrium is not None:
             found |= {n: self.equilibrium.units.get(n, "1") for n in self.equilibrium.outputs}
@@ -68,7 +68,7 @@ class Point:
         return found
 
     def numbers(self) -> dict[str, float]:
-        """What a table shows of it: outputs at rest, frequencies, what other steps found, outputs at the end of the run."""
+        """Numbers of the point in a table: outputs at equilibrium, frequencies, results of other steps, outputs at the end of the run."""
         found: dict[str, float] = {}
         if self.equilibrium is not None:
             found |= dict(self.equilibrium.outputs)
@@ -83,7 +83,7 @@ class Point:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """{settings, equilibrium, modes, responses, analyses: [{step, …}], run, failure}: what is there, each by its own schema."""
+        """Return {settings, equilibrium, modes, responses, analyses: [{step, …}], run, failure}: the existing parts, each by its own schema."""
         told: dict[str, Any] = {"settings": {n: finite(v) for n, v in self.settings.items()}}
         for word in ("equilibrium", "modes", "run"):
             found = getattr(self, word)
@@ -100,13 +100,13 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Sequence[Point]):
-    """The points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
+    """Points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
 
     model: str
     experiment: str | None
     swept: Mapping[str, str]  # name -> SI unit
     points: tuple[Point, ...]
-    shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in which a table shows it
+    shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in a table
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -120,50 +120,50 @@ class Outcome(Sequence[Point]):
 
     @property
     def failures(self) -> dict[int, str]:
-        """The number of each point that failed, and why."""
+        """Index of each failed point, and the reason."""
         return {i: p.failure for i, p in enumerate(self.points) if p.failure}
 
     @property
     def units(self) -> dict[str, str]:
         """SI units of the columns of `table`."""
         found = dict(self.swept)
-        for point in self.points:  # a later one may have more: another fold, another mode
+        for point in self.points:  # a later point may have more: another fold, another mode
             found = point.units() | found
         return {n: found.get(n, "Hz") for n in self.names}
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The columns of `table`: what is swept, then what was found."""
+        """Columns of `table`: swept names, then results."""
         return (*self.swept, *dict.fromkeys(n for p in self.points for n in p.numbers() if n not in self.swept))
 
     def table(self) -> NDArray[np.float64]:
-        """One row for each point, one column for each of `names`, in SI and Hz; NaN where a point has no such number."""
+        """Table with one row for each point, one column for each of `names`, in SI and Hz; NaN where a point has no such number."""
         rows = [dict(p.numbers()) | dict(p.settings) for p in self.points]
         return np.array([[row.get(n, math.nan) for n in self.names] for row in rows], dtype=float).reshape(
             len(rows), -1
         )
 
     def __call__(self, name: str) -> NDArray[np.float64]:
-        """A column of the table over the points. Raises `UsageError`."""
+        """Return a column of the table over the points. Raises `UsageError`."""
         if name not in self.names:
             raise UsageError(f"there is no `{name}` in this outcome; it has {', '.join(self.names)}")
         column: NDArray[np.float64] = self.table()[:, self.names.index(name)]
         return column
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""
+        """Return JSON values by the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "swept": dict(self.swept)}
         return {**told, "points": [p.to_json() for p in self.points], "notes": list(self.notes)}
 
     @property
     def grid(self) -> tuple[int, ...] | None:
-        """How many values each swept name has, if the points are a whole grid of them; None if they are not."""
+        """Number of values of each swept name, if the points are a complete grid of them; None otherwise."""
         values = [list(dict.fromkeys(p.settings[n] for p in self.points)) for n in self.swept]
         whole = [tuple(p.settings[n] for n in self.swept) for p in self.points] == list(itertools.product(*values))
         return tuple(map(len, values)) if whole and self.swept else None
 
     def _arrays(self) -> Arrays:
-        """Numbers over the swept names if they make a grid, else over `point`; runs over time besides, if all have the same instants."""
+        """Return numbers over the swept names if they form a grid, else over `point`; and runs over time, if all have the same instants."""
         from ..exports import Arrays
 
         table, units, shape = self.table(), self.units, self.grid
@@ -183,13 +183,13 @@ class Outcome(Sequence[Point]):
         return Arrays(coordinates, found, {"model": self.model, "experiment": self.experiment})
 
     def to_xarray(self) -> xarray.Dataset:
-        """Over the swept names, if they make a grid (else over `point`), in SI and Hz; runs over `time` besides. Raises `MissingPackage`."""
+        """Return a data set over the swept names, if they form a grid (else over `point`), in SI and Hz; and runs over `time`. Raises `MissingPackage`."""
         from ..exports import dataset
 
         return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """The table into a .csv (17 significant digits) file; or all of `to_xarray` into a .npz, .nc or .mat file. Raises OSError, `UsageError`."""
+        """Write the table into a .csv (17 significant digits) file; or all of `to_xarray` into a .npz, .nc or .mat file. Raises OSError, `UsageError`."""
         from ..exports import write_arrays
 
         if os.fspath(path).lower().endswith(".csv"):
@@ -198,19 +198,19 @@ class Outcome(Sequence[Point]):
             write_arrays(path, self._arrays())
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """The same for any name of a file. Raises OSError."""
+        """Write the table as .csv into a file of any name. Raises OSError."""
         from ..exports import write_csv
 
         write_csv(path, dict(zip(self.names, self.table().T, strict=True)), self.units)
 
     def summary(self) -> str:
-        """For terminals: a table of the points, or all that a single point has."""
+        """Return text for terminals: a table of the points, or all results of a single point."""
         from ..views.analyses import outcome_text
 
         return outcome_text(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """What was found over what was swept last; of a single point its response or run. Raises as `Result.plot`."""
+        """Plot results over the last swept name; for a single point its response or run. Raises as `Result.plot`."""
         from ..views.sweep_plot import plot_outcome
 
         plot_outcome(self, path)

@@ -1,4 +1,4 @@
-"""The numbers that a table of points shows of an analysis, by name, each with its SI unit."""
+"""Numbers of an analysis in a table of points, by name, each with its SI unit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Numbers = dict[str, tuple[float, str]]
 
 
 def numbers_of(role: str, found: Any) -> Numbers:
-    """Of what one step found; of a linear model none."""
+    """Return the numbers of one step's result; empty for a linear model."""
     return _READ[role](found) if role in _READ else {}
 
 

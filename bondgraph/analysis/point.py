@@ -1,4 +1,4 @@
-"""All variables of a model at one state and time: what the compiled steps give, number by number."""
+"""All variables of a model at one state and time, evaluated number by number with the compiled steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .following import led
 
 
 def values_at(compilation: Compilation, state: Mapping[str, float], time: float) -> dict[int, float]:
-    """Variable -> value; states that are not given stand at their start. Raises `UsageError`, `RunFailed`."""
+    """Return variable -> value; states that are not given have their initial values. Raises `UsageError`, `RunFailed`."""
     space, program = compilation.state_space, compilation.program
     state = led(compilation, program.defaults, state)
     unknown = sorted(set(state) - set(program.states.names))
@@ -41,7 +41,7 @@ def values_at(compilation: Compilation, state: Mapping[str, float], time: float)
 
 
 def _steps(space: StateSpace, values: dict[int, float]) -> None:
-    """What follows, in order."""
+    """Evaluate the computed variables, in order."""
 
     def entry(e: int | float) -> float:
         return e if isinstance(e, float) else values[e]

@@ -1,9 +1,9 @@
-"""The port-Hamiltonian form E x' = (J - R) z + G u with E^T z = grad H, as in van der Schaft and Jeltsema (2014), chapter 2.
+"""Port-Hamiltonian form E x' = (J - R) z + G u with E^T z = grad H, as in van der Schaft and Jeltsema (2014), chapter 2.
 
-z are the slopes of the storages in integral form (effort of a displacement, flow of a momentum), u what the sources give. J is
-skew: junctions, transducers and gyrating resistors pass power on; R is symmetric: what resistors take is z' R z. E is the
-identity unless storages depend on others: with x_d their stored quantities, whose slopes are z_d = C z, power gives
-x' = A z - C^T x_d' + G u, so E = 1 + C^T dx_d/dx (Mehrmann and Unger, Acta Numerica 32, 2023).
+z are the co-energy variables of the storages in integral form (effort of a displacement, flow of a momentum), u the values of the sources. J is
+skew: junctions, transducers and gyrating resistors conserve power; R is symmetric: resistors dissipate z' R z. E is the identity unless storages
+depend on others: with x_d their stored quantities, whose co-energy variables are z_d = C z, power gives x' = A z - C^T x_d' + G u, so
+E = 1 + C^T dx_d/dx (Mehrmann and Unger, Acta Numerica 32, 2023).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-ROUND_OFF = 1e-9  # of the terms that are summed
+ROUND_OFF = 1e-9  # relative to the summed terms
 EQUILIBRATIONS = 10  # Ruiz, RAL-TR-2001-034: each halves the distance to rows whose largest entry is one
 
 
@@ -33,8 +33,8 @@ EQUILIBRATIONS = 10  # Ruiz, RAL-TR-2001-034: each halves the distance to rows w
 class PortHamiltonian:
     """E x' = (J - R) z + G u at one state and time; n states, m sources, all in SI.
 
-    `E`, `J`, `R` (n, n), `G` (n, m); `slopes` (n,) are z with E' z = grad H (E is the identity without dependent storages);
-    `given` (m,) is u; `energy` is H in J, and `hamiltonian` gives it at any other state by name.
+    `E`, `J`, `R` (n, n), `G` (n, m); `slopes` (n,) are z with E' z = grad H (E is the identity without dependent storages); `given` (m,) is u;
+    `energy` is H in J, and `hamiltonian` computes it at any other state by name.
     """
 
     states: tuple[str, ...]
@@ -51,18 +51,18 @@ class PortHamiltonian:
 
     @property
     def gradient(self) -> Array:
-        """grad H (n,)."""
+        """Gradient of H (n,)."""
         return np.asarray(self.E.T @ self.slopes)
 
     @property
     def rates(self) -> Array:
-        """x' (n,)."""
+        """Rates x' (n,)."""
         return np.asarray(np.linalg.solve(self.E, (self.J - self.R) @ self.slopes + self.G @ self.given))
 
 
 @dataclass(frozen=True, eq=False)
 class SymbolicPortHamiltonian:
-    """x' = (J - R) grad H + G u in sympy, for models whose resistors are linear and whose storages are all in integral form."""
+    """x' = (J - R) grad H + G u in sympy, for models with linear resistors and all storages in integral form."""
 
     states: tuple[str, ...]
     sources: tuple[str, ...]
@@ -73,9 +73,9 @@ class SymbolicPortHamiltonian:
 
 
 def port_hamiltonian(compilation: Compilation, state: Mapping[str, float], time: float) -> PortHamiltonian:
-    """The form at a state (states that are not given stand at their start) and time.
+    """Return the form at a state (states that are not given have their initial values) and time.
 
-    Raises `UsageError` for what has no such form, or where resistors create energy, with their names.
+    Raises `UsageError` for models without such a form, or where resistors create energy, with their names.
     """
     values = values_at(compilation, state, time)
     net = network(compilation, lambda x: evaluate(x, values.__getitem__), values)
@@ -101,7 +101,7 @@ def port_hamiltonian(compilation: Compilation, state: Mapping[str, float], time:
 
 
 class _Form:
-    """The network as matrices over slopes of states (z), rates of dependent storages (w) and sources (u)."""
+    """Network as matrices over co-energy variables of states (z), rates of dependent storages (w) and sources (u)."""
 
     def __init__(self, net: Network, entries: type) -> None:
         self.columns = [*(s.slope for s in net.states), *(d.rate for d in net.dependent), *net.given]
@@ -113,17 +113,17 @@ class _Form:
         self.C, self.others = tied[:, :n], tied[:, n:]
         self.efforts, self.flows = (self._matrix([getattr(p, v) for p in net.resistors]) for v in ("effort", "flow"))
         tied_to = np.concatenate([self.efforts[:, n : n + k], self.flows[:, n : n + k]])
-        self.reached = bool((tied_to != 0).any())  # whether a resistor sees the rate of a dependent storage
+        self.reached = bool((tied_to != 0).any())  # True if a resistor depends on the rate of a dependent storage
         signs = np.array([p.sign for p in net.resistors], dtype=int).reshape(-1, 1)
         self.efforts, self.flows = self.efforts[:, :n] * signs, self.flows[:, :n]
 
     def losses(self, chosen: Any = slice(None)) -> Any:
-        """Twice the power into the chosen ports of resistors, as a symmetric form in the slopes of the states."""
+        """Return twice the power into the chosen ports of resistors, as a symmetric form in the co-energy variables of the states."""
         product = self.efforts[chosen].T @ self.flows[chosen]
         return product + product.T
 
     def parts(self) -> dict[str, Any]:
-        """Element -> its own losses."""
+        """Return element -> its own losses."""
         names = [p.element for p in self.net.resistors]
         return {name: self.losses([i for i, n in enumerate(names) if n == name]) for name in dict.fromkeys(names)}
 
@@ -141,9 +141,9 @@ class _Form:
 
 
 def _check_skew(J: Array, size: Array) -> None:
-    """Power is conserved by whatever is no resistor: if not, we made a mistake.
+    """Check that all elements except resistors conserve power: an error in this program otherwise.
 
-    Round-off counts beside the largest entries of its row and column: units are scaled away from both sides alike.
+    Round-off is relative to the largest entries of its row and column: units are scaled from both sides.
     """
     size = np.maximum(size, size.T)
     scale = np.ones(len(J))
@@ -155,14 +155,14 @@ def _check_skew(J: Array, size: Array) -> None:
 
 
 def _check_positive(R: Array, form: _Form) -> None:
-    """R is positive semidefinite; else the resistors that create energy are named."""
+    """Check that R is positive semidefinite; otherwise name the resistors that create energy."""
     size = np.sqrt(np.abs(form.efforts * form.flows).sum(axis=0))
     scale = np.where(size > 0, size, 1.0)
 
     def least(matrix: Array) -> float:
         return float(np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min(initial=0.0))
 
-    try:  # much faster than eigenvalues, and nearly always enough
+    try:  # much faster than eigenvalues, and nearly always sufficient
         np.linalg.cholesky(R / np.outer(scale, scale) + ROUND_OFF * np.eye(len(R)))
         return
     except np.linalg.LinAlgError:
@@ -191,7 +191,7 @@ def _check_dependent(compilation: Compilation, net: Network, form: _Form) -> Non
 
 
 def _follow(compilation: Compilation, net: Network, form: _Form, values: Mapping[int, float]) -> Array:
-    """dx_d/dx: dependent storages' own slopes, the ties, and the states' own slopes."""
+    """Return dx_d/dx: from the dependent storages' derivatives, the ties, and the states' derivatives."""
     both = {d.element for d in net.dependent} & {s.element for s in net.states}
     if both:
         raise UsageError(f"`{min(both)}` is in derivative form in some of its ports: no port-Hamiltonian form is made")
@@ -209,7 +209,7 @@ def _follow(compilation: Compilation, net: Network, form: _Form, values: Mapping
 
 
 def _slope(compilation: Compilation, target: int, over: int, values: Mapping[int, float]) -> float:
-    """How one variable of a storage changes with another, by its law."""
+    """Return the partial derivative of one variable of a storage by another, from its law."""
     if target == over:  # a law such as e = q
         return 1.0
     law = next((a for a in compilation.equations.assignments if a.target == target), None)
@@ -220,7 +220,7 @@ def _slope(compilation: Compilation, target: int, over: int, values: Mapping[int
 
 
 def _energy(compilation: Compilation, values: Mapping[int, float]) -> float:
-    """H: the energy of all storages; of one that is given by equations the work from zero."""
+    """Return H: the energy of all storages; for one that is given by equations the work from zero."""
     known = dict(values)
     return float(
         sum(
@@ -246,7 +246,7 @@ def _slots(storage: Any, values: Mapping[int, float]) -> Callable[[int], float]:
 
 
 def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltonian:
-    """The form in sympy, over parameters, inputs, time and states. Raises `UsageError` for what has none."""
+    """Return the form in sympy, over parameters, inputs, time and states. Raises `UsageError` for models without one."""
     import sympy
 
     from ..door import to_sympy
@@ -257,7 +257,7 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
             f"`{compilation.state_space.dependent[0]}` depends on other storages: there is no form in symbols, but one at each state"
         )
     entry = symbolic_values(compilation.state_space)
-    # Rational numbers, as what is added up here must vanish to the last digit.
+    # Rational numbers, because sums must vanish exactly here.
     net = network(compilation, lambda x: sympy.nsimplify(to_sympy(x, entry), rational=True), None)
     form = _Form(net, object)
     A, G = sympy.Matrix(form.A.tolist()), sympy.Matrix(len(net.states), len(net.given), form.G.ravel().tolist())
@@ -275,7 +275,7 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
 
 
 def _symbolic_energy(storage: Any, stored: Mapping[int, Any], entry: Callable[[int | float], Any]) -> Any:
-    """The energy of a storage; of laws that are linear half of slope times stored, else the work from zero as an integral."""
+    """Return the energy of a storage; for linear laws half of derivative times stored quantity squared, else the work from zero as an integral."""
     import sympy
 
     from ..door import to_sympy

@@ -1,4 +1,4 @@
-"""Frequency response: G(i w) = C (i w - A)^-1 B + D, exact from the linear model; and for checking, measured by harmonic excitation."""
+"""Frequency response: G(i w) = C (i w - A)^-1 B + D, exact from the linear model; and, as a check, measured by harmonic excitation."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-response/1"
 POINTS = 400
-BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # widths of a resonance
-BEYOND = 1e-9  # of an undamped resonance: as near to it there are no values
-AT_ONCE = 4_000_000  # numbers in the matrices that are solved together
+BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # in widths of a resonance
+BEYOND = 1e-9  # relative distance from an undamped resonance within which there are no values
+AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """`values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
+    """Response `values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
 
-    `extrema`: peaks and dips between the first and last of them, found from the poles, whatever the frequencies are; an undamped one has a
-    magnitude of infinity. `notes`: what a user should know of it.
+    `extrema`: peaks and dips between the first and last frequency, computed from the poles and independent of the frequencies; an undamped one has an
+    infinite magnitude. `notes`: remarks for the user.
     """
 
     model: str
@@ -46,7 +46,7 @@ class Response:
     notes: tuple[str, ...] = ()
 
     def of(self, given: str, seen: str) -> NDArray[np.complex128]:
-        """From an input to an output, (f,). Raises `UsageError`."""
+        """Return the response from an input to an output, (f,). Raises `UsageError`."""
         for name, known, what in ((given, self.inputs, "input"), (seen, self.outputs, "output")):
             if name not in known:
                 raise UsageError(f"there is no {what} `{name}` in this response; there is {', '.join(known) or 'none'}")
@@ -55,21 +55,21 @@ class Response:
 
     @property
     def magnitude(self) -> NDArray[np.float64]:
-        """(f, m, k)."""
+        """Magnitude (f, m, k)."""
         return np.abs(self.values)
 
     @property
     def phase(self) -> NDArray[np.float64]:
-        """(f, m, k) in degrees, without jumps by whole turns."""
+        """Phase (f, m, k) in degrees, without jumps by whole turns."""
         found: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(self.values), axis=0))
         return found
 
     def extrema_of(self, given: str, seen: str) -> list[Extremum]:
-        """Peaks and dips from an input to an output, rising."""
+        """Return peaks and dips from an input to an output, rising."""
         return [e for e in self.extrema if (e.given, e.seen) == (given, seen)]
 
     def peaks(self) -> list[tuple[str, str, float]]:
-        """For each way from an input to an output the frequency (Hz) of the largest magnitude: (input, output, frequency)."""
+        """Return for each pair of input and output the frequency (Hz) of the largest magnitude: (input, output, frequency)."""
         size, found = self.magnitude, []
         for j, given in enumerate(self.inputs):
             for i, seen in enumerate(self.outputs):
@@ -80,8 +80,11 @@ class Response:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-response/1`: {schema, model, experiment, frequencies (Hz), responses: [{input, output, unit,
-        values: [{re, im}], magnitude, phase (deg), extrema: [{kind, frequency, magnitude (null: infinite), undamped, phase}]}], notes}."""
+        """Return JSON values by the schema `bondgraph-response/1`.
+
+        {schema, model, experiment, frequencies (Hz), responses: [{input, output, unit, values: [{re, im}], magnitude, phase (deg), extrema: [{kind,
+        frequency, magnitude (null: infinite), undamped, phase}]}], notes}.
+        """
         phase, magnitude = self.phase, self.magnitude
         told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
         responses = [
@@ -99,25 +102,25 @@ class Response:
         return {**told, "frequencies": self.frequencies.tolist(), "responses": responses, "notes": list(self.notes)}
 
     def unit(self, given: str, seen: str) -> str:
-        """Of the output over that of the input, `m/N`."""
+        """Return the unit of the output over that of the input, `m/N`."""
         above, below = self.units.get(seen, "1"), self.units.get(given, "1")
         return above if below == "1" else f"{above}/({below})" if any(c in below for c in "*/") else f"{above}/{below}"
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.analyses import response_text
 
         return response_text(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Magnitude and phase over frequency into a .png, .svg or .pdf file. Raises MissingPackage, UsageError, OSError."""
+        """Plot magnitude and phase over frequency into a .png, .svg or .pdf file. Raises MissingPackage, UsageError, OSError."""
         from ..views.bode import plot_response
 
         plot_response(self, path)
 
 
 def response(linear: Linearization, low: float | None, high: float | None, points: int = POINTS) -> Response:
-    """At `points` frequencies from `low` to `high` (Hz, logarithmic; None: a decade around the modes) and at resonances in between."""
+    """Return the response at `points` frequencies from `low` to `high` (Hz, logarithmic; None: a decade around the modes) and at resonances."""
     if not linear.inputs or not linear.outputs:
         raise UsageError(
             "a frequency response leads from an input to an output: name one that the model has (or a parameter as input)"
@@ -132,7 +135,7 @@ def response(linear: Linearization, low: float | None, high: float | None, point
 
 
 def with_extrema(made: Response, evaluate: Evaluate, poles: Any, undamped: Any) -> Response:
-    """The same with values, and with peaks and dips, of which the finite ones stand among its frequencies, and no infinite one."""
+    """Return the response with values, peaks and dips; its frequencies include the finite extrema and no infinite one."""
     frequencies = made.frequencies
     found = extrema(evaluate, poles, undamped, float(frequencies[0]), float(frequencies[-1]), made.inputs, made.outputs)
     infinite = np.array([e.frequency for e in found if math.isinf(e.magnitude)])
@@ -143,7 +146,7 @@ def with_extrema(made: Response, evaluate: Evaluate, poles: Any, undamped: Any) 
 
 
 def transfer(linear: Linearization, places: Any) -> Any:
-    """C (s - A)^-1 B + D at complex places s (f,), shape (f, m, k). An infinite value where s is an eigenvalue."""
+    """Return C (s - A)^-1 B + D at complex s (f,), shape (f, m, k). Infinite where s is an eigenvalue."""
     from scipy.linalg import matrix_balance
 
     n = len(linear.A)
@@ -172,7 +175,7 @@ def _at(matrix: Any, B: Any, C: Any, D: Any) -> Any:
 
 
 def frequencies_between(poles: Any, low: float | None, high: float | None, points: int) -> Any:
-    """A logarithmic grid with resonances on it, each with some points on its flanks."""
+    """Return a logarithmic grid with resonances on it, each with some points on its flanks."""
     moving = np.abs(poles)[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)] / (2 * np.pi)
     if (low is None or high is None) and not len(moving):
         raise UsageError(
@@ -196,9 +199,9 @@ def frequencies_between(poles: Any, low: float | None, high: float | None, point
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a harmonic excitation showed: the first harmonic of an output over that of the input, and how much else there was.
+    """Result of a harmonic excitation: the first harmonic of an output over that of the input.
 
-    `distortion`: what is neither mean nor first harmonic, as a share of the first harmonic. `settling` in s was waited.
+    `distortion`: the part that is neither mean nor first harmonic, relative to the first harmonic. `settling`: waiting time in s.
     """
 
     frequency: float
@@ -208,7 +211,7 @@ class Measured:
 
 
 def settling_time(linear: Linearization, given: str, seen: str, frequency: float, left: float = 1e-7) -> float:
-    """How long (s) until a transient has fallen to a share of the steady motion, by the modes that take part in it."""
+    """Return the time (s) until a transient has decayed to the fraction `left` of the steady motion, from the modes that take part in it."""
     values, inverse, shapes = left_shapes(linear.A)
     i, j = linear.outputs.index(seen), linear.inputs.index(given)
     steady = abs(transfer(linear, np.array([2j * np.pi * frequency]))[0, i, j])
@@ -223,7 +226,7 @@ def settling_time(linear: Linearization, given: str, seen: str, frequency: float
 
 
 def first_harmonic(time: Any, values: Any, frequency: float) -> tuple[complex, float]:
-    """The complex amplitude a of Im(a exp(i w t)) and the share of what else moves; least squares over whole periods."""
+    """Return the complex amplitude a of Im(a exp(i w t)) and the share of the other motion; least squares over whole periods."""
     angle = 2 * np.pi * frequency * time
     basis = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)
     found, *_ = np.linalg.lstsq(basis, values, rcond=None)

@@ -1,12 +1,11 @@
-"""How a run moves with parameters: the derivatives of its outputs at every instant, integrated beside the states.
+"""Sensitivity of a run to parameters: the derivatives of its outputs at every instant, integrated together with the states.
 
-With S = dx/dp the states' derivatives follow S' = f_x S + f_p (forward sensitivities; Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005), with
-the exact slopes of the compiled equations; unknowns of loops are eliminated. States and S are one system for Radau IIA of order 5
-(`scipy.integrate`), whose Newton matrix has f_x on its diagonal blocks: what S adds beside them costs an iteration and no accuracy. Where a
-jump of the right side moves with a parameter, S jumps by (f before - f after) times the slope of the instant.
-
-Closing joints tie states: with their multipliers eliminated f is defined for all states and keeps what the joints tie, and so S keeps its
-derivative, g_x S + g_p = 0, which it has at the start; rounding of the integration is put right at each instant that is reported.
+With S = dx/dp the derivatives of the states follow S' = f_x S + f_p (forward sensitivities; Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005),
+with the exact derivatives of the compiled equations; unknowns of loops are eliminated. States and S are one system for Radau IIA of order 5
+(`scipy.integrate`), whose Newton matrix has f_x on its diagonal blocks: the missing coupling costs iterations and no accuracy. Where the instant
+of a jump of the right-hand side depends on a parameter, S jumps by (f before - f after) times the derivative of the instant.
+Loop joints tie states: with their multipliers eliminated f is defined for all states and preserves the constraints, and so S preserves their
+derivative, g_x S + g_p = 0, which holds at the start; rounding of the integration is corrected at each reported instant.
 """
 
 from __future__ import annotations
@@ -32,13 +31,13 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-run-sensitivity/1"
 RTOL = 1e-8
-SAME_INSTANT = 1e-12  # relative
-TIED = 1e-9  # of the slopes at a start: what closing joints leave as it is
+SAME_INSTANT = 1e-12  # relative difference of equal instants
+TIED = 1e-9  # relative to the derivatives at a start: remainder under the constraints of loop joints
 
 
 @dataclass(frozen=True, eq=False)
 class RunSensitivity:
-    """`values` (t, m) of `outputs` over `time` (t,), and `slopes` (t, m, k), their derivatives by `parameters` (k), in SI."""
+    """Values `values` (t, m) of `outputs` over `time` (t,), and `slopes` (t, m, k), their derivatives by `parameters` (k), in SI."""
 
     model: str
     experiment: str | None
@@ -51,15 +50,17 @@ class RunSensitivity:
     units: Mapping[str, str]
 
     def of(self, output: str, parameter: str) -> Array:
-        """One derivative over time (t,). Raises `UsageError`."""
+        """Return one derivative over time (t,). Raises `UsageError`."""
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
             if name not in known:
                 raise UsageError(f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
         return self.slopes[:, self.outputs.index(output), self.parameters.index(parameter)]
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-run-sensitivity/1`: {schema, model, experiment, time, parameters: {name: {value, unit}}, outputs: {name:
-        {unit, values, slopes: {parameter: [SI over SI]}}}}."""
+        """Return JSON values by the schema `bondgraph-run-sensitivity/1`.
+
+        {schema, model, experiment, time, parameters: {name: {value, unit}}, outputs: {name: {unit, values, slopes: {parameter: [SI over SI]}}}}.
+        """
         told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
         told["time"] = self.time.tolist()
         told["parameters"] = {
@@ -75,7 +76,7 @@ class RunSensitivity:
         return told
 
     def summary(self) -> str:
-        """For terminals: the derivatives at the end, and where they are largest."""
+        """Return text for terminals: the derivatives at the end, and the places where they are largest."""
         from ..views.studies import run_sensitivity_text
 
         return run_sensitivity_text(self)
@@ -85,8 +86,10 @@ def run_sensitivity(
     model: Model, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None,
     instants: Array | None, to: str | float | None, points: int, rtol: float = RTOL, moved: Mapping[str, float] | None = None,
 ) -> RunSensitivity:  # fmt: skip
-    """Of a run to `to` at `points` instants, or at given `instants`. `moved`: values of the parameters, as `operating_point` takes them.
-    Raises `CompilationFailed`, `UsageError` for what jumps with states, `RunFailed`."""
+    """Return the sensitivity of a run to `to` at `points` instants, or at given `instants`.
+
+    `moved`: values of the parameters, as for `operating_point`. Raises `CompilationFailed`, `UsageError` for models that jump with states, `RunFailed`.
+    """
     from ..simulation.run import _stop
     from ..simulation.settings import settle
 
@@ -111,7 +114,7 @@ def run_sensitivity(
 
 
 class Flow:
-    """States and their derivatives on their way through the stretches of a run."""
+    """States and their derivatives along the segments of a run."""
 
     def __init__(self, made: Any, asked: Asked, instants: Array, values: Mapping[str, float], rtol: float) -> None:
         from ..simulation.leg import Leg
@@ -137,19 +140,19 @@ class Flow:
         self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
 
     def point(self, state: Array, time: float) -> OperatingPoint:
-        """Slopes of everything at a state (n,), unknowns solved for."""
+        """Return the operating point at a state (n,), with the unknowns solved for."""
         full = self.loops.solve(time, np.concatenate([state[: self.n], self.unknowns]), self.mode)
         self.unknowns = full[self.n :]
         return OperatingPoint(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
 
     def rates(self, time: float, y: Array) -> Array:
-        """Of states, then of S row by row."""
+        """Return the rates of the states, then of S row by row."""
         point = self.point(y[: self.n], time)
         A, B = point.reduced.by_states(point.rate_slopes(range(self.n)))
         return np.concatenate([point.rates, (A @ y[self.n :].reshape(self.n, self.k) + B).ravel()])
 
     def jacobian(self, time: float, y: Array) -> Array:
-        """Its blocks on the diagonal."""
+        """Return the diagonal blocks of the Jacobian."""
         point = self.point(y[: self.n], time)
         A, _ = point.reduced.by_states(point.rate_slopes(range(self.n)))
         whole = np.zeros((len(y), len(y)))
@@ -158,7 +161,7 @@ class Flow:
         return whole
 
     def begin(self) -> Array:
-        """S at the start: of the author's starts, or of the state of rest."""
+        """Return S at the start: from the author's start values, or from the equilibrium."""
         state = self.leg.state
         if self.made.plan.equilibrium:
             point = self.point(state, self.begins)
@@ -169,7 +172,7 @@ class Flow:
         return self._assembled(self._slopes_of("starts", self.made.compilation.lowered.starts[: self.n]))
 
     def _assembled(self, moved: Array) -> Array:
-        """S at a start that closing joints have a say in: what was said of a state holds, the others follow, if there is one way for them."""
+        """Return S at a start with loop joints: derivatives of given start values hold, the others follow, if they are unique."""
         reduced = self.point(self.leg.state, self.begins).reduced
         if not reduced.tied:
             return moved
@@ -178,7 +181,7 @@ class Flow:
         size = np.abs(moved).max(initial=0.0) + np.abs(reduced.following).max(initial=0.0)
         if np.abs(missed).max(initial=0.0) <= TIED * size:
             return moved
-        ways = reduced.directions[given]  # how what was said moves with the free coordinates
+        ways = reduced.directions[given]  # derivatives of the given start values by the free coordinates
         if np.linalg.matrix_rank(ways) < ways.shape[1]:
             raise UsageError(
                 "parameters move where a loop is closed at the start, and the model does not say which of its coordinates stay: "
@@ -188,13 +191,13 @@ class Flow:
         return np.asarray(reduced.directions @ free + reduced.following)
 
     def _slopes_of(self, word: str, roots: Sequence[Any]) -> Array:
-        """Of expressions of parameters alone, (len(roots), k)."""
+        """Return derivatives of expressions of parameters alone, (len(roots), k)."""
         point = self.point(self.leg.state, self.begins)
         _, found = point.tape(f"{word} of a run", lambda: list(roots)).slopes(point.lookup, self._ways(), self.k)
         return np.array([np.zeros(self.k) if x is None else x for x in found]).reshape(len(roots), self.k)
 
     def _ways(self) -> dict[Leaf, Array]:
-        """Where the parameters stand in expressions, each with its own direction."""
+        """Return the symbols of the parameters in expressions, each with a unit direction."""
         lowered, quantities = self.made.compilation.lowered, self.made.compilation.state_space.quantities
         places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
         places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
@@ -202,7 +205,7 @@ class Flow:
         return {places[quantities[n]]: np.eye(self.k)[j] for j, n in names}
 
     def go(self) -> tuple[Array, Array]:
-        """Values (t, m) and slopes (t, m, k) of the outputs at the instants."""
+        """Return values (t, m) and derivatives (t, m, k) of the outputs at the instants."""
         lowered = self.made.compilation.lowered
         ways = set(self._ways())
         read = {symbol for root in lowered.crossings for symbol in symbols(root)} | lowered.curves_in_modes()
@@ -233,13 +236,13 @@ class Flow:
         return [float(t) for t in self.instants if stretch.start <= t and (t < stretch.stop or last)]
 
     def _sizes(self) -> Array:
-        """Of states, and of S: by how much a state moves where a parameter changes by its own size."""
+        """Return magnitudes of the states, and of S: the change of a state for a parameter change of its own size."""
         states = np.asarray(self.leg._magnitudes())[: self.n]
         own = np.abs(self.point(self.leg.state, self.begins).values_of(self.asked.by))
         return np.concatenate([states, np.outer(states, 1 / np.where(own > 0, own, 1.0)).ravel()])
 
     def _along(self, stretch: Any, y: Array, inside: Sequence[float], size: Array) -> list[tuple[float, Array]]:
-        """The reported instants of a stretch, and its end."""
+        """Return the reported instants of a segment, and its end, with states and S."""
         from scipy.integrate import solve_ivp
 
         if not len(y) or stretch.stop <= stretch.start:
@@ -255,7 +258,7 @@ class Flow:
         return list(zip(at, done.y.T, strict=True))
 
     def _over(self, time: float, y: Array, mode: Any, jumps: Array, moving: Array) -> Array:
-        """S beyond an instant that moves with parameters."""
+        """Return S after an instant that depends on parameters."""
         near = [i for i, t in enumerate(jumps) if abs(t - time) <= SAME_INSTANT * max(abs(time), 1e-300)]
         way = moving[near[0]] if near else np.zeros(self.k)
         if not way.any():

@@ -26,8 +26,10 @@ ERROR = 64.0  # units in the last place, of a period's solution
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """`continuous` has A, and E and B beside each other in B and D; `held` (k, r + k + p) are the slopes of what samples set by the free
-    coordinates, the held values and the inputs; `period` in s."""
+    """Sampled loop: `continuous` has A, and E and B side by side in B and D.
+
+    `held` (k, r + k + p): derivatives of sampled values by the free coordinates, the held values and the inputs; `period` in s.
+    """
 
     continuous: Linearization
     held: Any
@@ -35,12 +37,12 @@ class SampledLoop:
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """How many free coordinates and held values there are."""
+        """Numbers of free coordinates and of held values."""
         return len(self.continuous.A), len(self.held)
 
     @property
     def step(self) -> tuple[Any, Any]:
-        """P (r, r) and Q (r, k): the states after a period."""
+        """Matrices P (r, r) and Q (r, k): the states after a period."""
         from scipy.linalg import expm
 
         r, k = self.sizes
@@ -51,7 +53,7 @@ class SampledLoop:
 
     @property
     def matrix(self) -> Any:
-        """Of states and held values from one sample to the next, (r + k, r + k)."""
+        """Matrix of states and held values from one sample to the next, (r + k, r + k)."""
         r, k = self.sizes
         P, Q = self.step
         G, H = self.held[:, :r], self.held[:, r : r + k]
@@ -59,13 +61,13 @@ class SampledLoop:
 
 
 def is_sampled(point: OperatingPoint) -> bool:
-    """Whether something in the model acts at samples."""
+    """Return True if the model has sampled events."""
     hybrid = point.program.hybrid
     return hybrid is not None and any(e.sampled for e in hybrid.events)
 
 
 def sampled_loop(point: OperatingPoint) -> SampledLoop:
-    """Of a point at rest; inputs are the point's `by`. Raises `UsageError` for several periods."""
+    """Return the loop of a point at equilibrium; inputs are the point's `by`. Raises `UsageError` for several periods."""
     from ..simulation.start.rest_with_events import sampled_settings
 
     program, space = point.program, point.compilation.state_space
@@ -108,7 +110,7 @@ def _units(point: OperatingPoint) -> Mapping[str, str]:
 
 
 def _directions(point: OperatingPoint, reduced: Any, modes: list[int]) -> tuple[dict[Leaf, Any], int]:
-    """How the symbols of the program move with free coordinates, held values and inputs, unknowns following; and how many these are."""
+    """Return the derivatives of the program's symbols by free coordinates, held values and inputs, with unknowns following; and their number."""
     n, r, k, p = point.count, len(reduced.chosen), len(modes), len(point.by)
     width = r + k + p
     states = np.concatenate([reduced.directions, np.zeros((n, k)), reduced.following], axis=1)
@@ -135,14 +137,12 @@ def _directions(point: OperatingPoint, reduced: Any, modes: list[int]) -> tuple[
 
 
 def sampled_verdict(point: OperatingPoint) -> Verdict:
-    """Of a sampled loop: `growth` is log(abs(z))/T of the largest eigenvalue z of a period. Raises `UsageError` for several periods."""
+    """Return the verdict of a sampled loop: `growth` is log(abs(z))/T of the largest eigenvalue z of a period. Raises `UsageError` for several periods."""
     from scipy.linalg import eig, matrix_balance
 
     loop = sampled_loop(point)
     r, _ = loop.sizes
-    read = loop.continuous.A.any(axis=0) | loop.held[:, :r].any(
-        axis=0
-    )  # an angle that nothing reads is no part of the verdict
+    read = loop.continuous.A.any(axis=0) | loop.held[:, :r].any(axis=0)  # an angle that nothing reads does not count
     keep = np.concatenate([read, np.ones(len(loop.held), dtype=bool)])
     matrix = matrix_balance(loop.matrix[np.ix_(keep, keep)], permute=False)[0]
     values, left, right = eig(matrix, left=True, right=True)
@@ -163,7 +163,7 @@ def sampled_verdict(point: OperatingPoint) -> Verdict:
 def sampled_response(
     point: OperatingPoint, low: float | None, high: float | None, points: int = POINTS
 ) -> Response:  # fmt: skip
-    """The response of the continuous outputs at the frequency of the inputs, `low` to `high` in Hz, at most the Nyquist frequency."""
+    """Return the response of the continuous outputs at the frequency of the inputs, `low` to `high` in Hz, at most the Nyquist frequency."""
     loop = sampled_loop(point)
     linear, nyquist = loop.continuous, 0.5 / loop.period
     if not point.by or not linear.outputs:
@@ -191,7 +191,7 @@ def sampled_response(
 
 
 def _at(loop: SampledLoop, frequencies: Any) -> Any:
-    """The response at frequencies (f,) in Hz, (f, m, p)."""
+    """Return the response at frequencies (f,) in Hz, (f, m, p)."""
     r, k = loop.sizes
     P, Q = loop.step
     G, H, K = loop.held[:, :r], loop.held[:, r : r + k], loop.held[:, r + k :]

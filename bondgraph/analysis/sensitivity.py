@@ -1,9 +1,9 @@
-"""How a state of rest and its modes move with parameters: derivatives through the compiled equations, no differences.
+"""Sensitivity of an equilibrium and its modes to parameters: derivatives through the compiled equations, no differences.
 
-At rest 0 = f(x, p), so dx/dp = -A^-1 B with the linear model's matrices. An eigenvalue moves by w^H dF v / w^H M v (Lancaster, Numer. Math. 6,
-1964), with left and right vectors of the whole system in states and unknowns of loops, M = diag(1 .. 1, 0 .. 0). dF is the derivative
-of the Jacobian's entries along the way that parameter, states and unknowns take together: second derivatives, by a tape. Closing joints need
-nothing besides: the whole Jacobian keeps the directions that they leave, for every value of the parameter.
+At equilibrium 0 = f(x, p), so dx/dp = -A^-1 B with the linear model's matrices. The derivative of an eigenvalue is w^H dF v / w^H M v (Lancaster,
+Numer. Math. 6, 1964), with left and right vectors of the whole system in states and unknowns of loops, M = diag(1 .. 1, 0 .. 0). dF is the
+derivative of the Jacobian's entries along the common change of parameter, states and unknowns: second derivatives, by a tape. Loop joints need
+nothing more: the whole Jacobian preserves the directions that they allow, for every value of the parameter.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from ..model import Model
 
 SCHEMA = "bondgraph-sensitivity/1"
-SINGULAR = 1e-11  # of the largest singular value
-LOST = 1e-9  # of what a parameter does: what no state can balance
-NEAR = 1e-6  # relative distance of two eigenvalues that are taken for the same
+SINGULAR = 1e-11  # relative to the largest singular value
+LOST = 1e-9  # relative to the effect of a parameter: part that no state can balance
+NEAR = 1e-6  # relative distance of two eigenvalues that count as equal
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """`slopes` (m, k): derivatives of `quantities` (m) by `parameters` (k), in SI; their values beside them.
+    """Derivatives `slopes` (m, k) of `quantities` (m) by `parameters` (k), in SI, with the values of both.
 
-    Quantities are outputs at rest, `frequency i` (Hz) and `damping i` of the modes that move, slowest first.
+    Quantities are outputs at equilibrium, `frequency i` (Hz) and `damping i` of the moving modes, slowest first.
     """
 
     model: str
@@ -51,7 +51,7 @@ class Sensitivity:
     units: Mapping[str, str]
 
     def of(self, quantity: str, parameter: str) -> float:
-        """One derivative. Raises `UsageError`."""
+        """Return one derivative. Raises `UsageError`."""
         for name, known in ((quantity, self.quantities), (parameter, self.parameters)):
             if name not in known:
                 raise UsageError(f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
@@ -59,14 +59,17 @@ class Sensitivity:
 
     @property
     def relative(self) -> NDArray[np.float64]:
-        """By how many percent a quantity moves with one percent of a parameter; NaN where the quantity is zero."""
+        """Change of a quantity in percent per percent of a parameter; NaN where the quantity is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
             found: NDArray[np.float64] = self.slopes * self.at / self.values[:, None]
         return np.where(np.isfinite(found), found, np.nan)
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-sensitivity/1`: {schema, model, experiment, parameters: {name: {value, unit}}, quantities: {name:
-        {value, unit, slopes: {parameter: SI over SI}, relative: {parameter: number}}}}."""
+        """Return JSON values by the schema `bondgraph-sensitivity/1`.
+
+        {schema, model, experiment, parameters: {name: {value, unit}}, quantities: {name: {value, unit, slopes: {parameter: SI over SI}, relative:
+        {parameter: number}}}}.
+        """
         relative = self.relative
         told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
         told["parameters"] = {
@@ -83,7 +86,7 @@ class Sensitivity:
         return told
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.analyses import sensitivity_text
 
         return sensitivity_text(self)
@@ -92,7 +95,7 @@ class Sensitivity:
 def independent(
     model: Model, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float]
 ) -> tuple[tuple[str, ...], dict[str, str | float]]:  # fmt: skip
-    """The parameters to differentiate by (None: all that follow from nothing), and settings under which they follow from nothing."""
+    """Return the parameters to differentiate by (None: all independent ones), and settings that make them independent."""
     graph = model.compilation(model.scene(experiment, settings)).whole_graph
     free = {
         n for n, q in graph.quantities.items()
@@ -118,7 +121,7 @@ def independent(
 
 
 def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
-    """Of "equilibrium", "modes" or both, by the point's `by`."""
+    """Return the sensitivity of "equilibrium", "modes" or both, by the point's `by`."""
     linear = linearization(point)
     moved = _moved(linear)
     names: list[str] = []
@@ -146,12 +149,12 @@ def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
 
 
 def rest_moves(point: OperatingPoint, linear: Linearization, by: Sequence[int]) -> Any:
-    """How all states and unknowns at rest follow some of the point's `by`, which are the inputs of the linear model, (n + m, k). Raises `RunFailed`."""
+    """Return derivatives of all states and unknowns at equilibrium by some of `by`, the inputs of the linear model, (n + m, k). Raises `RunFailed`."""
     return _followed(point, _moved(linear), by)
 
 
 def _followed(point: OperatingPoint, moved: Any, by: Sequence[int]) -> Any:
-    """All states and unknowns, where the free coordinates move so with some of `by`."""
+    """Return derivatives of all states and unknowns by some of `by`, from those of the free coordinates."""
     n, reduced, places = point.count, point.reduced, list(by)
     states = reduced.directions @ moved + reduced.following[:, places]
     follow = reduced.unknowns
@@ -159,7 +162,7 @@ def _followed(point: OperatingPoint, moved: Any, by: Sequence[int]) -> Any:
 
 
 def _moved(linear: Linearization) -> Any:
-    """How the free coordinates at rest follow the parameters (r, k); an angle that turns steadily stays where it is."""
+    """Return derivatives of the free coordinates at equilibrium by the parameters (r, k); an angle that rotates steadily stays fixed."""
     turning = (linear.rates != 0) & ~linear.A.any(axis=0)
     A, B = (np.where(turning[:, None], 0.0, matrix) for matrix in (linear.A, linear.B))
     found, left = balanced_step(A, B)
@@ -173,10 +176,10 @@ def _moved(linear: Linearization) -> Any:
 
 
 def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
-    """The x (r, k) with A x + B = 0, and by how much that is missed, as a share of B (k,).
+    """Return the x (r, k) with A x + B = 0, and the residual relative to B (k,).
 
-    Where A is singular, what every motion keeps (w with w A = 0: the difference of two displacements on one flow) stays as it is,
-    and what nothing brings back stays where it is: of all solutions the shortest.
+    Where A is singular, conserved quantities (w with w A = 0: the difference of two displacements on one flow) stay unchanged, and so do coordinates
+    without restoring force: the minimum-norm solution.
     """
     if not len(A):
         return np.zeros((0, B.shape[1])), np.zeros(B.shape[1])
@@ -199,7 +202,7 @@ def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
 
 
 def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: Any) -> list[tuple[complex, Any]]:
-    """Eigenvalues that are not zero, slowest first, each with its derivatives (k,) by the point's `by`. Raises `RunFailed`."""
+    """Return eigenvalues that are not zero, slowest first, each with its derivatives (k,) by the point's `by`. Raises `RunFailed`."""
     n, size, k = point.count, point.all, len(point.by)
     space = point.compilation.state_space
     whole = point.slopes([*(s.rate for s in space.states), *(u.residual for u in space.unknowns)])[:, :size]
@@ -228,7 +231,7 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: An
 
 
 def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int], Any]:
-    """The derivatives of the Jacobian's entries by `by`, states and unknowns following: place -> (k,)."""
+    """Return the derivatives of the Jacobian's entries by `by`, with states and unknowns following: place -> (k,)."""
     lowered = point.lowered
     tape = point.tape("jacobian", lambda: list(lowered.jacobian.values()))
     _, slopes = tape.slopes(point.lookup, directions_of(point, moved, point.by), len(point.by))
@@ -236,7 +239,7 @@ def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int]
 
 
 def directions_of(point: OperatingPoint, moved: Any, names: Sequence[str]) -> dict[Leaf, Any]:
-    """How the symbols of the program move with parameters or inputs of these names (k), states and unknowns following as `moved` (n + m, k)."""
+    """Return the derivatives of the program's symbols by parameters or inputs of these names (k); states and unknowns as in `moved` (n + m, k)."""
     lowered, k = point.lowered, len(names)
     directions: dict[Leaf, Any] = {Leaf("state", i): row for i, row in enumerate(moved) if row.any()}
     places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}

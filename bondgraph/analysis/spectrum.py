@@ -12,22 +12,22 @@ from typing import Any
 
 import numpy as np
 
-LARGEST = 500  # states up to which the rank is asked
-SINGULAR = 1e-11  # of the largest singular value
-SLOW = 1e-8  # of the fastest: eigenvalues of zero come out below that
-CONSISTENT = 1e-10  # of the scales along the two ways round a ring of states
+LARGEST = 500  # most states for which the rank is computed
+SINGULAR = 1e-11  # relative to the largest singular value
+SLOW = 1e-8  # relative to the fastest: zero eigenvalues come out below that
+CONSISTENT = 1e-10  # relative difference of the scales along the two ways round a ring of states
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """`values` (n,) and right vectors `shapes` (n, n), column by column; of a conjugate pair both."""
+    """Eigenvalues `values` (n,) and right vectors `shapes` (n, n), column by column; both of a conjugate pair."""
 
     values: Any
     shapes: Any
 
 
 def spectrum(A: Any) -> Spectrum:
-    """Of a real matrix (n, n)."""
+    """Return the spectrum of a real matrix (n, n)."""
     from scipy.linalg import eig
 
     if not len(A):
@@ -41,7 +41,7 @@ def spectrum(A: Any) -> Spectrum:
 
 
 def _with_zeros(A: Any, values: Any) -> Any:
-    """As many eigenvalues exactly zero as the rank says: rounding leaves something of them."""
+    """Return the eigenvalues with as many exact zeros as the rank requires: rounding changes them slightly."""
     if len(A) > LARGEST:
         return values
     rows = np.abs(A).max(axis=1, keepdims=True)
@@ -57,7 +57,7 @@ def _with_zeros(A: Any, values: Any) -> Any:
 
 
 def left_shapes(A: Any) -> tuple[Any, Any, Any]:
-    """Eigenvalues, left vectors w and right vectors v with w^H v = 1 for each; infinite where they are orthogonal (a Jordan block)."""
+    """Return eigenvalues, left vectors w and right vectors v with w^H v = 1 for each; infinite where they are orthogonal (a Jordan block)."""
     from scipy.linalg import eig
 
     values, left, right = eig(A, left=True, right=True)
@@ -67,7 +67,7 @@ def left_shapes(A: Any) -> tuple[Any, Any, Any]:
 
 
 def _scales(A: Any) -> tuple[Any, Any] | None:
-    """Scales d and sides (0 or 1) of the states that make A skew and join only unlike sides; None if there are none."""
+    """Return scales d and sides (0 or 1) of the states that make A skew and couple only different sides; None if there are none."""
     if np.diag(A).any() or ((A != 0) != (A.T != 0)).any() or (A * A.T > 0).any():
         return None
     n = len(A)
@@ -90,7 +90,7 @@ def _scales(A: Any) -> tuple[Any, Any] | None:
 
 
 def _lossless(A: Any, scale: Any, side: Any) -> Spectrum | None:
-    """From the singular values between the two sides: with M v = s u, (u, i v) belongs to i s."""
+    """Return the spectrum from the singular values between the two sides: with M v = s u, (u, i v) belongs to i s. None if that fails."""
     first, second = np.flatnonzero(side == 0), np.flatnonzero(side == 1)
     block = np.sign(A) * np.sqrt(np.abs(A * A.T))
     try:

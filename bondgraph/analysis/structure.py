@@ -1,7 +1,7 @@
-"""What joins the elements of a bond graph: rates and efforts as linear combinations of what storages and sources give.
+"""Coupling of the elements of a bond graph: rates and efforts as linear combinations of the outputs of storages and sources.
 
-Junctions and transducers are linear in their bonds' variables, whatever modulates them; so is a linear resistor, and one of
-one port has the ratio of its effort to its flow at the point. The rows are eliminated one by one, in numbers or in sympy.
+Junctions and transducers are linear in their bonds' variables, whatever modulates them; so is a linear resistor. A resistor of one port is
+replaced by the ratio of its effort to its flow at the point. The rows are eliminated one by one, in numbers or in sympy.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ STORAGES = ("C", "I", "IC")
 
 @dataclass(frozen=True, slots=True)
 class StoragePort:
-    """A port of a storage: its element, the variable stored, its rate, and what the storage gives (the slope of its energy)."""
+    """Port of a storage: its element, the stored variable, its rate, and its co-energy variable (derivative of the energy)."""
 
     element: str
-    name: str  # of what is stored, as a state would be called
+    name: str  # name of the stored quantity, as of a state
     stored: int
     rate: int
     slope: int
@@ -44,25 +44,25 @@ class StoragePort:
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """The storages in integral form, those that depend on them, sources, resistors, and every variable over what is given.
+    """Storages in integral form, dependent ones, sources, resistors, and every variable as a combination of their outputs.
 
-    `states` holds displacements that are known from others' too (two springs on one flow): x' is theirs as well.
+    `states` includes displacements that are also known from others' (two springs on one flow): they have the same x'.
     """
 
     states: tuple[StoragePort, ...]
     dependent: tuple[StoragePort, ...]
     sources: tuple[PowerPort, ...]
-    given: tuple[int, ...]  # the variable that each source gives
+    given: tuple[int, ...]  # the variable that each source imposes
     resistors: tuple[PowerPort, ...]
     rows: Mapping[int, Row] = field(default_factory=dict)
 
     def row(self, variable: int) -> Row:
-        """A variable over slopes of states, rates of dependent storages and sources."""
+        """Return a variable as a row over co-energy variables of states, rates of dependent storages and sources."""
         return self.rows.get(variable, {variable: 1})
 
 
 def network(compilation: Compilation, value: Coefficient, values: Mapping[int, float] | None) -> Network:
-    """The structure with its coefficients; `values` at a point, for resistors that are not linear. Raises `UsageError`."""
+    """Return the structure with its coefficients; `values` at a point, for nonlinear resistors. Raises `UsageError`."""
     _check_supported(compilation)
     system = compilation.equations
     states, dependent = _storages(compilation)
@@ -103,7 +103,7 @@ def _check_supported(compilation: Compilation) -> None:
 
 
 def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[StoragePort, ...]]:
-    """Ports in integral form, in the order of the states, and those in derivative form."""
+    """Return the ports in integral form, in the order of the states, and those in derivative form."""
     system = compilation.equations
     ports: dict[str, list[PowerPort]] = {}
     for port in system.ports:
@@ -128,15 +128,15 @@ def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[
 
 
 def _linear(assignment: Assignment, tries: tuple[set[int], ...], value: Coefficient) -> Row:
-    """A junction's sum, or a transducer's product: what modulates it is no variable of its bonds.
+    """Return the row of a junction's sum, or of a transducer's product: its modulus is no variable of its bonds.
 
-    A source's effort may be a parameter that a ratio reads as well: then what is on bonds alone is tried.
+    A source's effort may be a parameter that a ratio reads as well: then variables on bonds alone are tried.
     """
     found = (
         _joint(assignment, [v for v in assignment.arguments if isinstance(v, int) and v in power]) for power in tries
     )
     parts = next((p for p in found if p is not None), None)
-    if parts is None:  # a product with something that is a variable of some bond too
+    if parts is None:  # a product with a factor that is a variable of another bond
         raise UsageError(
             f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made"
         )
@@ -144,7 +144,7 @@ def _linear(assignment: Assignment, tries: tuple[set[int], ...], value: Coeffici
 
 
 def _joint(assignment: Assignment, inputs: list[int]) -> dict[int, Any] | None:
-    """The slopes over some variables of an expression that is linear in them together, without a rest; else None."""
+    """Return the derivatives by some variables of an expression that is linear and homogeneous in them; else None."""
     rest = assignment.expression
     slopes: dict[int, Any] = {}
     for variable in dict.fromkeys(inputs):
@@ -162,7 +162,7 @@ def _joint(assignment: Assignment, inputs: list[int]) -> dict[int, Any] | None:
 def _resistive(
     assignment: Assignment, ports: list[PowerPort], value: Coefficient, values: Mapping[int, float] | None
 ) -> Row:  # fmt: skip
-    """A resistor: linear in its own variables, or with the ratio that effort and flow have at the point."""
+    """Return the row of a resistor: linear in its own variables, or with the ratio of effort and flow at the point."""
     name, target = assignment.owner, assignment.target
     own = {v for p in ports for v in (p.effort, p.flow)} - {target}
     inputs = [v for v in assignment.arguments if isinstance(v, int) and v in own]
@@ -189,7 +189,7 @@ def _slope_at_rest(assignment: Assignment, target: int, other: int, value: Coeff
 
 
 def _eliminated(rows: dict[int, Row]) -> dict[int, Row]:
-    """Each variable over what no row computes: rows are put into each other in order, and loops solved where they close."""
+    """Return each variable as a row over variables that no row computes: rows are substituted in order, and loops are solved."""
     inputs: list[list[int]] = [[] for _ in range(1 + max(rows, default=-1))]
     for target, row in rows.items():
         inputs[target] = [v for v in row if v in rows]
@@ -203,7 +203,7 @@ def _eliminated(rows: dict[int, Row]) -> dict[int, Row]:
 
 
 def _solve(rows: dict[int, Row], block: list[int]) -> None:
-    """A loop, by elimination with the pivot that is best and, among equals, fills in least."""
+    """Solve a loop by elimination with the best pivot and, among equals, the least fill-in."""
     users = {v: {t for t in block if v in rows[t]} for v in block}
     left = set(block)
     while left:
@@ -222,14 +222,14 @@ def _solve(rows: dict[int, Row], block: list[int]) -> None:
 
 
 def _put(row: Row, variable: int, known: Row) -> None:
-    """Replace a variable in a row by what it is."""
+    """Replace a variable in a row by its own row."""
     factor = row.pop(variable)
     for other, coefficient in known.items():
         row[other] = row.get(other, 0) + factor * coefficient
 
 
 def _gain(own: Any) -> float:
-    """How bad it is to divide by 1 - own: nothing for no loop at all."""
+    """Return the cost of a division by 1 - own: zero if there is no loop."""
     if isinstance(own, int | float):
         return 0.0 if own == 0.0 else 1.0 + 1.0 / max(abs(1.0 - own), 1e-300)
     return 2.0

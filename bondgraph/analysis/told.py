@@ -1,4 +1,4 @@
-"""How analyses are told in numbers: what all of their results have in common."""
+"""JSON values: functions that all results of analyses share."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Any
 
 
 def finite(value: float) -> float | None:
-    """A number for JSON: what is not finite is null."""
+    """Return a number for JSON: null if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
 def with_units(values: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Any]:
-    """{name: {value, unit}}, in SI."""
+    """Return {name: {value, unit}}, in SI."""
     return {name: {"value": finite(value), "unit": units.get(name, "1")} for name, value in values.items()}
 
 
 def rows_of(matrix: Any) -> list[list[float | None]]:
-    """A matrix by rows."""
+    """Return a matrix by rows."""
     return [[finite(x) for x in row] for row in matrix]
 
 
 def pair(value: complex) -> dict[str, float | None]:
-    """{re, im}."""
+    """Return {re, im}."""
     return {"re": finite(value.real), "im": finite(value.imag)}
 
 
 def named(names: Iterable[str], values: Any) -> dict[str, float]:
-    """Name -> float."""
+    """Return name -> float."""
     return {name: float(value) for name, value in zip(names, values, strict=True)}

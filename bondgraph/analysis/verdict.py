@@ -1,14 +1,13 @@
-"""Verdict of stability from eigenvalues with error bounds, right beside ones 1e12 times as large.
+"""Stability verdict from eigenvalues with error bounds, correct next to eigenvalues 1e12 times as large.
 
 Each eigenvalue has a first-order bound |w|'(|r| + c eps |A| |v|) / |w'v| with its left and right vectors w, v and its residual r, entry by
-entry, so that no scaling of states changes it (Higham and Higham, SIAM J. Matrix Anal. Appl. 20, 1998). Slow eigenvalues that the rounding
-of fast ones hides are computed again from the pencil (R A C) y = lambda (R C) y, whose rows and columns are scaled to entries of at most
-one and in which the fast states have hardly any part of the right side: the fast part is eliminated as by a singular perturbation.
-
-Where states fall into two kinds and each rate reads only the other kind (displacements and momenta without loss), eigenvalues come as
-+-lambda: those on the imaginary axis are there exactly, and such a rest is stable without damping. A zero eigenvalue is no part of the verdict
-if the rest lies on a continuum of rests (something is conserved, or nothing brings back), which is seen by walking along the null space,
-or if its left vector is conserved for all states.
+entry, so that it is independent of the scaling of states (Higham and Higham, SIAM J. Matrix Anal. Appl. 20, 1998). Slow eigenvalues hidden by the
+rounding of fast ones are computed again from the pencil (R A C) y = lambda (R C) y, whose rows and columns are scaled to entries of at most
+one and in which the fast states have hardly any part of the right-hand side: the fast part is eliminated as by a singular perturbation.
+Where states fall into two kinds and each rate reads only the other kind (displacements and momenta without loss), eigenvalues come as +-lambda:
+those on the imaginary axis are exactly there, and such an equilibrium is stable without damping. A zero eigenvalue does not count if the
+equilibrium lies on a continuum of equilibria (something is conserved, or there is no restoring force), which is tested by steps along the null
+space, or if its left vector is conserved for all states.
 """
 
 from __future__ import annotations
@@ -26,24 +25,24 @@ if TYPE_CHECKING:
     from .operating_point import OperatingPoint
 
 EPS = float(np.finfo(float).eps)
-ENTRIES = 8.0  # units in the last place, of the entries of A as they are evaluated
-TRUSTED = 1e-4  # of an eigenvalue: a bound below that needs no second computation
-ROUNDS = 8  # of smaller and smaller scales
-EXTENDED = 300  # states up to which residuals are computed in extended precision
-ROUNDED = 64 * EPS  # of the scaled entries of a lossless model
-NULL = 1e-9  # of the largest singular value of the scaled matrix: what may be null
-CLEAN = 1e-11  # of the largest component of a scaled null vector: rounding
+ENTRIES = 8.0  # units in the last place: error of the entries of A
+TRUSTED = 1e-4  # relative to an eigenvalue: a smaller bound needs no second computation
+ROUNDS = 8  # rounds with smaller and smaller scales
+EXTENDED = 300  # most states for which residuals are computed in extended precision
+ROUNDED = 64 * EPS  # rounding of the scaled entries of a lossless model
+NULL = 1e-9  # relative to the largest singular value of the scaled matrix: possible null vectors
+CLEAN = 1e-11  # relative to the largest component of a scaled null vector: rounding
 NULL_ENTRIES = 64.0  # units in the last place of the terms that cancel in A v
-WALK = 0.03  # of the magnitudes: how far along a null space rests are looked for
-BESIDE = 0.2  # of that: how far from the straight line the next rest may be
+WALK = 0.03  # relative to the magnitudes: step along a null space to other equilibria
+BESIDE = 0.2  # fraction of that: largest distance of the next equilibrium from the straight line
 NEWTON = 8
-REST = 1e-10  # of the terms of a rate
+REST = 1e-10  # relative to the terms of a rate
 SEED = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Eigenvalues:
-    """`values` (n,) in 1/s, and by how much each may be off, `bounds` (n,); `undamped` (n,): on the imaginary axis by structure."""
+    """Eigenvalues `values` (n,) in 1/s, with error bounds `bounds` (n,); `undamped` (n,): mask of those on the imaginary axis by structure."""
 
     values: Any
     bounds: Any
@@ -51,21 +50,24 @@ class Eigenvalues:
 
     @property
     def growing(self) -> int:
-        """How many surely grow."""
+        """Number of eigenvalues that certainly grow."""
         return int((self.values.real > self.bounds).sum())
 
     @property
     def undecided(self) -> tuple[complex, ...]:
-        """Those whose real part cannot be told from zero; of a pair the one with the positive imaginary part."""
+        """Eigenvalues whose real part may be zero; of a pair the one with the positive imaginary part."""
         unsure = self.values[(np.abs(self.values.real) <= self.bounds) & ~self.undamped]
         return tuple(complex(v) for v in unsure if v.imag >= 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """Stability of a rest: `growth` (1/s) is the largest real part, off by at most `bound`; `undecided` lists eigenvalues whose real part cannot be
-    told from zero; `stable` is None if these decide. `undamped` lists those on the imaginary axis by the structure of the equations (of a pair the one
-    with the positive imaginary part); `neutral` counts zero eigenvalues of continua of rests."""
+    """Stability of an equilibrium.
+
+    `growth` (1/s): largest real part, with error at most `bound`; `undecided`: eigenvalues whose real part may be zero; `stable`: None if these
+    decide. `undamped`: eigenvalues on the imaginary axis by the structure of the equations (of a pair the one with the positive imaginary part);
+    `neutral`: number of zero eigenvalues of continua of equilibria.
+    """
 
     growth: float
     bound: float
@@ -76,24 +78,26 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """`stable`, `unstable` or `not decided`."""
+        """One of `stable`, `unstable` or `not decided`."""
         return {True: "stable", False: "unstable", None: "not decided"}[self.stable]
 
 
 def verdict(point: OperatingPoint) -> Verdict:
-    """Of a point at rest."""
+    """Return the verdict of a point at equilibrium."""
     return verdict_of(*decisive(point, state_matrix(point)))
 
 
 def decisive(point: OperatingPoint, A: Any, known: int = 0) -> tuple[Eigenvalues, int]:
-    """The eigenvalues of A that decide on stability, and how many neutral ones there are beside them. `known`: so many have been shown to be
-    neutral at another point of the same branch."""
+    """Return the eigenvalues of A that decide on stability, and the number of further neutral ones.
+
+    `known`: number of eigenvalues shown to be neutral at another point of the same branch.
+    """
     active, sizes, neutral = _without_neutral(point, A, known)
     return bounded_eigenvalues(active, sizes, lossless(point)), neutral
 
 
 def lossless(point: OperatingPoint) -> bool:
-    """Whether nothing in a model takes or gives energy but storages and sources of a constant effort or flow."""
+    """Return True if only storages and sources of a constant effort or flow exchange energy with the model."""
     key = "constant sources alone"
     if key not in point.made.kept:
         ports = point.compilation.state_space.ports
@@ -104,7 +108,7 @@ def lossless(point: OperatingPoint) -> bool:
 
 
 def verdict_of(found: Eigenvalues, neutral: int = 0) -> Verdict:
-    """From the eigenvalues that decide."""
+    """Return the verdict from the deciding eigenvalues."""
     if not len(found.values):
         return Verdict(0.0 if neutral else -np.inf, 0.0, True, neutral=neutral)
     worst = int(np.argmax(found.values.real))
@@ -120,8 +124,11 @@ def verdict_of(found: Eigenvalues, neutral: int = 0) -> Verdict:
 
 
 def bounded_eigenvalues(A: Any, sizes: Any = None, lossless: bool = False) -> Eigenvalues:
-    """Eigenvalues of a real matrix (n, n), each with a bound. `sizes` (n, n): of the terms that make the entries; None: the entries. `lossless`:
-    of a model without losses, in which entries of the size of rounding are none."""
+    """Return the eigenvalues of a real matrix (n, n), each with a bound.
+
+    `sizes` (n, n): sizes of the terms of the entries; None: the entries. `lossless`: of a model without losses, in which entries of the size of rounding
+    count as zero.
+    """
     from scipy.linalg import eig, matrix_balance
 
     if not len(A):
@@ -158,7 +165,7 @@ def bounded_eigenvalues(A: Any, sizes: Any = None, lossless: bool = False) -> Ei
 
 
 def two_sided(A: Any) -> bool:
-    """Whether states fall into two kinds of which each rate reads only the other: then -lambda is an eigenvalue with lambda."""
+    """Return True if states fall into two kinds and each rate reads only the other kind: then -lambda is an eigenvalue with lambda."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
@@ -176,7 +183,7 @@ def two_sided(A: Any) -> bool:
 
 
 def _of_pencil(A: Any, terms: Any, scale: float, count: int) -> tuple[Any, Any]:
-    """The smallest eigenvalues and their bounds from the pencil in which none of the states is faster than a scale (1/s)."""
+    """Return the smallest eigenvalues and their bounds from the pencil in which no state is faster than a scale (1/s)."""
     from scipy.linalg import eig
 
     rows, columns = equilibrated(A, scale)
@@ -188,7 +195,7 @@ def _of_pencil(A: Any, terms: Any, scale: float, count: int) -> tuple[Any, Any]:
 
 
 def equilibrated(A: Any, least: float) -> tuple[Any, Any]:
-    """Factors r (n,) and c (n,) with |a_ij| <= r_i c_j, each product r_i c_i at least `least` (by Ruiz's iteration, upwards only)."""
+    """Return factors r (n,) and c (n,) with |a_ij| <= r_i c_j, each product r_i c_i at least `least` (by Ruiz's iteration, upwards only)."""
     size = np.abs(A)
     rows = columns = np.full(len(A), np.sqrt(least))
     for _ in range(20):
@@ -201,7 +208,7 @@ def equilibrated(A: Any, least: float) -> tuple[Any, Any]:
 
 
 def _bounds(A: Any, terms: Any, values: Any, left: Any, right: Any) -> Any:
-    """First-order bounds (k,) on the errors of eigenvalues with vectors `left` and `right` (n, k)."""
+    """Return first-order bounds (k,) on the errors of eigenvalues with vectors `left` and `right` (n, k)."""
     if len(A) <= EXTENDED:
         long = A.astype(np.longdouble)
         real, imaginary = right.real.astype(np.longdouble), right.imag.astype(np.longdouble)
@@ -220,7 +227,7 @@ def _bounds(A: Any, terms: Any, values: Any, left: Any, right: Any) -> Any:
 
 
 def null_space(A: Any) -> Any:
-    """Right null vectors (n, k) of a matrix up to the rounding of its entries, the largest component of each 1 in its scales."""
+    """Return right null vectors (n, k) of a matrix up to the rounding of its entries, the largest component of each 1 in its scales."""
     n = len(A)
     if not n:
         return np.zeros((0, 0))
@@ -239,7 +246,7 @@ def null_space(A: Any) -> Any:
 
 
 def _reduced_columns(vectors: Any) -> Any:
-    """Another basis of the same space, with an identity in k of its rows: it has the zeros that the space has."""
+    """Return another basis of the same space, with an identity in k of its rows: it shows the zeros of the space."""
     from scipy.linalg import qr
 
     if not vectors.shape[1]:
@@ -252,7 +259,7 @@ def _reduced_columns(vectors: Any) -> Any:
 
 
 def _without_neutral(point: OperatingPoint, A: Any, known: int) -> tuple[Any, Any, int]:
-    """The matrix without directions along which rests lie and without what is conserved, the sizes of its terms, and how many went."""
+    """Return the matrix without directions of continua of equilibria and of conserved sums, the sizes of its terms, and the number removed."""
     sizes, neutral = np.abs(A), 0
     vectors = null_space(A)
     if not vectors.shape[1]:
@@ -275,7 +282,7 @@ def _without_neutral(point: OperatingPoint, A: Any, known: int) -> tuple[Any, An
 
 
 def _quotient(A: Any, sizes: Any, vectors: Any) -> tuple[Any, Any, Any]:
-    """The matrix (n - k, n - k) of motions up to null vectors (n, k), the sizes of its terms, and the places that are left."""
+    """Return the matrix (n - k, n - k) of motions modulo null vectors (n, k), the sizes of its terms, and the remaining indices."""
     from scipy.linalg import qr
 
     _, _, order = qr(vectors.T, pivoting=True, mode="economic")
@@ -287,7 +294,7 @@ def _quotient(A: Any, sizes: Any, vectors: Any) -> tuple[Any, Any, Any]:
 
 
 def leads_to_rests(point: OperatingPoint, vector: Any) -> bool:
-    """Whether other rests lie along a null vector of the free coordinates: a continuum, not a point where branches meet."""
+    """Return True if other equilibria lie along a null vector of the free coordinates: a continuum, not a branch point."""
     reduced, n = point.reduced, point.count
     state = np.array(point.state)
     scale = magnitudes(point)
@@ -316,27 +323,27 @@ def leads_to_rests(point: OperatingPoint, vector: Any) -> bool:
 
 
 def resting_rates(point: OperatingPoint) -> Any:
-    """Rates of the free coordinates, zero for angles that turn steadily."""
+    """Return rates of the free coordinates, zero for angles that rotate steadily."""
     names = np.take(point.program.states.names, point.reduced.chosen)
     return np.where([n in point.steady for n in names], 0.0, point.rates[point.reduced.chosen])
 
 
 def least_step(A: Any, rates: Any, scale: Any) -> Any:
-    """Newton's step to a rest, the shortest in units of `scale`."""
+    """Return Newton's step to an equilibrium, the shortest in units of `scale`."""
     rows = np.abs(A * scale).max(axis=1, initial=0.0)
     rows = np.where(rows > 0, rows, 1.0)
     return -scale * np.linalg.lstsq(A * scale / rows[:, None], rates / rows, rcond=1e-10)[0]
 
 
 def magnitudes(point: OperatingPoint) -> Any:
-    """Of the states (n,): those of one unit share the largest; 1 where none is known."""
+    """Return magnitudes of the states (n,): those of one unit share the largest; 1 where none is known."""
     state, units = np.abs(point.state[: point.count]), np.array(point.program.states.units)
     found = np.array([np.max(state[units == unit]) for unit in units])
     return np.where(found > 0, found, 1.0)
 
 
 def _conserved(point: OperatingPoint, places: Sequence[int], vector: Any) -> bool:
-    """Whether a combination of free coordinates has no rate at any state near."""
+    """Return True if a combination of free coordinates has zero rate at all states nearby."""
     if point.reduced.tied:
         return False
     random, scale, n = np.random.default_rng(SEED), magnitudes(point), point.count

@@ -1,1 +1,1 @@
-"""What inputs give these outputs: at rest, and along a trajectory. Imported by file, so that each loads what it needs."""
+"""Inversion: inputs for given outputs, at equilibrium and along a trajectory. Import its files directly, so that each loads only its needs."""

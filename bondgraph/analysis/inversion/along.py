@@ -1,4 +1,4 @@
-"""Inputs that lead outputs along a path: the path is looked at, rest is found at its ends, the equations are solved between."""
+"""Inputs that move outputs along a path: check of the path, equilibria at its ends, solution of the equations in between."""
 
 from __future__ import annotations
 
@@ -25,13 +25,16 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 200_000
 SCHEME = "smoothstep9"
-SHOWN = 4  # eigenvalues
-HELD = 1e-6  # of the largest of its unit: a start that is not at rest
+SHOWN = 4  # most eigenvalues in a note
+HELD = 1e-6  # relative to the largest of its unit: distance of a start from rest
 
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """From `start` to `stop` (s) in `points` instants. `moving`: the model need not be at rest in the beginning. `limits`: by how much, in SI."""
+    """Time interval from `start` to `stop` (s) with `points` instants.
+
+    `moving`: the model need not be at rest at the beginning. `limits`: largest absolute values, in SI.
+    """
 
     start: float
     stop: float
@@ -43,7 +46,7 @@ class Along:
 def invert_along(
     model: Model, wanted: Mapping[str, Any], inputs: Sequence[str], asked: Asked, along: Along
 ) -> FeedForward:  # fmt: skip
-    """Raises `UsageError` for what makes no sense or is not smooth enough, `RunFailed`, `CompilationFailed`."""
+    """Return the inputs over time. Raises `UsageError` for impossible requests or paths that are not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
         raise UsageError(f"a path goes from one instant to a later one, at 2 to {MOST_POINTS} points")
     path = path_of(model, wanted, along.start, along.stop)
@@ -67,7 +70,7 @@ def invert_along(
 
 
 def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
-    """The model itself must not change on the way."""
+    """Raise an error if the model itself changes on the way."""
     from ...simulation.segments import segments
 
     with np.errstate(all="ignore"):
@@ -80,7 +83,7 @@ def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
 
 
 def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
-    """What jumps and is asked for. Raises `UsageError` where an inverse would need impulses."""
+    """Return notes on jumps of the path. Raises `UsageError` where an inverse would need impulses."""
     notes = []
     for jump in path.jumps(equations.degrees, along.moving):
         degree = equations.degrees[path.names.index(jump.output)]
@@ -160,7 +163,7 @@ def _inputs(drives: Sequence[Drive], strengths: Any) -> dict[str, Any]:
 
 
 def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, Any]) -> list[str]:
-    """Where the model does not hold on the way. Raises `RunFailed` where a table ends, or a condition on states changes."""
+    """Return notes on violated limits along the path. Raises `RunFailed` where a table ends, or a condition on states changes."""
     program, notes = point.program, []
     told: set[int] = set()
     for i, time in enumerate(times):
@@ -193,7 +196,7 @@ def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, A
 
 
 def _start(point: OperatingPoint, states: Any) -> dict[str, float]:
-    """The states in which the path begins, if they are not those in which the model does."""
+    """Return the states in which the path begins, if they differ from those of the model."""
     program, n = point.program, point.count
     own = np.asarray(program.start(point.constants), dtype=float)[:n]
     units = program.states.units
@@ -205,7 +208,7 @@ def _start(point: OperatingPoint, states: Any) -> dict[str, float]:
 
 
 def _inside(eigenvalues: Any, search: Search, first: Any, units: Mapping[str, str]) -> list[str]:
-    """What is told of internal dynamics."""
+    """Return notes on the internal dynamics."""
     kept, shown = int((eigenvalues == 0).sum()), [v for v in eigenvalues if v != 0]
     told = []
     if shown:

@@ -1,4 +1,4 @@
-"""What a caller asks of an inversion, in quantities; at rest or along a path."""
+"""Requests of a caller for an inversion, in quantities; at equilibrium or along a path."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def inverted(
     model: Model, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None, settings: Mapping[str, Quantity],
     along: Told | None,
 ) -> Inversion | FeedForward:  # fmt: skip
-    """As `Model.invert`."""
+    """Return the same as `Model.invert`."""
     drives = drives_of(inputs)
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     _, fixed = independent(model, names, experiment, settings)
@@ -36,7 +36,7 @@ def inverted(
     most = {
         n: quantity(v, known[n].unit, n) if isinstance(v, str) else float(v) for n, v in limits.items() if n in known
     }
-    most |= {n: 0.0 for n in limits if n not in known}  # which is refused by name
+    most |= {n: 0.0 for n in limits if n not in known}  # unknown names are refused later
     path = Along(_seconds(start), _seconds(stop), points, moving, most)
     return invert_along(model, targets, inputs, Asked(experiment, fixed), path)
 

@@ -1,4 +1,4 @@
-"""What is found: an input by itself, or a pair of which one is zero and which pushes or pulls."""
+"""Unknown of an inversion: a single input, or a pair with one of them zero, which pushes or pulls."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-PROBE = 1e-3  # SI: where the slope of a square is taken at zero
+PROBE = 1e-3  # SI: value at which the derivative of a square is evaluated instead of zero
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """One unknown: an input, or two of which one is zero. `power` 2: the unknown is the square of what is set.
+    """One unknown: an input, or two inputs with one of them zero. `power` 2: the unknown is the square of the input.
 
-    A single input of power 2 is positive: its negative would do the same.
+    A single input of power 2 is positive: its negative would have the same effect.
     """
 
     push: str
@@ -22,14 +22,14 @@ class Drive:
     power: int = 1
 
     def settings(self, strength: float) -> dict[str, float]:
-        """The values of the inputs."""
+        """Return the values of the inputs."""
         size = math.sqrt(abs(strength)) if self.power == 2 else abs(strength)
         if self.pull is None:
             return {self.push: strength if self.power == 1 else math.copysign(size, strength)}
         return {self.push: size, self.pull: 0.0} if strength >= 0 else {self.push: 0.0, self.pull: size}
 
     def slope(self, strength: float, columns: Mapping[str, Any]) -> Any:
-        """By the unknown, from the slopes by the inputs."""
+        """Return the derivative by the unknown, from the derivatives by the inputs."""
         if self.pull is None and self.power == 1:
             return columns[self.push]
         if self.pull is None:
@@ -39,5 +39,5 @@ class Drive:
 
 
 def drives_of(names: Sequence[str]) -> tuple[Drive, ...]:
-    """`push1/pull1` is a pair, `fx` a single input."""
+    """Return the drives of names such as `push1/pull1` (a pair) or `fx` (a single input)."""
     return tuple(Drive(push.strip(), pull.strip() or None) for push, _, pull in (n.partition("/") for n in names))

@@ -1,9 +1,9 @@
-"""The compiled equations with outputs prescribed: what must hold at every instant, with exact slopes.
+"""Compiled equations with outputs prescribed: the equations of every instant, with exact derivatives.
 
-An output is differentiated along the motion until an input shows in it (its relative degree): by power series in time of the compiled
-right side, x_(k+1) = f_k/(k+1), so that each order costs one pass over the graph, at all instants at once. The unknowns of an instant are
-states, unknowns of loops, and one strength for each input or pair; equations are all derivatives up to that one, residuals of
-loops, gaps of closing joints. If they are as many, the outputs say everything (they are flat); else the rest moves by itself.
+An output is differentiated along the motion until an input appears in it (its relative degree): by power series in time of the compiled
+right-hand side, x_(k+1) = f_k/(k+1), so that each order costs one pass over the graph, at all instants at once. The unknowns of an instant are
+states, unknowns of loops, and one strength for each input or pair; equations are all derivatives up to that order, residuals of loops, residuals
+of loop joints. If their numbers are equal, the outputs determine everything (they are flat); otherwise internal dynamics remain.
 """
 
 from __future__ import annotations
@@ -26,8 +26,11 @@ MOVING = frozenset({"state", "time", STRENGTH})
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """At N instants: `missed` (N, rows) of the equations and their slopes `jacobian` (N, rows, columns); `rates` (N, n) of the states
-    with theirs, (N, n, columns)."""
+    """Residuals and derivatives at N instants.
+
+    `missed` (N, rows): residuals of the equations, `jacobian` (N, rows, columns): their derivatives; `rates` (N, n) of the states with theirs,
+    (N, n, columns).
+    """
 
     missed: Any
     jacobian: Any
@@ -36,7 +39,7 @@ class Evaluated:
 
 
 class Equations:
-    """`degrees`: of each output, how often it is differentiated. Columns are states, unknowns, strengths."""
+    """Equations with outputs prescribed. `degrees`: relative degree of each output. Columns are states, unknowns, strengths."""
 
     def __init__(self, point: OperatingPoint, outputs: Sequence[str], drives: Sequence[Drive]) -> None:
         self.point, self.outputs, self.drives = point, tuple(outputs), tuple(drives)
@@ -64,11 +67,11 @@ class Equations:
 
     @property
     def free(self) -> int:
-        """How many coordinates the outputs leave to move by themselves."""
+        """Number of coordinates of the internal dynamics."""
         return self.columns - self.rows
 
     def __call__(self, times: Any, unknowns: Any, wanted: Any) -> Evaluated:
-        """At instants (N,), `unknowns` (columns, N), `wanted` (outputs, highest degree + 1, N)."""
+        """Evaluate at instants (N,), `unknowns` (columns, N), `wanted` (outputs, highest degree + 1, N)."""
         with np.errstate(all="ignore"):
             return self._evaluated(times, unknowns, wanted)
 
@@ -97,7 +100,7 @@ class Equations:
         )
 
     def _advance(self, expansion: Any, k: int, slopes: Any, width: int, count: int) -> None:
-        """To order k. The unknowns' coefficients follow from what is missed without them: values first, then their slopes."""
+        """Advance the series to order k. The unknowns' coefficients follow from the residuals without them: values first, then derivatives."""
         n, size = self.count, self.all
         given: dict[Leaf, Any] = {Leaf("time", 0): np.ones((1, 1)) if k == 1 else None}
         for i in range(n):
@@ -130,7 +133,7 @@ class Equations:
 
 
 def never_apart(outputs: Sequence[str], degrees: Sequence[int]) -> str:
-    """What is told of outputs that the inputs move together."""
+    """Return the message for outputs that the inputs cannot move independently."""
     names, orders = ", ".join(f"`{n}`" for n in outputs), ", ".join(map(str, degrees))
     return (
         f"the inputs cannot move {names} apart from one another: differentiated {orders} times, as often as it takes for an input to show, "
@@ -139,7 +142,7 @@ def never_apart(outputs: Sequence[str], degrees: Sequence[int]) -> str:
 
 
 def filled(coefficient: Any, width: int, count: int) -> Any:
-    """With all directions and instants, (1 + width, count)."""
+    """Return a coefficient with all directions and instants, (1 + width, count)."""
     full = np.zeros((1 + width, count))
     if coefficient is not None:
         full[: len(coefficient)] = coefficient
@@ -154,7 +157,7 @@ def _solved(matrix: Any, right: Any) -> Any:
 
 
 def _replaced(point: OperatingPoint, drives: Sequence[Drive]) -> Any:
-    """Inputs by strengths: of a pair whose force goes with the square, the root of it on the side where it is."""
+    """Return the inputs as functions of strengths: for a pair whose force is proportional to the square, the root on the active side."""
     known: dict[Symbol, Expression] = {}
     for i, drive in enumerate(drives):
         strength = Symbol(Leaf(STRENGTH, i))
@@ -176,9 +179,9 @@ def _value_of(strength: Symbol, drive: Drive, forward: bool) -> Expression:
 
 
 def _degree(name: str, output: Expression, reads: Sequence[set[Leaf]], loops: Sequence[int]) -> int:
-    """How often an output is differentiated until an input may show in it. Raises `UsageError` if none ever does.
+    """Return the relative degree of an output: the number of differentiations until an input may appear. Raises `UsageError` if none ever does.
 
-    `reads`: the leaves of the rates, then of the residuals; `loops`: to which loop each unknown belongs.
+    `reads`: the leaves of the rates, then of the residuals; `loops`: index of the loop of each unknown.
     """
     now, seen, degree = _behind(_leaves_of(output), reads, loops), set[Leaf](), 0
     while not any(leaf.role == STRENGTH for leaf in now):
@@ -192,7 +195,7 @@ def _degree(name: str, output: Expression, reads: Sequence[set[Leaf]], loops: Se
 
 
 def _behind(leaves: set[Leaf], reads: Sequence[set[Leaf]], loops: Sequence[int]) -> set[Leaf]:
-    """Unknowns replaced by all that the residuals of their loops read."""
+    """Return the leaves with unknowns replaced by all leaves that the residuals of their loops read."""
     count, found, waiting, opened = len(reads) - len(loops), set[Leaf](), list(leaves), set[int]()
     while waiting:
         leaf = waiting.pop()

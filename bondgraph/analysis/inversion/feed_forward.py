@@ -1,4 +1,4 @@
-"""What an inverse along a path gives: inputs over time, as numbers, as a table, as a model that can be run."""
+"""Result of an inversion along a path: inputs over time, as numbers, as a table, as a model that can be run."""
 
 from __future__ import annotations
 
@@ -21,17 +21,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-feed-forward/1"
-NEAR = 1e-12  # of the largest of its unit: a start that is the model's own
+NEAR = 1e-12  # relative to the largest of its unit: difference of a start that equals the model's own
 
 
 @dataclass(frozen=True, eq=False)
 class FeedForward:
-    """`inputs` with which `outputs` follow what was `wanted`, at `time` (N,), name -> (N,) in SI.
+    """The `inputs` with which `outputs` follow the path `wanted`, at `time` (N,), name -> (N,) in SI.
 
     `strengths`: of each input, or of each pair the signed value (`powers` 1) or square (2), which is smooth where the pair changes sides.
-    `degrees`: how many derivatives of each output the inverse takes. `internal`: eigenvalues (1/s) of what the outputs leave to move by
-    itself, none if they say everything. `start`: states in which it begins, where these are not the model's own. `notes` say
-    where inputs jump.
+    `degrees`: number of derivatives of each output in the inverse. `internal`: eigenvalues (1/s) of the internal dynamics, empty if there are none.
+    `start`: states in which it begins, where they differ from the model's own. `notes` name the jumps of inputs.
     """
 
     model: str
@@ -53,15 +52,18 @@ class FeedForward:
     plain: bool = False  # a model of bare numbers, without units
 
     def __getitem__(self, name: str) -> Array:
-        """An input, output or state over time. Raises KeyError."""
+        """Return an input, output or state over time. Raises KeyError."""
         for values in (self.inputs, self.outputs, self.states):
             if name in values:
                 return values[name]
         raise KeyError(f"there is no `{name}` here; there is {', '.join((*self.inputs, *self.outputs, *self.states))}")
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-feed-forward/1`: {schema, model, experiment, wanted, time, inputs, outputs: {name: {unit, values}}, degrees,
-        internal: [{re, im}], start: {name: {value, unit}}, notes}, in SI."""
+        """Return JSON values by the schema `bondgraph-feed-forward/1`, in SI.
+
+        {schema, model, experiment, wanted, time, inputs, outputs: {name: {unit, values}}, degrees, internal: [{re, im}], start: {name: {value, unit}},
+        notes}.
+        """
         told: dict[str, Any] = {
             "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "wanted": dict(self.wanted),
             "time": {"unit": "s", "values": self.time.tolist()},
@@ -74,15 +76,15 @@ class FeedForward:
         return {**told, "start": start, "notes": list(self.notes)}
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Time, inputs and what the outputs do, in SI, with the units in the header; whole or not at all."""
+        """Write time, inputs and outputs, in SI, with the units in the header; the file is written completely or not at all."""
         columns = {**self.inputs, **self.outputs}
         heads = ["time [s]", *(_head(name, self.units.get(name, "1")) for name in columns)]
         _write_columns(path, heads, [self.time, *columns.values()])
 
     def to_model(self, path: str | os.PathLike[str]) -> None:
-        """A model (.bg) of the manipulator with its controller, and the controller's table (.csv) beside it; both whole or not at all.
+        """Write a model (.bg) of the plant with its controller, and the controller's table (.csv) beside it; both completely or not at all.
 
-        Raises `UsageError` if the model is no file, or if the new one would lie outside of its project folder.
+        Raises `UsageError` if the model has no file, or if the new one would lie outside its project folder.
         """
         from .writing import model_text, table_of
 
@@ -95,13 +97,13 @@ class FeedForward:
         write_text(target, text)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Inputs and outputs over time (.png, .svg or .pdf)."""
+        """Plot inputs and outputs over time (.png, .svg or .pdf)."""
         from ...views.feed_forward import plot_feed_forward
 
         plot_feed_forward(self, path)
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ...views.feed_forward import feed_forward_text
 
         return feed_forward_text(self)
@@ -122,7 +124,7 @@ def _write_columns(path: str | os.PathLike[str], heads: Sequence[str], columns: 
 def within_limits(
     found: Mapping[str, Array], times: Array, limits: Mapping[str, float], units: Mapping[str, str]
 ) -> None:
-    """Raises `RunFailed` where an input is larger than it may be."""
+    """Raise `RunFailed` where an input exceeds its limit."""
     for name, limit in limits.items():
         if name not in found:
             raise UsageError(f"`{name}` is none of the inputs that are looked for: {', '.join(found)}")

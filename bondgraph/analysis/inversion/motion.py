@@ -1,9 +1,9 @@
 """States and inputs along a path: Newton's method on the equations of all instants at once.
 
-Where the outputs say everything, each instant stands by itself. Else what they leave (the internal dynamics) is integrated along with them by
-the Radau IIA method of order 5 (Hairer and Wanner, Solving ODEs II, 1996, IV.5), all steps in one sparse system, which also takes
-what grows: that part is given at the end instead of the beginning, so that it stays bounded (Devasia, Chen and Paden, IEEE Trans. Autom. Control
-41, 1996). Inputs then begin before the outputs do.
+Where the outputs determine everything, each instant is solved separately. Otherwise the internal dynamics are integrated along with them by the
+Radau IIA method of order 5 (Hairer and Wanner, Solving ODEs II, 1996, IV.5), all steps in one sparse system. This includes growing motions: they
+have a condition at the end instead of the beginning, so that they stay bounded (Devasia, Chen and Paden, IEEE Trans. Autom. Control 41, 1996).
+Inputs then begin before the outputs do.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from ...errors import RunFailed
 from .equations import Equations, Evaluated, never_apart
 
 ITERATIONS = 25
-CLOSE = 1e-13  # of the magnitudes: a last step
-ENOUGH = 1e-8  # the same, where rounding lets it come no closer
-PATIENCE = 4  # steps that may grow
-STAGES = 32  # at most, from rest to the whole path
-SINGULAR = 1e-13  # of the largest singular value, scaled
-STILL = 1e-9  # of the fastest internal rate, or over the whole path: what neither decays nor grows
-LARGEST_STEP = 3.0  # growth times step: beyond, a step of the method makes of growth a decay
+CLOSE = 1e-13  # relative to the magnitudes: size of the last step
+ENOUGH = 1e-8  # the same, where rounding prevents a smaller one
+PATIENCE = 4  # number of steps that may grow
+STAGES = 32  # most stages from rest to the whole path
+SINGULAR = 1e-13  # relative to the largest singular value, scaled
+STILL = 1e-9  # relative to the fastest internal rate, or over the whole path: rate of a neutral motion
+LARGEST_STEP = 3.0  # growth rate times step: beyond, a step of the method turns growth into decay
 ROOT = math.sqrt(6.0)
 NODES = np.array([(4 - ROOT) / 10, (4 + ROOT) / 10, 1.0])
 WEIGHTS = np.array(
@@ -41,8 +41,10 @@ Wanted = Callable[[Any], Any]  # times (N,) -> (outputs, degree + 1, N)
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """`unknowns` (columns, N) at `times` (N,): states, unknowns of loops, strengths. `internal`: eigenvalues of what the outputs leave to
-    move by itself, at the beginning, in 1/s."""
+    """Solution `unknowns` (columns, N) at `times` (N,): states, unknowns of loops, strengths.
+
+    `internal`: eigenvalues of the internal dynamics, at the beginning, in 1/s.
+    """
 
     times: Any
     unknowns: Any
@@ -51,14 +53,14 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Rest at the first and the last instant, (columns,) each; the last may be unknown."""
+    """Equilibria at the first and the last instant, (columns,) each; the last may be unknown."""
 
     first: Any
     last: Any | None
 
 
 def motion(equations: Equations, times: Any, wanted: Wanted, ends: Ends) -> Motion:
-    """The states and strengths at `times` with which the outputs do what is `wanted`. Raises `RunFailed`."""
+    """Return the states and strengths at `times` with which the outputs follow `wanted`. Raises `RunFailed`."""
     solver = _Solver(equations, np.asarray(times, dtype=float), wanted, ends)
     found = solver.solve()
     keep = slice(None) if solver.steps is None else slice(0, None, len(NODES))
@@ -80,7 +82,7 @@ class _Solver:
 
     # ------------------------------------------------------------ what the outputs leave
     def _look_inside(self) -> None:
-        """The internal dynamics at both ends: what decays is at rest at the beginning, what grows at the end."""
+        """Compute the internal dynamics at both ends: decaying motions are at rest at the beginning, growing ones at the end."""
         eigenvalues, decaying, _ = self._internal(0, self.ends.first)
         self.internal = eigenvalues
         growth = float(eigenvalues.real.max(initial=0.0))
@@ -105,7 +107,7 @@ class _Solver:
             )
 
     def _internal(self, at: int, unknowns: Any) -> tuple[Any, Any, Any]:
-        """Eigenvalues, and the conditions on the states (k, n) that keep what decays, and what grows, at rest."""
+        """Return eigenvalues, and the conditions on the states (k, n) that keep decaying, and growing, motions at rest."""
         from scipy.linalg import schur
 
         place = slice(at, at + 1) if at >= 0 else slice(len(self.times) - 1, None)
@@ -124,7 +126,7 @@ class _Solver:
         return np.where(quiet, 0.0, eigenvalues)[np.argsort(-eigenvalues.real)], parts[0], parts[1]
 
     def _still(self, eigenvalues: Any) -> float:
-        """A growth that is none: of rounding, or by nothing as long as the path lasts."""
+        """Return a rate that counts as zero: rounding, or no change over the length of the path."""
         return STILL * max(float(np.abs(eigenvalues).max(initial=0.0)), 1.0 / float(self.times[-1] - self.times[0]))
 
     def _at_rest(self, place: slice) -> Any:
@@ -134,7 +136,7 @@ class _Solver:
 
     # ------------------------------------------------------------ Newton's method, in stages
     def solve(self) -> Any:
-        """(columns, instants)."""
+        """Return the solution (columns, instants)."""
         unknowns, start = self.begun, self._resting()
         reached, step = 0.0, 1.0
         while reached < 1.0:
@@ -150,7 +152,7 @@ class _Solver:
         return unknowns
 
     def _resting(self) -> Any:
-        """What the outputs do where everything stays at rest as it is in the beginning."""
+        """Return the outputs of the model staying at its initial rest."""
         rest = np.zeros_like(self.wanted)
         zero = np.zeros((len(self.wanted), self.wanted.shape[1], 1))
         found = self.equations(self.times[:1], self.begun[:, :1], zero)
@@ -189,14 +191,14 @@ class _Solver:
         return None, int(np.argmax(size.max(axis=0)))
 
     def _magnitudes(self, size: Any) -> Any:
-        """Of the unknowns, (columns,): those of one unit share the largest."""
+        """Return magnitudes of the unknowns, (columns,): those of one unit share the largest."""
         largest = size.max(axis=1)
         units = self.equations.units
         shared = np.array([max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units])
         return np.where(shared > 0, shared, 1.0)
 
     def _alone(self, found: Evaluated, scale: Any) -> Any:
-        """The step of each instant by itself."""
+        """Return the Newton step of each instant separately."""
         matrix = found.jacobian * scale
         rows = np.abs(matrix).max(axis=2, keepdims=True)
         rows = np.where(rows > 0, rows, 1.0)
@@ -216,7 +218,7 @@ class _Solver:
             raise RunFailed(never_apart(self.equations.outputs, self.equations.degrees))
 
     def _together(self, found: Evaluated, unknowns: Any, scale: Any) -> Any:
-        """One sparse system: the equations of all instants, the steps of what is left, and its ends."""
+        """Return the Newton step of one sparse system: the equations of all instants, the steps of the internal dynamics, and their end conditions."""
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
 
@@ -243,7 +245,7 @@ class _Solver:
         return step.reshape(len(self.times), -1).T
 
     def _step_rows(self, builder: _Blocks, found: Evaluated, unknowns: Any, scale: Any) -> None:
-        """x_j - x_0 - h sum of a_jl f_l, in the directions that the outputs leave free."""
+        """Add x_j - x_0 - h sum of a_jl f_l, in the directions of the internal dynamics."""
         assert self.steps is not None
         n, width, stages = self.equations.count, self.equations.columns, len(NODES)
         picked = np.eye(n, width)
@@ -265,7 +267,7 @@ class _Solver:
 
 
 class _Blocks:
-    """A sparse matrix and its right side, put together from blocks of `width` columns for each instant."""
+    """A sparse matrix and its right-hand side, composed of blocks of `width` columns for each instant."""
 
     def __init__(self, width: int) -> None:
         self.width, self.next = width, 0
@@ -273,7 +275,7 @@ class _Blocks:
         self.right: list[Any] = []
 
     def diagonal(self, blocks: Any, right: Any) -> None:
-        """(instants, rows, width) and (instants, rows)."""
+        """Add blocks (instants, rows, width) with right-hand sides (instants, rows)."""
         count, rows, width = blocks.shape
         down = np.repeat(np.arange(count * rows), width)
         across = np.tile(np.arange(width), count * rows) + width * np.repeat(np.arange(count), rows * width)
@@ -282,7 +284,7 @@ class _Blocks:
         self.next = count * rows
 
     def row(self, blocks: list[tuple[int, Any]], right: Any) -> None:
-        """Rows with a block at each of some instants."""
+        """Add rows with a block at each of some instants."""
         for at, block in blocks:
             down = self.next + np.repeat(np.arange(len(block)), self.width)
             self.parts.append((down, np.tile(np.arange(self.width), len(block)) + self.width * at, block.ravel()))
@@ -290,13 +292,13 @@ class _Blocks:
         self.next += len(np.atleast_1d(right))
 
     def done(self) -> tuple[Any, Any, Any, Any]:
-        """Rows, columns, values, right side."""
+        """Return rows, columns, values, right-hand side."""
         down, across, values = (np.concatenate([p[i] for p in self.parts]) for i in range(3))
         return down, across, values, np.concatenate(self.right)
 
 
 def _free_space(jacobian: Any, free: int) -> Any:
-    """An orthonormal basis (columns, free) of what the equations leave, in the scaled unknowns."""
+    """Return an orthonormal basis (columns, free) of the null space of the equations, in the scaled unknowns."""
     rows = np.abs(jacobian).max(axis=1, keepdims=True)
     _, _, right = np.linalg.svd(jacobian / np.where(rows > 0, rows, 1.0), full_matrices=True)
     return right[len(right) - free :].T

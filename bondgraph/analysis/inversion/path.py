@@ -1,7 +1,7 @@
-"""What outputs are wanted to do: expressions of time in the language, with all derivatives that an inverse takes.
+"""Paths of outputs: expressions of time in the language, with all derivatives that an inverse needs.
 
-Derivatives are those of the expression's power series in time, no differences. Before a path begins it rests where it begins, unless
-it is said to begin in motion; so a path that starts off too suddenly shows as a jump at its first instant.
+Derivatives are those of the expression's power series in time, no differences. Before a path begins it rests at its first value, unless it is
+declared to begin in motion; so a path that starts too suddenly has a jump at its first instant.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from ...model import Model
     from ...simulation.segments import Segment
 
-BESIDE = 1e-9  # of the path's length: so close to an instant its two sides are compared
-DEGREE = 9  # of a curve through points
-JUMP = 1e-5  # of the largest value of a derivative: what is a jump, and no rounding
+BESIDE = 1e-9  # fraction of the path's length: distance from an instant at which both sides are compared
+DEGREE = 9  # degree of a curve through points
+JUMP = 1e-5  # relative to the largest value of a derivative: least jump beyond rounding
 ORDINALS = ("value", "first derivative", "second derivative", "third derivative", "fourth derivative")
 
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """Where a derivative of what is wanted (order 0: the value itself) jumps, in SI."""
+    """Jump of a derivative of a path (order 0: the value itself), in SI."""
 
     output: str
     order: int
@@ -44,7 +44,7 @@ class Jump:
 
 
 class Path:
-    """`derivatives(times, order)` of all outputs over [start, stop], and where they jump. `samples`: those given by points instead of a text."""
+    """Functions `derivatives(times, order)` of all outputs over [start, stop], and their jumps. `samples`: those given by points instead of a text."""
 
     def __init__(
         self, names: Sequence[str], model: Model, start: float, stop: float, samples: Mapping[str, Any] | None = None
@@ -62,19 +62,19 @@ class Path:
 
     @property
     def first(self) -> dict[str, float]:
-        """Where it begins."""
+        """Values at the beginning."""
         return self._at(self.start)
 
     @property
     def last(self) -> dict[str, float]:
-        """Where it ends."""
+        """Values at the end."""
         return self._at(self.stop)
 
     def _at(self, time: float) -> dict[str, float]:
         return dict(zip(self.names, self.derivatives(np.array([time]), 0)[:, 0, 0].tolist(), strict=True))
 
     def derivatives(self, times: Any, order: int) -> Any:
-        """(outputs, order + 1, instants), in SI. Raises `UsageError` where there is none."""
+        """Return derivatives (outputs, order + 1, instants), in SI. Raises `UsageError` where there is none."""
         times = np.asarray(times, dtype=float)
         found = np.zeros((len(self.names), order + 1, len(times)))
         owner = np.searchsorted([s.start for s in self.stretches], times, side="right") - 1
@@ -106,7 +106,7 @@ class Path:
         return found
 
     def jumps(self, orders: Sequence[int], moving: bool) -> list[Jump]:
-        """Of each output its derivatives up to an order, at all instants where one jumps; the lowest order of each instant."""
+        """Return the jumps of each output's derivatives up to an order; for each instant the lowest order."""
         highest = max(orders)
         sizes = np.abs(self.derivatives(np.linspace(self.start, self.stop, 257), highest)).max(axis=2)
         step = BESIDE * (self.stop - self.start)
@@ -131,9 +131,9 @@ class Path:
 
 
 def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
-    """A spline of degree 9 through (times, values), eight of whose derivatives are continuous; at rest, to the fourth, at both ends.
+    """Return a spline of degree 9 through (times, values), with eight continuous derivatives; at rest, to the fourth, at both ends.
 
-    Called with times and an order. Raises `UsageError`.
+    It is called with times and an order. Raises `UsageError`.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -149,13 +149,13 @@ def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
     still = [(k, 0.0) for k in range(1, (DEGREE + 1) // 2)]
     span = float(
         times[-1] - times[0]
-    )  # over which time is measured: derivatives of order 9 in 1/s are too large for the system of a spline
+    )  # unit of time: derivatives of order 9 in 1/s are too large for the system of a spline
     spline = make_interp_spline((times - times[0]) / span, values, k=DEGREE, bc_type=(still, still))
     return lambda at, k: spline((np.asarray(at) - times[0]) / span, k) / span**k
 
 
 def is_plain(model: Model) -> bool:
-    """Whether it has bare numbers without units."""
+    """Return True if the model has bare numbers without units."""
     return any(
         getattr(s, "plain", False) and getattr(s, "name", None) == model.name
         for s in model.compilation().tree.statements
@@ -163,7 +163,7 @@ def is_plain(model: Model) -> bool:
 
 
 def path_of(model: Model, wanted: Mapping[str, Any], start: float, stop: float) -> Path:
-    """From texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, numbers in SI, or points (times in s, values in SI).
+    """Return the path of texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, numbers in SI, or points (times in s, values in SI).
 
     Tables of a text (`cubic(time, column("curve.csv", "t"), column("curve.csv", "x"))`) are files beside the model. Raises `UsageError`,
     `CompilationFailed`.

@@ -1,7 +1,7 @@
-"""What inputs give these outputs at rest: the equations solved for states and inputs at once, by Newton's method with exact slopes.
+"""Inputs for given outputs at equilibrium: the equations solved for states and inputs at once, by Newton's method with exact derivatives.
 
-A pair pushes or pulls: one of its two inputs is zero, the other is the root of what is solved for where the force goes with its square
-(a comb drive), which keeps the equations smooth through zero. Targets are reached in as many stages as it takes.
+A pair pushes or pulls: one of its two inputs is zero. Where the force is proportional to the square (a comb drive), the unknown is the signed square
+of the other, which keeps the equations smooth through zero. Targets are reached in as many stages as necessary.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-inversion/1"
 ITERATIONS = 30
-CLOSE = 1e-14  # of the magnitudes
+CLOSE = 1e-14  # relative to the magnitudes
 ENOUGH = 1e-9
-STAGES = 64  # at most, from where it is to the targets
+STAGES = 64  # most stages from the first equilibrium to the targets
 
 
 @dataclass(frozen=True, eq=False)
 class Inversion:
-    """`inputs` that hold `outputs` at rest, in SI by name; `missed`: the largest share by which a target is not met.
+    """The `inputs` that hold `outputs` at equilibrium, in SI by name; `missed`: the largest relative error of a target.
 
-    `inputs` may be handed over as settings: `model.simulate(settings=found.inputs)`.
+    `inputs` may be used as settings: `model.simulate(settings=found.inputs)`.
     """
 
     model: str
@@ -48,7 +48,7 @@ class Inversion:
     units: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-inversion/1`: {schema, model, experiment, targets, inputs, outputs, states, stable}."""
+        """Return JSON values by the schema `bondgraph-inversion/1`: {schema, model, experiment, targets, inputs, outputs, states, stable}."""
         told: dict[str, Any] = {
             "schema": SCHEMA,
             "model": self.model,
@@ -60,19 +60,19 @@ class Inversion:
         }
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ...views.analyses import inversion_text
 
         return inversion_text(self)
 
 
 def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:
-    """From a state of rest. Raises `UsageError`, `RunFailed`."""
+    """Return the inversion, starting from an equilibrium. Raises `UsageError`, `RunFailed`."""
     return _told(rest_with(point, targets, drives), targets)
 
 
 def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Search:
-    """At rest with the outputs at their targets. Raises `UsageError`, `RunFailed`."""
+    """Return the search at an equilibrium with the outputs at their targets. Raises `UsageError`, `RunFailed`."""
     outputs = point.program.outputs.names
     if len(drives) != len(targets):
         raise UsageError(f"{len(targets)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")
@@ -97,13 +97,13 @@ def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Seque
 
 
 class Search:
-    """States and strengths, moved to where the outputs are what they should be."""
+    """States and strengths, moved until the outputs have their target values."""
 
     def __init__(self, point: OperatingPoint, rows: Sequence[int], drives: Sequence[Drive]) -> None:
         self.point, self.rows = point, list(rows)
         self.drives = [self._with_power(point, d) for d in drives]
         self.strengths = np.array([self._strength(point, d) for d in self.drives])
-        self.conserved = point.conserved  # sums of the states, which stay as they are here
+        self.conserved = point.conserved  # conserved sums of the states, which stay constant
         self.held = self.conserved @ point.state[: point.count]
 
     @staticmethod
@@ -112,7 +112,7 @@ class Search:
         return float((point.constraints.parameters if role == "parameter" else point.inputs)[place])
 
     def _with_power(self, point: OperatingPoint, drive: Drive) -> Drive:
-        """Of a pair that has no slope at zero, and of a single input that has none where it is zero, the square is solved for."""
+        """Return the drive with power 2 (its square is the unknown) if its derivative at zero vanishes."""
         if drive.pull is None and self._value(point, drive.push) != 0.0:
             return drive
         both = {drive.push: 0.0} | ({} if drive.pull is None else {drive.pull: 0.0})
@@ -130,7 +130,7 @@ class Search:
         return value**drive.power - other**drive.power
 
     def _columns(self, point: OperatingPoint) -> tuple[dict[str, Any], Any]:
-        """The slopes of rates and outputs by each input, and by the free coordinates."""
+        """Return the derivatives of rates and outputs by each input, and by the free coordinates."""
         space = point.compilation.state_space
         outputs = list(space.outputs.values())
         variables = [*(space.states[i].rate for i in point.reduced.chosen), *(outputs[i] for i in self.rows)]
@@ -144,7 +144,7 @@ class Search:
         return found
 
     def newton(self, wanted: Any) -> tuple[OperatingPoint, Any] | None:
-        """The point and strengths that give these outputs; None if they are not found from here."""
+        """Return the point and strengths with these outputs; None if Newton's method does not find them from here."""
         strengths, state, before = np.array(self.strengths), np.array(self.point.state), math.inf
         for _ in range(ITERATIONS):
             try:
@@ -157,19 +157,19 @@ class Search:
             change, moved, norm = step
             state, strengths = point.state + change, strengths + moved
             if any(s < 0 for s, d in zip(strengths, self.drives, strict=True) if d.pull is None and d.power == 2):
-                return None  # a square
+                return None  # a square cannot be negative
             if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
                 return self._checked(self.settings(strengths), state, strengths, wanted)
             before = norm
         return None
 
     def _checked(self, settings: Any, state: Any, strengths: Any, wanted: Any) -> tuple[OperatingPoint, Any] | None:
-        """The point, if outputs and rates are what they should be: a step of nothing may also mean that no input has an effect."""
+        """Return the point and strengths if outputs and rates have their values: a zero step may also mean that no input has an effect."""
         point = self.point.elsewhere(settings, state)
         by_states, by_strengths = self._slopes(point, strengths)
         chosen = point.reduced.chosen
         r = len(chosen)
-        settling, _ = balanced_step(by_states[:r], point.rates[chosen][:, None])  # what is left to come to rest
+        settling, _ = balanced_step(by_states[:r], point.rates[chosen][:, None])  # remaining step to the equilibrium
         seen = by_states[r:]
         missed = np.abs(point.outputs[self.rows] - wanted) + np.abs(seen @ settling)[:, 0]
         gains = by_strengths[r:] + seen @ balanced_step(by_states[:r], by_strengths[:r])[0]
@@ -177,11 +177,11 @@ class Search:
         return (point, strengths) if (missed <= allowed).all() else None
 
     def _slopes(self, point: OperatingPoint, strengths: Any) -> tuple[Any, Any]:
-        """Of rates and outputs by the free coordinates and by the strengths."""
+        """Return the derivatives of rates and outputs by the free coordinates and by the strengths."""
         columns, by_states = self._columns(point)
         slopes = []
         for drive, strength in zip(self.drives, strengths, strict=True):
-            if drive.power == 2 and abs(strength) < PROBE**2:  # the square is smooth there, its root is not
+            if drive.power == 2 and abs(strength) < PROBE**2:  # the square is smooth at zero, its root is not
                 signed = math.copysign(PROBE**2, strength)
                 beside = point.elsewhere(drive.settings(signed), point.state)
                 slopes.append(drive.slope(signed, self._columns(beside)[0]))
@@ -190,7 +190,7 @@ class Search:
         return by_states, np.array(slopes).T
 
     def _step(self, point: OperatingPoint, strengths: Any, wanted: Any) -> tuple[Any, Any, float] | None:
-        """Changes of states and strengths, and how large they are beside these."""
+        """Return changes of states and strengths, and their relative size."""
         by_states, by_strengths = self._slopes(point, strengths)
         matrix = np.concatenate([by_states, by_strengths], axis=1)
         chosen = point.reduced.chosen
@@ -223,7 +223,7 @@ def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
 
 
 def asked_for(model: Model, targets: Mapping[str, str | float], experiment: str | None) -> dict[str, float]:
-    """Targets in SI. Raises `UsageError` for what is no output."""
+    """Return targets in SI. Raises `UsageError` for names that are no outputs."""
     from ...quantities import quantity
 
     outputs = model.compilation(model.scene(experiment)).whole_graph.outputs

@@ -1,7 +1,7 @@
-"""A feed-forward controller as text: the model with tables of time at its inputs.
+"""Feed-forward controller as text: the model with tables of time at its inputs.
 
-Tables hold strengths: of a pair whose force goes with the square of what is set the signed square, as that is smooth where one hands over
-to the other and the root is not. A cubic runs through them; before and after the path its ends hold.
+Tables hold strengths: for a pair whose force is proportional to the square of the input the signed square, as that is smooth where the pair changes
+sides, and the root is not. They are interpolated by a cubic; before and after the path its end values hold.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from .feed_forward import FeedForward
 
 
-MOST_ROWS = 10_000  # of a file of columns
+MOST_ROWS = 10_000  # most rows of a file of columns
 
 
 def table_of(found: FeedForward) -> tuple[list[str], list[Any]]:
-    """Headers and columns of the controller's table."""
+    """Return headers and columns of the controller's table."""
     heads, columns = ["time" if found.plain else "time [s]"], [found.time]
     for number, (drive, strength) in enumerate(zip(found.drives, found.strengths.values(), strict=True), 1):
         unit = _unit(drive, found)
@@ -37,7 +37,7 @@ def _unit(drive: Drive, found: FeedForward) -> str:
 
 
 def model_text(found: FeedForward, target: Path) -> str:
-    """The text of a model beside `target`'s table. Raises `UsageError`."""
+    """Return the text of a model beside `target`'s table. Raises `UsageError`."""
     if len(found.time) > MOST_ROWS:
         raise UsageError(
             f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points: ask for fewer"
@@ -81,7 +81,7 @@ def _plain(found: FeedForward) -> list[tuple[str, str]]:
 
 
 def _given(drive: Drive, number: int, unit: str, found: FeedForward) -> list[str]:
-    """What the instance's inputs get."""
+    """Return the assignments of the instance's inputs."""
     name = f"strength_{number}"
     zero = "0" if unit == "1" else f"0 [{unit}]"
     if drive.pull is None:
@@ -93,7 +93,7 @@ def _given(drive: Drive, number: int, unit: str, found: FeedForward) -> list[str
 
 
 def _own(name: str) -> str:
-    """A name of the new model for one of the old, which may be nested."""
+    """Return a name in the new model for one of the old, which may be nested."""
     return "".join(c if c.isalnum() else "_" for c in name).strip("_")
 
 
@@ -102,7 +102,7 @@ def _number(value: float, unit: str) -> str:
 
 
 def _place(found: FeedForward, target: Path) -> str:
-    """The path of the model from the new file."""
+    """Return the path of the model from the new file."""
     from ...door import project_folder
 
     if found.file is None:

@@ -104,7 +104,7 @@ class Watcher:
         self.check_redundant(time, state, mode)
 
     def _opens(self, time: float, state: Any, mode: Any) -> bool:
-        """Whether a gap is more than rounding of the mechanism's size: magnitudes of what hardly moves are less than that."""
+        """Return True if a residual exceeds rounding of the mechanism's size: magnitudes of coordinates that hardly move are less than that."""
         constraints = self.constraints
         slopes, _ = constraints.slopes(time, state, mode)
         sizes = constraints.sizes(slopes / constraints.reach[constraints.positions])
