@@ -13,6 +13,7 @@ from functools import lru_cache
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
+    CONDITIONS,
     ONE,
     ZERO,
     Apply,
@@ -371,6 +372,9 @@ def _lower_assignment(
 
     quiet = switching.has_nothing_in(step.formula, arguments)
     value = substitute(step.formula.expression, put)
+    if not quiet and not switching.pieced:
+        own = (node for node in operations(step.formula.expression) if node.operator in CONDITIONS)
+        switching.wrote({substitute(node, put) for node in own})
     value = value if quiet else switching.replaced(value)
     result.values[step.target] = value
     result.limits += ranges(step, put, result.space.variables, result.parameter_values)

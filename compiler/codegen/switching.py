@@ -72,6 +72,7 @@ class Switching:
         self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
         self.located = False  # True if conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
+        self.authored: set[Expression] = set()  # conditions that a law or an event has itself
 
     def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
         """Return True if a law and its arguments, which are treated already, have no jump or kink in time: then nothing is replaced."""
@@ -88,6 +89,14 @@ class Switching:
         """
         self.span, self.owner, self.located, self.pieced = step.span, step.owner, behind and not pieced, pieced
         self._done = self._memories.setdefault((self.located, pieced), {})
+
+    def wrote(self, conditions: set[Expression]) -> None:
+        """Conditions that what is looked at has itself are no guards, whatever slopes have them too: `abs(f)` bends where a valve closes."""
+        self.authored |= conditions
+        if self.guards & conditions:
+            self.guards -= conditions
+            self._memories.clear()
+            self._done = self._memories.setdefault((self.located, self.pieced), {})
 
     def replaced(self, x: Expression) -> Expression:
         """The expression with conditions on time, and on states if these are located, replaced by items of the mode."""
@@ -150,7 +159,7 @@ class Switching:
         operands = tuple(map(self.replaced, condition.operands))
         if condition in self.modes:
             return self.modes[condition]
-        if self.pieced and not alone:
+        if self.pieced and not alone and condition not in self.authored:
             self.guards.add(condition)
         locatable = self.located and condition.operator in ("less", "less_equal") and condition not in self.guards
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
