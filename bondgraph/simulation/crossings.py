@@ -170,7 +170,9 @@ def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[
     zero = np.isfinite(blur) & (np.maximum(np.abs(at_least), np.abs(at_most)) <= blur)
     if len(rest) > MOST_BLURRED and zero.mean() > NEARLY_ALL:  # both sides are the same, to rounding
         blurred |= zero
-    ulp = np.spacing(np.maximum(np.abs(low[rest]), np.abs(high[rest])))
+    ulp = np.spacing(
+        np.maximum(np.maximum(np.abs(low[rest]), np.abs(high[rest])), function.edges[-1] - function.edges[0])
+    )
     narrow = (high[rest] - low[rest] <= NARROWEST * ulp) | (middle <= low[rest]) | (middle >= high[rest])
     sign[rest] = np.where(np.isnan(found) & (blurred | narrow), UNKNOWN, found)
     return sign, monotone
@@ -214,6 +216,10 @@ def _located(function: OneFunction, pieces: Pieces, changes: Any) -> Any:
     left, right = pieces.left[changes], pieces.right[changes]
     opposite = left * right == -1.0
     found, exact = _zeros(function, low[opposite], high[opposite], stretch[opposite])
+    here = np.flatnonzero(opposite)[exact]  # zero at an instant: for longer than that?
+    single = function.signs(np.nextafter(found[exact], low[here]), stretch[here]) == left[here]
+    single &= function.signs(np.nextafter(found[exact], high[here]), stretch[here]) == right[here]
+    exact[np.flatnonzero(exact)[single]] = False
     flat = ~opposite
     flat[np.flatnonzero(opposite)[exact]] = True
     first = _halved(function.signs, low[flat], high[flat], stretch[flat], left[flat])

@@ -1,12 +1,14 @@
 """Sampling places for signals of time, so that no narrow peak lies between them: boxes of time are halved until samples show what ranges allow.
 
 Each operation that can be narrow (an exponential, a quotient, a high power …) is examined separately, so that a large slow signal does not
-hide a small peak that is added to it. A box is finished when its range is a small part of the range of the whole segment, or when samples inside
-it cover a good part of the range.
+hide a small peak that is added to it. A box is finished when its range is a small part of the range of the whole segment, when samples inside
+it cover a good part of its range, or when its range is about half of that of the box that it was cut from: a bound on a smooth function shrinks
+with the box, however loose it is, and a peak keeps its height in the half that holds it. Segments are examined many at once.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Any
 
 import numpy as np
@@ -14,52 +16,106 @@ import numpy as np
 from ..door import Program, Ranges
 
 BEGIN = 32  # number of boxes of a segment at the beginning
+TOGETHER = 256  # number of segments that are examined at once
 INSIDE = np.array([0.0983, 0.3029, 0.4871, 0.7082, 0.9213])  # positions of samples, as fractions of a box
 SEEN = 0.25  # least fraction of a range that samples must cover
+HALVED = 0.6  # greatest fraction of the range of a box that a half of it may have to be finished
 SMALL = 1e-3  # fraction of the range on the whole segment: smaller ranges are ignored
+ROUNDING = 1e-12  # fraction of the largest value: smaller ranges are ignored, too
 MOST = 100_000  # most boxes
 NARROWEST = 64  # least width of a box, in units in the last place of a time
 
 
-def resolved_places(program: Program, inputs: Any, constants: Any, mode: Any, start: float, stop: float) -> Any:
-    """Return rising times within a segment that resolve all its narrow signals; an empty array where no signal is narrow."""
-    functions = program.time_functions
-    if functions is None or not functions.narrow or not stop > start:
-        return np.empty(0)
-    ranges = Ranges(functions, functions.narrow, constants, inputs)
-    mode = np.asarray(mode)
-    edges = np.linspace(start, stop, BEGIN + 1)
-    low, high = edges[:-1], edges[1:]
-    least = NARROWEST * float(np.spacing(max(abs(start), abs(stop))))
+class Resolution:
+    """Sampling places of all segments of a timeline, found when they are asked for. `edges` (segments + 1,), `modes` (segments, mode) or (0,)."""
+
+    def __init__(self, edges: Any, modes: Any) -> None:
+        self.edges, self.modes = np.asarray(edges), np.asarray(modes)
+        self.ends: list[float] = self.edges[:-1].tolist()
+        self.key: Any = None
+        self.ranges: Ranges | None = None
+        self.used: list[int] | None = None  # positions of the constants that decide
+        self.found: dict[int, Any] = {}
+
+    def places(self, program: Program, inputs: Any, constants: Any, mode: Any, start: float, stop: float) -> Any:
+        """Return rising times within a part of one segment that resolve its narrow signals; an empty array where no signal is narrow."""
+        functions = program.time_functions
+        if functions is None or not functions.narrow or not stop > start:
+            return np.empty(0)
+        if self.used is None:
+            self.used = functions.constants_of(functions.narrow)
+        key = np.asarray(inputs).tobytes(), np.asarray(constants)[self.used].tobytes()
+        if key != self.key or self.ranges is None:
+            self.key, self.found, self.ranges = key, {}, Ranges(functions, functions.narrow, constants, inputs)
+        ranges = self.ranges
+        number = max(0, bisect_right(self.ends, 0.5 * (start + stop)) - 1)
+        if ranges.moded and not np.array_equal(mode, self.modes[number] if self.modes.ndim == 2 else self.modes):
+            return _resolved(ranges, np.array([start, stop]), np.asarray(mode)[None, :])[0]
+        if number not in self.found:
+            first = number - number % TOGETHER
+            part = slice(first, first + TOGETHER)
+            modes = self.modes[part] if self.modes.ndim == 2 else self.modes
+            self.found |= dict(enumerate(_resolved(ranges, self.edges[first : first + TOGETHER + 1], modes), first))
+        times = self.found[number]
+        return times[slice(*np.searchsorted(times, (start, stop)))]
+
+
+def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
+    """Return for each segment the rising times that resolve its signals; empty where no box was halved, because regular sampling is enough."""
+    count = len(edges) - 1
+    shares = np.linspace(0.0, 1.0, BEGIN + 1)
+    grid = edges[:-1, None] + np.diff(edges)[:, None] * shares
+    low, high = grid[:, :-1].ravel(), grid[:, 1:].ravel()
+    segment = np.repeat(np.arange(count), BEGIN)
+    least = NARROWEST * float(np.spacing(np.abs(edges).max()))
+    found: list[tuple[Any, Any]] = []
     small: Any = None
-    found: list[Any] = []
-    count = 0
+    before: Any = None
+    boxes = 0
     with np.errstate(all="ignore"):
         while len(low):
             times = low[:, None] + (high - low)[:, None] * INSIDE
-            widths, shown = _widths(ranges, low, high, times, mode)
+            lower, upper, shown = _bounds(ranges, low, high, times, modes[segment] if modes.ndim == 2 else modes)
+            widths = upper - lower
             if small is None:
-                small = SMALL * np.where(np.isfinite(widths), widths, 0.0).max(axis=1, keepdims=True)
-            open_ = ((widths > small) & (shown < SEEN * widths)).any(axis=0) & (high - low > least)
-            count += len(low)
-            found.append(times[~open_])
-            if count > MOST:
-                found.append(times)
+                small, before = _ignored(lower, upper, count), np.full_like(widths, np.nan)
+            peaks = (widths > small[:, segment]) & (shown < SEEN * widths) & ~(widths <= HALVED * before)
+            open_ = peaks.any(axis=0) & (high - low > least)
+            boxes += len(low)
+            found.append((times[~open_], segment[~open_]))
+            if boxes > MOST + BEGIN * count:
+                found.append((times, segment))
+                break
+            if not open_.any():
                 break
             middle = 0.5 * (low + high)
             low, high = np.concatenate([low[open_], middle[open_]]), np.concatenate([middle[open_], high[open_]])
-    if count == BEGIN:
-        return np.empty(0)  # no box was halved: regular sampling is enough
-    return np.sort(np.concatenate([part.ravel() for part in found]))
+            segment, before = np.tile(segment[open_], 2), np.tile(widths[:, open_], (1, 2))
+    times = np.concatenate([part.ravel() for part, _ in found])
+    owners = np.concatenate([np.repeat(of, len(INSIDE)) for _, of in found])
+    order = np.lexsort((times, owners))
+    times, sizes = times[order], np.bincount(owners, minlength=count)
+    parts = np.split(times, np.cumsum(sizes)[:-1])
+    return [part if len(part) > BEGIN * len(INSIDE) else np.empty(0) for part in parts]
 
 
-def _widths(ranges: Ranges, low: Any, high: Any, times: Any, mode: Any) -> tuple[Any, Any]:
-    """Return the widths of the ranges over boxes, and the widths that samples at `times` (boxes, places) show; each (operations, boxes)."""
-    widths, shown = np.empty((2, len(ranges.roots), len(low)))
-    values = ranges.values(times, mode)
+def _ignored(lower: Any, upper: Any, count: int) -> Any:
+    """Return the ranges that are too small to matter on each segment, shape (operations, segments)."""
+    shape = (len(lower), count, BEGIN)
+    lower, upper = (np.where(np.isfinite(x), x, np.nan).reshape(shape) for x in (lower, upper))
+    greatest, smallest = np.fmax.reduce(upper, axis=2), np.fmin.reduce(lower, axis=2)
+    values = np.fmax(np.abs(greatest), np.abs(smallest))
+    return np.nan_to_num(np.fmax(SMALL * (greatest - smallest), ROUNDING * values))
+
+
+def _bounds(ranges: Ranges, low: Any, high: Any, times: Any, mode: Any) -> tuple[Any, Any, Any]:
+    """Return lower and upper bounds over boxes, and the widths that samples at `times` (boxes, places) show; each (operations, boxes)."""
+    lower, upper, shown = np.empty((3, len(ranges.roots), len(low)))
+    values = ranges.values(times, mode[:, None, :] if mode.ndim == 2 else mode)
     for number, ((a, b), value) in enumerate(zip(ranges.over(low, high, mode), values, strict=True)):
-        widths[number] = b - a
+        lower[number], upper[number] = a, b
         sampled = np.broadcast_to(value, times.shape)
         shown[number] = sampled.max(axis=1) - sampled.min(axis=1)
-    widths[~np.isfinite(shown)] = 0.0  # the run reports values that are not finite
-    return widths, shown
+    bad = ~np.isfinite(shown)
+    lower[bad] = upper[bad] = 0.0  # the run reports values that are not finite
+    return lower, upper, shown

@@ -17,6 +17,7 @@ from .events.zeros import crossing
 
 if TYPE_CHECKING:
     from .crossings import Found
+    from .resolution import Resolution
 
 GRID = 256  # places of a short segment at which signals are sampled
 UNBOUNDED = 65_536  # places at which a segment is searched for zeros of functions without interval ranges
@@ -45,13 +46,18 @@ class Segment:
     start: float
     stop: float
     mode: Any
+    resolution: Resolution | None = field(
+        default=None, compare=False, repr=False
+    )  # of the timeline that it is a part of
     seen: dict[float, tuple[Any, ...]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )  # cache of `signals_on`
 
-    def up_to(self, start: float, stop: float) -> Segment:
-        """Return a part of the segment; the segment itself if the part is all of it."""
-        return self if (start, stop) == (self.start, self.stop) else Segment(start, stop, self.mode)
+    def up_to(self, start: float, stop: float, mode: Any = None) -> Segment:
+        """Return a part of the segment, in another mode if one is given; the segment itself if the part is all of it."""
+        if mode is None and (start, stop) == (self.start, self.stop):
+            return self
+        return Segment(start, stop, self.mode if mode is None else mode, self.resolution)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +80,21 @@ def timeline(program: Program, constants: Any, start: float, stop: float) -> Tim
     if last is None or last[0] != key:
         with np.errstate(all="ignore"):
             edges, notes = _edges(program, constants, start, stop)
-            last = program.kept["timeline"] = key, edges, _modes(program, constants, edges), notes
-    _, edges, modes, notes = last
+            modes = _modes(program, constants, edges)
+            last = program.kept["timeline"] = key, edges, modes, notes, _resolution(program, edges, modes)
+    _, edges, modes, notes, resolution = last
     rows = [modes] * (len(edges) - 1) if modes.ndim == 1 else map(np.array, modes)
-    return Timeline([Segment(a, b, mode) for (a, b), mode in zip(pairwise(edges.tolist()), rows, strict=True)], notes)
+    spans = zip(pairwise(edges.tolist()), rows, strict=True)
+    return Timeline([Segment(a, b, mode, resolution) for (a, b), mode in spans], notes)
+
+
+def _resolution(program: Program, edges: Any, modes: Any) -> Resolution | None:
+    """Return the places of narrow signals on all segments; None if there is no such signal."""
+    if program.time_functions is None or not program.time_functions.narrow:
+        return None
+    from .resolution import Resolution
+
+    return Resolution(edges, modes)
 
 
 def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, tuple[str, ...]]:
@@ -103,13 +120,31 @@ def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple
 def _crossings(
     program: Program, functions: TimeFunctions, number: int, constants: Any, edges: Any
 ) -> tuple[Any, tuple[str, ...]]:
+    """Return the zeros of one function of time; the last answer is cached with the constants that the function reads."""
+    function = functions.crossings[number]
+    modes = _modes(program, constants, edges) if function.moded else np.empty(0)
+    kept = program.kept.setdefault("crossings", {})
+    used, key, found = kept.get(number) or (
+        functions.constants_of((function.place, max(function.slope, 0))),
+        None,
+        None,
+    )
+    asked = np.asarray(constants)[used].tobytes(), np.asarray(edges).tobytes(), modes.tobytes()
+    if key != asked:
+        found = _searched(program, functions, number, constants, edges, modes)
+        kept[number] = used, asked, found
+    return cast("tuple[Any, tuple[str, ...]]", found)
+
+
+def _searched(
+    program: Program, functions: TimeFunctions, number: int, constants: Any, edges: Any, modes: Any
+) -> tuple[Any, tuple[str, ...]]:
     """Return the zeros of one function of time; without interval ranges, those found by sampling, with a note about it."""
     from .crossings import OneFunction, Undecided, crossings
 
     function = functions.crossings[number]
     ranges = Ranges(functions, (function.place, max(function.slope, 0)), constants)
     alone = Ranges(functions, (function.place,), constants)
-    modes = _modes(program, constants, edges) if function.moded else np.empty(0)
     if any(functions.nodes[i][0] == "noise" for i in alone.order):
         _places(
             program, constants, float(edges[-1] - edges[0])
@@ -236,10 +271,9 @@ def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, wh
     times = np.empty(count + 2)
     times[0], times[-1] = begin, end
     np.clip(_irregular(stretch.start, span, count), begin, end, out=times[1:-1])
-    if program.time_functions is not None:
-        from .resolution import resolved_places
-
-        more = resolved_places(program, inputs, constants, stretch.mode, begin, end)
+    resolution = stretch.resolution or _resolution(program, np.array([begin, end]), np.asarray(stretch.mode)[None, :])
+    if resolution is not None:
+        more = resolution.places(program, inputs, constants, stretch.mode, begin, end)
         times = np.sort(np.concatenate([times, more])) if len(more) else times
     values = program.signals(times, inputs, constants, stretch.mode)
     columns = np.ascontiguousarray(values.T)

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from .curves import curve
 from .expression import value_of
 from .interpolate import SMOOTH_STEP
 
@@ -25,6 +25,7 @@ BASIC, LIBRARY = EPS, 4 * EPS  # rounding of one operation, relative; of one cal
 HALF, TURN = 0.5 * math.pi, 2 * math.pi
 LARGEST_ANGLE = 2.0**45  # beyond this rounding of an angle is no small part of a turn
 EVERYTHING: Interval = (-math.inf, math.inf)
+CURVES = ("linear", "cubic", "monotone")
 
 
 def is_still(x: Interval) -> bool:
@@ -221,56 +222,9 @@ def _curve(kind: str) -> Callable[..., Interval]:
     def over(order: Interval, x: Interval, *points: Interval) -> Interval:
         if not all(map(is_still, points)):
             return EVERYTHING
-        knots, polynomials = _pieces(kind, int(order[0]), tuple(float(p[0]) for p in points))
-        first, last = (np.searchsorted(knots[1:-1], end, side="right") for end in x)
-        first = np.searchsorted(knots[1:-1], x[0], side="left")  # at a knot both sides count
-        low, high = np.full(np.shape(x[0]), np.inf), np.full(np.shape(x[0]), -np.inf)
-        for number, polynomial in enumerate(polynomials):
-            inside = (first <= number) & (number <= last)
-            if not np.any(inside):
-                continue
-            a, b = np.maximum(x[0], knots[number]), np.minimum(x[1], knots[number + 1])
-            for place in (a, b, *(np.clip(turn, a, b) for turn in _turns(polynomial))):
-                value = polynomial(place)
-                low, high = np.where(inside, np.minimum(low, value), low), np.where(inside, np.maximum(high, value), high)  # fmt: skip
-        bad = np.isnan(x[0]) | np.isnan(x[1])
-        low, high = np.where(bad, np.nan, low), np.where(bad, np.nan, high)
-        return widened(low, high, 4 * LIBRARY)
+        return curve(kind, int(order[0]), tuple(float(p[0]) for p in points)).over(*x)
 
     return over
-
-
-@lru_cache(maxsize=64)
-def _pieces(kind: str, order: int, points: tuple[float, ...]) -> tuple[Any, list[Any]]:
-    """Knots from -inf to inf, and a polynomial on each interval between them; straight beyond the ends."""
-    count = len(points) // (2 if kind == "linear" else 3)
-    lists = [np.array(points[i * count : (i + 1) * count]) for i in range(len(points) // count)]
-    lists = [part[::-1] for part in lists] if lists[0][0] > lists[0][-1] else lists
-    places, values = lists[0], lists[1]
-    slopes = None if kind == "linear" else lists[2]
-    polynomials = [_piece(places, values, slopes, i) for i in range(count - 1)]
-    first, last = polynomials[0], polynomials[-1]
-    ends = [np.poly1d([f.deriv()(p), f(p) - p * f.deriv()(p)]) for f, p in ((first, places[0]), (last, places[-1]))]
-    pieces = [ends[0], *polynomials, ends[1]]
-    for _ in range(order):
-        pieces = [piece.deriv() for piece in pieces]
-    return np.concatenate([[-np.inf], places, [np.inf]]), pieces
-
-
-def _piece(places: Any, values: Any, slopes: Any, i: int) -> Any:
-    h, a = float(places[i + 1] - places[i]), float(places[i])
-    secant = float(values[i + 1] - values[i]) / h
-    shifted = np.poly1d([1.0, -a])
-    if slopes is None:
-        return shifted * secant + float(values[i])
-    first, last = float(slopes[i]), float(slopes[i + 1])
-    c2, c3 = (3 * secant - 2 * first - last) / h, (first + last - 2 * secant) / h**2
-    return ((shifted * c3 + c2) * shifted + first) * shifted + float(values[i])
-
-
-def _turns(polynomial: Any) -> list[float]:
-    """Points at which a cubic polynomial may have an extremum."""
-    return [float(r.real) for r in np.roots(polynomial.deriv())] if polynomial.order > 1 else []
 
 
 def _noise(order: Interval, place: Interval, seed: Interval) -> Interval:
@@ -313,7 +267,7 @@ TABLE: Mapping[str, Callable[..., Interval]] = {
     "equal": _equal,
     "and": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
     "or": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])), "not": lambda a: (1.0 - a[1], 1.0 - a[0]),
-    "select": _chosen, "linear": _curve("linear"), "cubic": _curve("cubic"), "monotone": _curve("monotone"), "noise": _noise,
+    "select": _chosen, "noise": _noise, **{kind: _curve(kind) for kind in CURVES},
 }  # fmt: skip
 
 PLAIN: Mapping[str, Any] = {
@@ -333,9 +287,9 @@ def plain(operator: str, values: Sequence[Any]) -> Any:
         return math.prod(values[1:], start=values[0])
     if operator in PLAIN:
         return PLAIN[operator](*values)
-    moving = [
-        i for i, value in enumerate(values) if np.ndim(value)
-    ]  # of a curve its place alone, not its hundreds of points
+    moving = [i for i, value in enumerate(values) if np.ndim(value)]
+    if operator in CURVES and moving == [1]:  # its place alone, not its hundreds of points
+        return curve(operator, int(values[0]), tuple(map(float, values[2:]))).values(values[1])
 
     def at(*xs: float) -> float:
         operands = list(values)

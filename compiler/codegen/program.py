@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -59,6 +59,9 @@ class Function:
     span: Span
 
 
+LEAVES = frozenset({"number", "time", "constant", "input", "mode"})  # operators of `TimeFunctions` without operands
+
+
 @dataclass(frozen=True, slots=True)
 class TimeFunctions:
     """Functions of time alone as operations, operands first.
@@ -69,6 +72,22 @@ class TimeFunctions:
     nodes: tuple[tuple[str, tuple[Any, ...]], ...]
     crossings: tuple[Function, ...]  # as `Program.crossings`
     narrow: tuple[int, ...]  # operations behind `Program.signals` that may move a lot within a short time
+
+    def needed(self, roots: Sequence[int]) -> list[int]:
+        """Return the operations that some roots need, operands first: they stand in that order already."""
+        needed, stack = set(roots), list(roots)
+        while stack:
+            operator, operands = self.nodes[stack.pop()]
+            if operator not in LEAVES:
+                more = set(operands) - needed
+                needed |= more
+                stack += more
+        return sorted(needed)
+
+    def constants_of(self, roots: Sequence[int]) -> list[int]:
+        """Return the positions of the constants that some roots read."""
+        nodes = (self.nodes[i] for i in self.needed(roots))
+        return [operands[0] for operator, operands in nodes if operator == "constant"]
 
 
 @dataclass(frozen=True, slots=True)

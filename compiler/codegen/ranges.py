@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from .program import TimeFunctions
+import numpy as np
+
+from .program import LEAVES, TimeFunctions
 
 if TYPE_CHECKING:
     from ..algebra.intervals import Interval
 
-LEAVES = frozenset({"number", "time", "constant", "input", "mode"})
-
 
 class Ranges:
-    """Functions of time of a program in one run: their values at instants, and their ranges over boxes."""
+    """Some of the functions of time of a program in one run: their values at instants, and their ranges over boxes.
+
+    Operations that depend on neither time nor conditions are computed once; `order` has the other ones, operands first.
+    """
 
     def __init__(self, functions: TimeFunctions, roots: Sequence[int], constants: Any, inputs: Any = ()) -> None:
         from ..algebra import intervals
@@ -23,18 +26,35 @@ class Ranges:
         self.everything = intervals.EVERYTHING
         self.nodes, self.roots = functions.nodes, tuple(roots)
         self.given: dict[str, Any] = {"constant": constants, "input": inputs}
-        self.order = self._behind(self.roots)
+        self.fixed: dict[int, float] = {}
+        self.order = self._moving(functions.needed(self.roots))
+        self.curves = {i: curve for i in self.order if (curve := self._curve(i)) is not None}
+        self.moded = any(self.nodes[i][0] == "mode" for i in self.order)  # whether one of them depends on conditions
 
-    def _behind(self, roots: Sequence[int]) -> list[int]:
-        """Nodes that some roots need, operands first, as they are stored."""
-        needed, stack = set(roots), list(roots)
-        while stack:
-            operator, operands = self.nodes[stack.pop()]
-            if operator not in LEAVES:
-                more = set(operands) - needed
-                needed |= more
-                stack += more
-        return sorted(needed)
+    def _moving(self, needed: list[int]) -> list[int]:
+        """Return the operations that move; compute all others."""
+        moving = []
+        with np.errstate(all="ignore"):
+            for number in needed:
+                operator, operands = self.nodes[number]
+                if operator == "number":
+                    self.fixed[number] = float(operands[0])
+                elif operator in self.given:
+                    self.fixed[number] = float(self.given[operator][operands[0]])
+                elif operator in LEAVES or not all(o in self.fixed for o in operands):
+                    moving.append(number)
+                else:
+                    self.fixed[number] = float(self.plain(operator, [self.fixed[o] for o in operands]))
+        return moving
+
+    def _curve(self, number: int) -> Any | None:
+        """Return the curve of an operation whose points are fixed; None for any other operation."""
+        operator, operands = self.nodes[number]
+        if operator not in ("linear", "cubic", "monotone") or not all(o in self.fixed for o in operands[2:]):
+            return None
+        from ..algebra.curves import curve
+
+        return curve(operator, int(self.fixed[operands[0]]), tuple(self.fixed[o] for o in operands[2:]))
 
     @property
     def unbounded(self) -> bool:
@@ -44,33 +64,38 @@ class Ranges:
     def values(self, times: Any, mode: Any) -> list[Any]:
         """Values of the roots at instants, arrays (instants,) or numbers. `mode`: (size,) or (instants, size)."""
         known: dict[int, Any] = {}
+        fixed = self.fixed
         for number in self.order:
             operator, operands = self.nodes[number]
             if operator == "time":
                 known[number] = times
-            elif operator in LEAVES:
-                known[number] = self._leaf(operator, operands[0], mode)
+            elif operator == "mode":
+                known[number] = mode[..., operands[0]]
+            elif number in self.curves:
+                known[number] = self.curves[number].values(known[operands[1]])
             else:
-                known[number] = self.plain(operator, [known[o] for o in operands])
-        return [known[root] for root in self.roots]
+                known[number] = self.plain(operator, [fixed[o] if o in fixed else known[o] for o in operands])
+        return [fixed[root] if root in fixed else known[root] for root in self.roots]
 
     def over(self, low: Any, high: Any, mode: Any) -> list[Interval]:
         """Ranges of the roots over boxes. `mode`: (size,) or (boxes, size)."""
         known: dict[int, Any] = {}
+        fixed = self.fixed
+
+        def ends(number: int) -> Interval:
+            return (fixed[number], fixed[number]) if number in fixed else known[number]
+
         for number in self.order:
             operator, operands = self.nodes[number]
             if operator == "time":
                 known[number] = low, high
-            elif operator in LEAVES:
-                known[number] = (self._leaf(operator, operands[0], mode),) * 2
+            elif operator == "mode":
+                known[number] = (mode[..., operands[0]],) * 2
+            elif number in self.curves:
+                known[number] = self.curves[number].over(*known[operands[1]])
             else:
-                known[number] = self._range(operator, [known[o] for o in operands])
-        return [known[root] for root in self.roots]
-
-    def _leaf(self, operator: str, which: Any, mode: Any) -> Any:
-        if operator == "number":
-            return which
-        return mode[..., which] if operator == "mode" else float(self.given[operator][which])
+                known[number] = self._range(operator, [ends(o) for o in operands])
+        return [ends(root) for root in self.roots]
 
     def _range(self, operator: str, operands: list[Interval]) -> Interval:
         if all(map(self.is_still, operands)):

@@ -28,6 +28,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return place
 
 
+@pytest.fixture(scope="module")
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that keeps what is compiled once for all models, so that not each test compiles it."""
+    return tmp_path_factory.mktemp("kernels") / "kept"
+
+
 class TestEntries:
     def test_what_is_kept_comes_back(self, folder: Path) -> None:
         key = cache.key_of("a", b"b", 3)
@@ -166,11 +172,11 @@ def whole_run(folder: Path, *arguments: str) -> tuple[str, set[str]]:
     return text.split("took")[0], set(loaded.split())
 
 
-def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
+def test_a_run_of_the_manipulator_loads_little(kernels: Path) -> None:
     """Masked arrays and random numbers, which numpy loads on demand, each cost a tenth of the whole process."""
-    whole_run(folder, "run", "models/manipulator.bg")
+    whole_run(kernels, "run", "models/manipulator.bg")
     code = "import sys\nfrom bondgraph.commands import commands\ncommands.main(['run', 'models/manipulator.bg'], standalone_mode=False)\nprint('LOADED', *sys.modules)"
-    environment = {**os.environ, cache.VARIABLE: str(folder)}
+    environment = {**os.environ, cache.VARIABLE: str(kernels)}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, env=environment
     )
@@ -191,9 +197,9 @@ def test_a_run_of_the_manipulator_loads_little(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("model", ["manipulator.bg", "oscillator.bg", "drag.bg"])
-def test_a_run_of_a_model_seen_before_loads_no_stage_of_the_compiler(folder: Path, model: str) -> None:
-    first, _ = whole_run(folder, "run", f"models/{model}")
-    again, loaded = whole_run(folder, "run", f"models/{model}")
+def test_a_run_of_a_model_seen_before_loads_no_stage_of_the_compiler(kernels: Path, model: str) -> None:
+    first, _ = whole_run(kernels, "run", f"models/{model}")
+    again, loaded = whole_run(kernels, "run", f"models/{model}")
     assert again == first and loaded == set()
 
 

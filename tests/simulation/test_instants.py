@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import math
 import random
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import bondgraph
 from bondgraph.simulation.segments import segments, timeline
-from tests.compiling import compiled
+from compiler.codegen.ranges import Ranges
+from tests.compiling import MODELS, compiled
 from tests.stress.ways import Way, ways
 
 CLOSE = 1e-11  # of a duration: what rounding of an instant leaves
@@ -359,3 +362,51 @@ def test_a_narrow_signal_is_never_passed_over(way: Way, law: str) -> None:
         for width in (1e-3, 1e-7) if way.target == "native" else (1e-5,):
             found = model.simulate(settings={"w": width}, to=1.0, points=3, **way.arguments)
             assert found.final("p") == pytest.approx(momentum(width), rel=3e-4), (name, width)
+
+
+@pytest.mark.parametrize("model", ["feed_forward", "inverse_kinematics", "manipulator", "car"])
+def test_smooth_signals_are_looked_at_a_few_times_only(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bounds that are loose everywhere, and values that only rounding moves, are no peaks; a repeated run searches nothing."""
+    boxes: list[int] = []
+    over = Ranges.over
+
+    def counted(self: Ranges, low: Any, high: Any, mode: Any) -> Any:
+        boxes.append(int(np.size(low)))
+        return over(self, low, high, mode)
+
+    monkeypatch.setattr(Ranges, "over", counted)
+    loaded = bondgraph.load(MODELS / f"{model}.bg")
+    loaded.simulate(points=2)
+    assert sum(boxes) < 4000
+    boxes.clear()
+    loaded.simulate(points=2)
+    assert not boxes
+
+
+def test_a_table_of_hundreds_of_points_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kinks of a curve through 300 points cut a run into as many segments, which share one search for narrow peaks."""
+    calls: list[int] = []
+    over = Ranges.over
+
+    def counted(self: Ranges, low: Any, high: Any, mode: Any) -> Any:
+        calls.append(int(np.size(low)))
+        return over(self, low, high, mode)
+
+    monkeypatch.setattr(Ranges, "over", counted)
+    places = np.linspace(0, 1, 300)
+    xs, ys = (", ".join(f"{v:.17g}" for v in values) for values in (places, np.sin(9 * places)))
+    text = (
+        f"model A {{\n  Se a : F = 1 N*sqrt(2 + linear(time/1 s, ({xs}), ({ys})))\n  I m : p = 1 kg*v\n"
+        "  R r : F = 1 [N*s^2/m^2]*v*abs(v)\n  a -> 1(m, r)\n  output v = m.v\n}\n"
+    )
+    found = bondgraph.load(text).simulate(to=0.999, points=2, rtol=1e-9)
+    expected = solve_ivp(
+        lambda t, v: np.sqrt(2 + np.interp(t, places, np.sin(9 * places))) - v * np.abs(v),
+        (0, 0.999),
+        [0.0],
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=1 / 299,
+    )
+    assert found.final("v") == pytest.approx(expected.y[0, -1], rel=1e-7)
+    assert sum(size >= 32 for size in calls) < 40

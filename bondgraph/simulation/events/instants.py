@@ -64,7 +64,7 @@ class EventStepper(Stepper):
             if self._switched(now) or now.time >= stretch.stop:
                 return now.state
             stop = stretch.stop if self.history is None else self.history.next_cut(now.time, stretch.stop)
-            self.piece = Segment(now.time, stop, now.mode)
+            self.piece = stretch.up_to(now.time, stop, now.mode)
             x = self.run(self.piece, now.state)
             flip, self.flip, self.mode = self.flip, None, self.piece.mode
             stop = self.reached if flip is None else flip.time
@@ -188,7 +188,7 @@ class EventStepper(Stepper):
                 self.flip = flip
                 break
             self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
-            self.piece = stretch = Segment(flip.time, stretch.stop, mode)
+            self.piece = stretch = stretch.up_to(flip.time, stretch.stop, mode)
             start = flip.time
         return stretch
 

@@ -65,7 +65,7 @@ def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
             late = middle
     for left in LEFT:  # no polynomial fits a signal up to a place where it is unbounded or has no derivative
         stop = early - left * (early - stretch.start)
-        end = exactly(stepper, Segment(stretch.start, stop, stretch.mode), x) if stop > stretch.start else None
+        end = exactly(stepper, stretch.up_to(stretch.start, stop), x) if stop > stretch.start else None
         if end is not None:
             x = end
             stepper.keep(stop, x, stretch.mode, stretch.start)
