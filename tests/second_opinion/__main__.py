@@ -1,21 +1,37 @@
-"""`python tests/second_opinion [--networks N] [--mechanisms N] [--first SEED] [--workers W] [--seconds S] [--found FOLDER]`: random models by the thousand.
+"""`python tests/second_opinion FOLDER [--networks N] [--mechanisms N] [--first SEED] [--workers W] [--seconds S] [--counts]`: random models by the thousand.
 
-Each is run by the product and by the second opinion. Counts are printed every minute, disagreements at once and, made smaller, into a folder.
-Refusals by the product of what the second opinion could run are listed. Ends with 1 if anything disagreed.
+Each is run by the product and by the second opinion. `FOLDER/journal.jsonl` has a line for each verdict: the same command goes on where it was ended, and
+`--counts` only says what is there. What disagrees and what the product refuses alone is written as a model into the folder, made smaller. Ends with 1 if anything disagreed.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
+import itertools
+import json
+import multiprocessing
 import os
 import sys
-import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
+os.environ.setdefault("BONDGRAPH_CACHE", "")  # nothing is kept: no model comes twice
+SHARE = 10  # networks for each mechanism
+
+
+def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tuple[str, int, int]]:
+    """What is to be tried yet, mechanisms between networks."""
+    first = given.first
+    mechanisms = (("mechanism", s, given.seconds) for s in range(first, first + given.mechanisms))
+    for number, seed in enumerate(range(first, first + given.networks)):
+        yield from (j for j in [("network", seed, given.seconds)] if j[:2] not in known)
+        if number % SHARE == SHARE - 1:
+            yield from (j for j in itertools.islice(mechanisms, 1) if j[:2] not in known)
+    yield from (j for j in mechanisms if j[:2] not in known)
 
 
 def main() -> int:
@@ -23,35 +39,48 @@ def main() -> int:
     from tests.second_opinion.trial import KINDS, Tally, smallest, tried
 
     parser = argparse.ArgumentParser(prog="python tests/second_opinion", description=__doc__)
-    parser.add_argument("--networks", type=int, default=1000)
-    parser.add_argument("--mechanisms", type=int, default=100)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--networks", type=int, default=100_000)
+    parser.add_argument("--mechanisms", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--seconds", type=int, default=20, help="at most, for one model")
-    parser.add_argument("--found", type=Path, default=None, help="a folder for what disagrees")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--seconds", type=int, default=5, help="of the processor, at most, for one model")
+    parser.add_argument("--counts", action="store_true", help="only say what the journal has")
     given = parser.parse_args()
-    jobs = [("network", given.first + i, given.seconds) for i in range(given.networks)]
-    jobs += [("mechanism", given.first + i, given.seconds) for i in range(given.mechanisms)]
-    tried(("network", 1, None))  # what is compiled once for this machine takes long
-    tally, began, last = Tally(), time.monotonic(), time.monotonic()
-    with ProcessPoolExecutor(given.workers) as pool:
-        for number, (kind, seed, verdict) in enumerate(pool.map(tried, jobs, chunksize=4), 1):
-            tally.add(kind, seed, verdict)
-            if verdict.kind in ("disagreed", "refused"):
-                print(f"{verdict.kind}: {kind} {seed}: {verdict.code} {verdict.words[:300]}", flush=True)
-            if verdict.kind == "disagreed" and given.found is not None:
-                given.found.mkdir(parents=True, exist_ok=True)
-                example = smallest(KINDS[kind](seed), given.seconds)
-                (given.found / f"{kind}_{seed}.bg").write_text(f"# {verdict.words}\n{example.text}", encoding="utf-8")
+    given.folder.mkdir(parents=True, exist_ok=True)
+    journal, tally = given.folder / "journal.jsonl", Tally()
+    for line in journal.read_text(encoding="utf-8").splitlines() if journal.exists() else ():
+        tally.add(*json.loads(line))
+    if given.counts:
+        print(tally.told(True))
+        return 1 if tally.disagreed else 0
+    left = list(jobs(given, tally.seen))
+    tried(
+        ("network", 1, None)
+    )  # what is compiled once for this machine takes long; processes forked from this one have it
+    gc.freeze()
+    last = time.monotonic()
+    began, number = last, 0
+    with journal.open("a", encoding="utf-8") as book, multiprocessing.get_context("fork").Pool(given.workers) as pool:
+        for number, entry in enumerate(pool.imap_unordered(tried, left, chunksize=4), 1):
+            book.write(json.dumps(entry) + "\n")
+            book.flush()
+            tally.add(*entry)
+            kind, seed, verdict, code, words, _ = entry
+            if verdict in ("disagreed", "refused"):
+                print(f"{verdict}: {kind} {seed}: {code} {words[:300]}", flush=True)
+                example = KINDS[kind](seed)
+                if verdict == "disagreed":
+                    example = smallest(example, given.seconds)
+                (given.folder / f"{verdict}_{kind}_{seed}.bg").write_text(
+                    f"# {words}\n{example.written(example.parameters)}", encoding="utf-8"
+                )
             if time.monotonic() - last > 60:
                 last = time.monotonic()
                 print(f"{number} models, {number / (last - began):.2f} each second\n{tally.told()}", flush=True)
-    print(tally.told())
+    print(tally.told(True))
     return 1 if tally.disagreed else 0
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory(prefix="bondgraph-opinions-") as kept:
-        os.environ.setdefault("BONDGRAPH_CACHE", kept)
-        code = main()
-    sys.exit(code)
+    sys.exit(main())

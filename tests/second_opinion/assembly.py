@@ -6,11 +6,11 @@ accelerations of bodies and multipliers of joints.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from compiler.algebra.expression import Expression, Number, Symbol, add, multiply, negate, substitute
+from compiler.algebra.expression import Expression, Number, Symbol, add, multiply, substitute, symbols
 from compiler.algebra.formula import Bound
 from compiler.graph.network import BondGraph, Element, Event, Junction, Kind, MechanismNode, Own, Quantity, Reading
 from tests.second_opinion.linkage import Linkage
@@ -48,6 +48,12 @@ class Assembly:
     """The system of one graph, as expressions."""
 
     graph: BondGraph
+    free: tuple[str, ...] = ()  # parameters that are arguments, in `p`
+    p: list[float] = field(default_factory=list)
+    fixed: set[str] = field(
+        default_factory=set
+    )  # of these, what was taken as a number: another value makes another system
+    values: dict[Expression, Any] = field(default_factory=dict)  # functions of t and x
     rates: list[Expression] = field(default_factory=list)
     starts: list[Any] = field(default_factory=list)  # numbers, or a law (expression, value) to be solved for it
     residuals: list[tuple[Expression, int | None, Expression | None]] = field(default_factory=list)
@@ -58,6 +64,8 @@ class Assembly:
     linkages: dict[str, Linkage] = field(default_factory=dict)
     quantities: dict[str, Expression] = field(default_factory=dict)
     bond_at: dict[tuple[int, int], int] = field(default_factory=dict)
+    shared: dict[tuple[int, str], tuple[int, str]] = field(default_factory=dict)
+    variables: dict[tuple[int, str], Symbol] = field(default_factory=dict)
 
     def unknown(self) -> Symbol:
         self.unknowns += 1
@@ -70,13 +78,18 @@ class Assembly:
 
     # ------------------------------------------------------------ references
     def effort(self, bond: int) -> Symbol:
-        return Symbol(Unknown("w", 2 * bond))
+        return self.variable(bond, "e")
 
     def flow(self, bond: int) -> Symbol:
-        return Symbol(Unknown("w", 2 * bond + 1))
+        return self.variable(bond, "f")
 
     def variable(self, bond: int, letter: str) -> Symbol:
-        return self.effort(bond) if letter == "e" else self.flow(bond)
+        """What the bonds of a junction share is one unknown."""
+        while (bond, letter) in self.shared:
+            bond, letter = self.shared[bond, letter]
+        if (bond, letter) not in self.variables:
+            self.variables[bond, letter] = self.unknown()
+        return self.variables[bond, letter]
 
     def opened(self, bound: Bound) -> Expression:
         """The expression of a formula over the unknowns."""
@@ -94,6 +107,8 @@ class Assembly:
         graph = self.graph
         if name == "time":
             return TIME
+        if name in self.free:
+            return Symbol(Unknown("p", self.free.index(name)))
         if name in self.integrals:
             return Symbol(Unknown("x", self.integrals[name]))
         if name in self.modes:
@@ -102,7 +117,7 @@ class Assembly:
             raise NotHeld("delay")
         if name not in self.quantities:
             named = graph.quantities.get(name) or graph.outputs[name]
-            if named.value is not None and named.role in STATIC:
+            if named.value is not None and named.role in STATIC and not (self.free and named.definition):
                 self.quantities[name] = Number(float(named.value))
             elif named.definition is None:
                 if named.value is None:
@@ -141,13 +156,24 @@ class Assembly:
 
         return substitute(x, replaced)
 
+    def function(self, arguments: str, lines: Sequence[str], result: str, space: dict[str, Any] = REAL) -> Any:
+        return function("function", arguments, lines, result, {**space, "p": self.p})
+
+    def number(self, x: Expression, t: float = 0.0, states: Sequence[float] = ()) -> float:
+        """The value of an expression of time, states and parameters. Raises `NameError` where it reads anything else."""
+        if x not in self.values:
+            writer = Writer(lambda key: "t" if key.kind == "t" else f"{key.kind}[{key.number}]", frozen=False)
+            value = writer.write(x)
+            self.values[x] = self.function("t, x", writer.lines, value)
+        return float(self.values[x](t, states))
+
     def equal_zero(self, x: Expression, switch: int | None = None, off: Expression | None = None) -> None:
         self.residuals.append((x, switch, off))
 
 
-def assembled(graph: BondGraph) -> Assembly:
-    """All equations of a graph. Raises `NotHeld`."""
-    a = Assembly(graph, unknowns=2 * len(graph.bonds))
+def assembled(graph: BondGraph, free: Mapping[str, float]) -> Assembly:
+    """All equations of a graph; `free` parameters with their values are arguments. Raises `NotHeld`."""
+    a = Assembly(graph, tuple(free), list(free.values()))
     if graph.delays:
         raise NotHeld("delay")
     for number, bond in enumerate(graph.bonds):
@@ -155,8 +181,14 @@ def assembled(graph: BondGraph) -> Assembly:
     for name, named in graph.quantities.items():
         if named.role == "mode":
             a.modes[name] = len(a.modes)
-    _declare_states(a)
     switches = {s.junction: i for i, s in enumerate(graph.switches)}
+    for number, node in enumerate(graph.nodes):
+        if isinstance(node, Junction) and node.name not in switches:
+            _share(a, graph.incident[number], "e" if node.kind is Kind.ZERO else "f")
+    for number in range(len(graph.bonds)):
+        a.effort(number)
+        a.flow(number)
+    _declare_states(a)
     for number, node in enumerate(graph.nodes):
         if isinstance(node, Junction):
             _junction(a, number, node, switches.get(node.name))
@@ -188,6 +220,22 @@ def _declare_states(a: Assembly) -> None:
         a.state(Number(0.0), None)
 
 
+def _share(a: Assembly, bonds: Sequence[int], letter: str) -> None:
+    """One name for what the bonds of a junction share."""
+
+    def last(bond: int) -> tuple[int, str]:
+        name = (bond, letter)
+        while name in a.shared:
+            name = a.shared[name]
+        return name
+
+    for bond in bonds[1:]:
+        if last(bond) != last(bonds[0]):
+            a.shared[last(bond)] = last(bonds[0])
+        else:  # said twice
+            a.equal_zero(Number(0.0))
+
+
 def _junction(a: Assembly, number: int, node: Junction, switch: int | None) -> None:
     """Equalities and the sum; where it is off, nothing of what its bonds share."""
     shared, split = ("e", "f") if node.kind is Kind.ZERO else ("f", "e")
@@ -197,8 +245,9 @@ def _junction(a: Assembly, number: int, node: Junction, switch: int | None) -> N
     signs = [1.0 if a.graph.bonds[b].head.node == number else -1.0 for b in bonds]
     total = add(*(multiply(Number(s), a.variable(b, split)) for s, b in zip(signs, bonds, strict=True)))
     a.equal_zero(total, switch, a.variable(bonds[0], shared))
-    for bond in bonds[1:]:
-        a.equal_zero(a.variable(bond, shared) - a.variable(bonds[0], shared), switch, a.variable(bond, shared))
+    if switch is not None:
+        for bond in bonds[1:]:
+            a.equal_zero(a.variable(bond, shared) - a.variable(bonds[0], shared), switch, a.variable(bond, shared))
 
 
 def _element(a: Assembly, number: int, node: Element) -> None:
@@ -275,9 +324,9 @@ def _namer(modes: int) -> Any:
 ARGUMENTS = "t, x, w, m, b"
 
 
-def system(graph: BondGraph) -> System:
-    """The functions of a graph. Raises `NotHeld`."""
-    a = assembled(graph)
+def system(graph: BondGraph, free: Mapping[str, float]) -> System:
+    """The functions of a graph; `free` parameters have their values in `assembly.p`. Raises `NotHeld`."""
+    a = assembled(graph, free)
     name = _namer(len(a.modes))
     writer = Writer(name, frozen=True)
     rates = [writer.write(r) for r in a.rates]
@@ -304,34 +353,32 @@ def system(graph: BondGraph) -> System:
     actions = [_actions(a, e) for e in graph.events]
     return System(
         a,
-        function("derivative", ARGUMENTS, lines, result, REAL),
-        function("derivative", ARGUMENTS, lines, result, COMPLEX),
-        function("watch", ARGUMENTS, writer.lines, watch, REAL),
-        function("conditions", ARGUMENTS, writer.lines, truth, REAL),
-        function("look", "t, x, w, m", plain.lines, f"[{', '.join(outputs)}]", REAL),
+        a.function(ARGUMENTS, lines, result),
+        a.function(ARGUMENTS, lines, result, COMPLEX),
+        a.function(ARGUMENTS, writer.lines, watch),
+        a.function(ARGUMENTS, writer.lines, truth),
+        a.function("t, x, w, m", plain.lines, f"[{', '.join(outputs)}]"),
         actions,
-        [_values(name, [item.value for item in group]) for group in actions],
+        [_values(a, name, [item.value for item in group]) for group in actions],
         tuple(graph.outputs),
         len(writer.atoms),
-        [_timed(name, o, x) for o, _, x in writer.atoms],
+        [_timed(a, name, o, x) for o, _, x in writer.atoms],
     )
 
 
-def _values(name: Any, values: Sequence[Expression]) -> Any:
+def _values(a: Assembly, name: Any, values: Sequence[Expression]) -> Any:
     writer = Writer(name, frozen=False)
     names = [writer.write(v) for v in values]
-    return function("values", "t, x, w, m", writer.lines, f"[{', '.join(names)}]", REAL)
+    return a.function("t, x, w, m", writer.lines, f"[{', '.join(names)}]")
 
 
-def _timed(name: Any, operator: str, x: Any) -> Any:
+def _timed(a: Assembly, name: Any, operator: str, x: Any) -> Any:
     """The branch of an atom on time alone as a function of t; None for others."""
-    from compiler.algebra.expression import symbols
-
-    if any(s != TIME for s in symbols(x)):
+    if any(s.key.kind not in "tp" for s in symbols(x)):
         return None
     writer = Writer(name, frozen=False)
     v = [writer.write(o) for o in x.operands]
-    return function("branch", "t", writer.lines, f"_{operator}({', '.join(v)})", REAL)
+    return a.function("t", writer.lines, f"_{operator}({', '.join(v)})")
 
 
 def _actions(a: Assembly, event: Event) -> list[Action]:
@@ -376,7 +423,3 @@ def stored_law(a: Assembly, number: int, node: Element, port: int, letter: str) 
         return Symbol(Unknown("own", 1)) - slope(energy, Symbol(Unknown("own", 0)))
     ((left, right),) = node.law.equations
     return substitute(left - right, replaced)
-
-
-def negative(x: Expression) -> Expression:
-    return negate(x)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from compiler.algebra.expression import ZERO, Expression, Number, Symbol, add, call, multiply, substitute, symbols
+from compiler.algebra.expression import ZERO, Expression, Number, Symbol, add, call, multiply, symbols
 from compiler.graph.mechanism import GROUND, Joint
 from compiler.graph.network import MechanismNode
 from tests.second_opinion.writer import NotHeld, slope
@@ -29,15 +29,6 @@ def _cos(x: Expression) -> Expression:
 def turned(point: Point, angle: Expression) -> Point:
     c, s = _cos(angle), _sin(angle)
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
-
-
-def number(x: Expression) -> float:
-    """The value of an expression of numbers."""
-    from tests.second_opinion.writer import REAL, Writer, function
-
-    writer = Writer(lambda key: "0", frozen=False)
-    value = writer.write(x)
-    return float(function("value", "", writer.lines, value, REAL)())
 
 
 class Linkage:
@@ -76,7 +67,10 @@ class Linkage:
             self._hold(joint)
 
     def value(self, bound: Any) -> float:
-        return number(self.a.opened(bound))
+        """A number, now and for all runs of this system."""
+        found = self.a.opened(bound)
+        self.a.fixed |= {self.a.free[s.key.number] for s in symbols(found) if s.key.kind == "p"}  # type: ignore[attr-defined]
+        return self.a.number(found)
 
     # ------------------------------------------------------------ points
     def fixed(self, place: str, at: tuple[float, float]) -> tuple[Point, Expression]:
@@ -222,12 +216,12 @@ class Linkage:
             self.a.equal_zero(gap)
         gravity = [self.value(self.mechanism.gravity[i]) for i in (0, 1)]
         for body in self.mechanism.bodies:
-            mass, inertia = self.value(body.mass), self.value(body.inertia.zz)
+            mass, inertia = self.a.opened(body.mass), self.a.opened(body.inertia.zz)
             for i, p in enumerate(self.pose[body.name]):
                 assert isinstance(p, Symbol)
-                weight = mass * gravity[i] if i < 2 else 0.0
-                own = multiply(Number(mass if i < 2 else inertia), self.acceleration_of[p])
-                self.a.equal_zero(add(own, Number(-weight), *(-f for f in self.forces[p])))
+                own = multiply(mass if i < 2 else inertia, self.acceleration_of[p])
+                weight = multiply(mass, Number(-gravity[i])) if i < 2 else ZERO
+                self.a.equal_zero(add(own, weight, *(-f for f in self.forces[p])))
 
     # ------------------------------------------------------------ starts
     def said(self) -> list[tuple[Expression, float, bool]]:
@@ -246,7 +240,3 @@ class Linkage:
             told = {n.partition(".")[0] for n in joint.starts}
             found += [c for n, c in self.coordinates(joint).items() if n not in told and joint.kind != "distance"]
         return found
-
-
-def opened(x: Expression, values: dict[Symbol, float]) -> Expression:
-    return substitute(x, lambda s: Number(values[s]) if s in values else s)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 PARTS = """
 plain model Friction {
@@ -48,16 +49,30 @@ class Example:
     parameters: dict[str, float]
     span: float
     plain: bool = True
+    first: dict[str, float] | None = None  # the parameters of the first of the structure
+    units: dict[str, str] = field(default_factory=dict)
 
     @property
     def traits(self) -> frozenset[str]:
         return frozenset().union(*(p.traits for p in self.parts))
 
     @property
+    def settings(self) -> dict[str, float]:
+        """The parameters that its lines read, with their values."""
+        body = " ".join(line for part in self.parts for line in part.lines)
+        return {n: v for n, v in self.parameters.items() if re.search(rf"\b{n}\b", body)}
+
+    @property
     def text(self) -> str:
+        """The structure with its first parameters; the others are set."""
+        return self.written(self.first or self.parameters)
+
+    def written(self, values: Mapping[str, float]) -> str:
+        """The whole model."""
         body = "\n".join("  " + line for part in self.parts for line in part.lines)
-        used = [n for n in self.parameters if n in body]
-        declared = "".join(f"  parameter {n} = {self.parameters[n]!r}\n" for n in used)
+        declared = "".join(
+            f"  parameter {n}{': ' + self.units[n] if n in self.units else ''} = {values[n]!r}\n" for n in self.settings
+        )
         shared = "".join(
             f"plain model {piece}" for piece in PARTS.split("plain model ")[1:] if f"{piece.split()[0]} " in body
         )
@@ -120,7 +135,7 @@ class Writer:
         self.add(f"R {name} : {law}", f"{at} -> {name}", traits=laws[law], needed=needed)
 
     def capacitor(self, at: str, needed: bool = False) -> None:
-        k, a, q = self.number(), self.number(0.2, 1.0), round(self.rng.uniform(-0.5, 0.5), 2)
+        k, a, q = self.number(), self.number(0.2, 1.0), self.number(-0.5, 0.5)
         laws = {
             f"e = {k}*q": "",
             f"e = {k}*q + {a}*q^3": "nonlinear",
@@ -134,7 +149,7 @@ class Writer:
         self.states.append(f"{name}.q")
 
     def inertia(self, at: str, needed: bool = False) -> None:
-        m, p = self.number(), round(self.rng.uniform(-0.5, 0.5), 2)
+        m, p = self.number(), self.number(-0.5, 0.5)
         law = self.rng.choice([f"p = {m}*f", f"p = {m}*f", f"energy = p^2/(2*{m}) + 0.05*p^4"])
         name = self.name("I")
         start = self.start("I", f"p = {p}")
@@ -143,11 +158,11 @@ class Writer:
 
     def source(self, at: str) -> None:
         a, w = self.number(), self.number(2, 6)
-        t = round(self.rng.uniform(0.2, 0.8), 3)
+        t = self.number(0.2, 0.8)
         values = {
             f"{a}*sin({w}*time)": "",
             f"{a}*step(time - {t})": "time",
-            f"{a}*pulse(time, {t}, {round(t + 0.3, 3)})": "time",
+            f"{a}*pulse(time, {t}, {t} + 0.3)": "time",
             f"{a} if sin({w}*time) > 0.8 else 0": "time if",
             f"{a}*ramp(time, 0.1, {t})": "time",
             f"{a}*max(sin({w}*time), 0)": "time max",
@@ -170,7 +185,7 @@ class Writer:
         """A branch that a condition switches."""
         name, r, c = self.name("w"), self.name("R"), self.name("C")
         watched = self.rng.choice([s for s in self.states if s[0] == "C"] or ["time"])
-        level = self.number(0.1, 0.4)
+        level = self.number(0.02, 0.2)
         what = self.rng.choice([(f"R {r} : e = {self.number()}*f", r), (f"C {c} : e = {self.number()}*q", c)])
         inner = (f"R {r}_ : e = {self.number()}*f",) if what[1] == c else ()
         members = ", ".join([what[1], *([f"{r}_"] if inner else [])])
@@ -221,7 +236,7 @@ class Writer:
         )
 
     def relay(self, at: str) -> None:
-        state, name, h = self.rng.choice(self.states), self.name("M"), self.number(0.05, 0.3)
+        state, name, h = self.rng.choice(self.states), self.name("M"), self.number(0.02, 0.2)
         self.add(
             f"mode {name}_u = 0.7",
             f"when {state} > {h} {{ {name}_u = -0.7 }}",
@@ -232,7 +247,7 @@ class Writer:
         )
 
     def counter(self) -> None:
-        state, name, h = self.rng.choice(self.states), self.name("n"), self.number(0.02, 0.4)
+        state, name, h = self.rng.choice(self.states), self.name("n"), self.number(0.02, 0.2)
         wave = self.rng.choice([f"{state} > {h}", f"sin(9*{state}) > 0.6", f"abs({state}) > {h}"])
         self.add(
             f"mode {name} = 0",
@@ -246,8 +261,11 @@ class Writer:
         momenta, places = [s for s in self.states if s[0] == "I"], [s for s in self.states if s[0] == "C"]
         if not momenta or not places:
             return
-        momentum, place, h = self.rng.choice(momenta), self.rng.choice(places), self.number(0.2, 0.6)
-        self.add(f"when {place} > {h} {{ {momentum} = -0.7*{momentum} }}", traits="bounce events")
+        momentum, place, h = self.rng.choice(momenta), self.rng.choice(places), self.number(0.02, 0.2)
+        self.add(
+            f"when {place} {self.rng.choice(['> ', '< -'])}{h} {{ {momentum} = -0.7*{momentum} }}",
+            traits="bounce events",
+        )
 
 
 SPECIALS = (
@@ -265,7 +283,7 @@ SPECIALS = (
 )
 
 
-def network(seed: int, structure: int = 4) -> Example:
+def network(seed: int, structure: int = 8) -> Example:
     """A random network; `structure` seeds in a row share their structure and differ in parameters."""
     w = Writer(seed // structure)
     rng = w.rng
@@ -334,67 +352,70 @@ def _varied(example: Example, number: int) -> Example:
     if not number:
         return example
     rng = random.Random(example.seed)
-    return replace(example, parameters={n: round(v * rng.uniform(0.7, 1.4), 4) for n, v in example.parameters.items()})
+    varied = {n: round(v * rng.uniform(0.7, 1.4), 4) for n, v in example.parameters.items()}
+    return replace(example, parameters=varied, first=example.parameters)
 
 
 # ---------------------------------------------------------------- mechanisms
-def mechanism(seed: int) -> Example:
-    """A random planar mechanism: a chain with springs, a four-bar or a slider-crank."""
-    rng = random.Random(seed)
-    return [_chain, _four_bar, _slider_crank][seed % 3](seed, rng)
+class Dice(random.Random):
+    """Random numbers, and parameters with units."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed)
+        self.parameters: dict[str, float] = {}
+        self.units: dict[str, str] = {}
+
+    def parameter(self, low: float, high: float, unit: str) -> str:
+        name = f"p_{len(self.parameters)}"
+        self.parameters[name], self.units[name] = round(self.uniform(low, high), 4), unit
+        return name
 
 
-def _u(rng: random.Random, low: float, high: float) -> float:
+def mechanism(seed: int, structure: int = 8) -> Example:
+    """A random planar mechanism: a chain with springs, a four-bar or a slider-crank; `structure` seeds in a row differ in parameters."""
+    number = seed // structure
+    return _varied([_chain, _four_bar, _slider_crank][number % 3](seed, Dice(number)), seed % structure)
+
+
+def _u(rng: Dice, low: float, high: float) -> float:
     return round(rng.uniform(low, high), 4)
 
 
-def _body(rng: random.Random, name: str, x: float, y: float) -> str:
-    mass = _u(rng, 0.3, 2)
-    return f"  body {name} {{ mass = {mass} kg, inertia = {_u(rng, 0.01, 0.1)} [kg*m^2], at = ({x:.6f} m, {y:.6f} m) }}"
+def _body(rng: Dice, name: str, x: float, y: float) -> str:
+    mass, inertia = rng.parameter(0.3, 2, "kg"), rng.parameter(0.01, 0.1, "kg*m^2")
+    return f"  body {name} {{ mass = {mass}, inertia = {inertia}, at = ({x:.6f} m, {y:.6f} m) }}"
 
 
-def _mechanism(seed: int, block: list[str], parts: list[Part], outputs: list[str], rng: random.Random) -> Example:
+def _mechanism(seed: int, block: list[str], parts: list[Part], outputs: list[str], rng: Dice) -> Example:
     gravity = "  gravity = (0, -9.81 [m/s^2])"
-    lines = ("multibody b : planar {", *([gravity] if rng.random() < 0.7 else []), *block, "}")
+    moved = any(line.startswith("Se") for part in parts for line in part.lines) and rng.random() < 0.4
+    lines = ("multibody b : planar {", *([] if moved else [gravity]), *block, "}")
     shown = tuple(f"output y{i} = {o}" for i, o in enumerate(outputs))
     whole = (Part(lines, frozenset({"mechanism"}), True), *parts, Part(shown, needed=True))
-    return Example(seed, whole, {}, _u(rng, 0.3, 0.8), plain=False)
+    return Example(seed, whole, rng.parameters, _u(rng, 0.3, 0.8), plain=False, units=rng.units)
 
 
-def _hanging(
-    rng: random.Random, joints: list[str], letter: str = "M", rate: str = "omega", unit: str = "N*m"
-) -> list[Part]:
+def _hanging(rng: Dice, joints: list[str], letter: str = "M", rate: str = "omega", unit: str = "N*m") -> list[Part]:
     """Springs, dampers and drives on joints."""
     found = []
-    q = "phi" if letter == "M" else "x"
+    q, per, damping = ("phi", "", f"{unit}*s") if letter == "M" else ("x", "/m", f"{unit}*s/m")
     for i, joint in enumerate(joints):
         choice = rng.random()
         if choice < 0.4:
-            k = _u(rng, 1, 20)
-            cubic = f" + {_u(rng, 1, 5)} [{unit}{'' if q == 'phi' else '/m^3'}]*{q}^3" if rng.random() < 0.5 else ""
-            per = "" if q == "phi" else "/m"
-            found.append(
-                Part(
-                    (f"C c_{i} : {letter} = {k} [{unit}{per}]*{q}{cubic}", f"b.{joint} -> c_{i}"), frozenset({"spring"})
-                )
-            )
+            law = f"{rng.parameter(1, 20, unit + per)}*{q}"
+            if rng.random() < 0.5:
+                law += f" + {rng.parameter(1, 5, unit + ('/m^3' if per else ''))}*{q}^3"
+            found.append(Part((f"C c_{i} : {letter} = {law}", f"b.{joint} -> c_{i}"), frozenset({"spring"})))
         if choice > 0.3:
-            r = _u(rng, 0.01, 0.5)
-            per = "*s" if q == "phi" else "*s/m"
-            found.append(Part((f"R r_{i} : {letter} = {r} [{unit}{per}]*{rate}", f"b.{joint} -> r_{i}")))
+            r = rng.parameter(0.01, 0.5, damping)
+            found.append(Part((f"R r_{i} : {letter} = {r}*{rate}", f"b.{joint} -> r_{i}")))
         if choice > 0.8:
-            found.append(
-                Part(
-                    (
-                        f"Se s_{i} : {letter} = {_u(rng, 0.2, 3)} {unit if q != 'phi' else '[N*m]'}*sin(7*time/1 s)",
-                        f"s_{i} -> b.{joint}",
-                    )
-                )
-            )
+            drive = f"{rng.parameter(0.2, 3, unit)}*sin(7*time/1 s)"
+            found.append(Part((f"Se s_{i} : {letter} = {drive}", f"s_{i} -> b.{joint}")))
     return found
 
 
-def _chain(seed: int, rng: random.Random) -> Example:
+def _chain(seed: int, rng: Dice) -> Example:
     count, x, y = rng.randint(1, 3), 0.0, 0.0
     block, joints, before, outputs = [], [], "ground", []
     for i in range(count):
@@ -414,7 +435,9 @@ def _chain(seed: int, rng: random.Random) -> Example:
         block.append(f"  frame wall : ground {{ at = ({_u(rng, 0.5, 1)} m, {_u(rng, 0.7, 1)} m) }}")
         block.append(f"  frame tip : {before} {{ at = ({x:.6f} m, {y:.6f} m) }}")
         block.append("  distance d : wall to tip")
-        parts.append(Part((f"C c_d : F = {_u(rng, 5, 40)} [N/m]*(x - 0.6 m)", "b.d -> c_d"), frozenset({"distance"})))
+        parts.append(
+            Part((f"C c_d : F = {rng.parameter(5, 40, 'N/m')}*(x - 0.6 m)", "b.d -> c_d"), frozenset({"distance"}))
+        )
         outputs.append("b.d.d")
     if rng.random() < 0.4:
         parts.append(
@@ -426,7 +449,7 @@ def _chain(seed: int, rng: random.Random) -> Example:
     return _mechanism(seed, block, parts, outputs, rng)
 
 
-def _four_bar(seed: int, rng: random.Random) -> Example:
+def _four_bar(seed: int, rng: Dice) -> Example:
     a, g = _u(rng, 0.15, 0.35), _u(rng, 0.8, 1.1)
     angle = _u(rng, 0.3, 2.5)
     from math import atan2, cos, hypot, sin, sqrt
@@ -449,7 +472,7 @@ def _four_bar(seed: int, rng: random.Random) -> Example:
     return _mechanism(seed, block, parts, ["b.hA.phi", "b.hD.phi", "b.coupler.x", "b.hA.phi.omega"], rng)
 
 
-def _slider_crank(seed: int, rng: random.Random) -> Example:
+def _slider_crank(seed: int, rng: Dice) -> Example:
     from math import cos, sin, sqrt
 
     r, offset, angle = _u(rng, 0.1, 0.3), _u(rng, -0.05, 0.05), _u(rng, 0.2, 2.8)

@@ -13,8 +13,11 @@ from tests.second_opinion.comparison import Verdict, compared
 from tests.second_opinion.random_models import Example, mechanism, network
 
 KINDS: dict[str, Callable[[int], Example]] = {"network": network, "mechanism": mechanism}
-BUDGET = 6000  # iterations of Newton's method
+BUDGET = 4000  # iterations of Newton's method
 POINTS = 4
+
+
+Entry = tuple[str, int, str, str, str, tuple[str, ...]]  # kind, seed, verdict, code, words, traits
 
 
 @dataclass
@@ -25,20 +28,22 @@ class Tally:
     traits: Counter[str] = field(default_factory=Counter)
     disagreed: list[tuple[str, int, str]] = field(default_factory=list)
     refused: list[tuple[str, int, str]] = field(default_factory=list)  # by the product alone
+    seen: set[tuple[str, int]] = field(default_factory=set)
 
-    def add(self, kind: str, seed: int, verdict: Verdict) -> None:
-        name = verdict.kind + (f" {verdict.code}" if verdict.code else "")
-        self.verdicts[f"{kind}: {name}"] += 1
-        if verdict.kind == "agreed":
-            self.traits.update(KINDS[kind](seed).traits)
-        elif verdict.kind == "disagreed":
-            self.disagreed.append((kind, seed, verdict.words))
-        elif verdict.kind == "refused":
-            self.refused.append((kind, seed, verdict.words))
+    def add(self, kind: str, seed: int, verdict: str, code: str, words: str, traits: Iterable[str]) -> None:
+        self.seen.add((kind, seed))
+        self.verdicts[f"{kind}: {verdict}" + (f" {code}" if code else "")] += 1
+        if verdict == "agreed":
+            self.traits.update(traits)
+        elif verdict in ("disagreed", "refused"):
+            (self.disagreed if verdict == "disagreed" else self.refused).append((kind, seed, words))
 
-    def told(self) -> str:
+    def told(self, all_of_it: bool = False) -> str:
         lines = [f"{n:7} {what}" for what, n in sorted(self.verdicts.items())]
         lines.append("traits of what agreed: " + ", ".join(f"{n} {t}" for t, n in self.traits.most_common()))
+        if all_of_it:
+            for what, cases in (("refused", self.refused), ("disagreed", self.disagreed)):
+                lines += [f"{what}: {kind} {seed}: {words[:200]}" for kind, seed, words in cases]
         return "\n".join(lines)
 
 
@@ -48,28 +53,30 @@ class TooLong(Exception):
 
 @contextmanager
 def limited(seconds: int | None) -> Any:
-    """Raise `TooLong` after some seconds, in the main thread."""
+    """Raise `TooLong` after some seconds of the processor, in the main thread."""
     if seconds is None:
         yield
         return
 
     def over(*_: Any) -> None:
-        raise TooLong
+        raise TooLong(TooLong.__name__)
 
-    before = signal.signal(signal.SIGALRM, over)
-    signal.alarm(seconds)
+    before = signal.signal(signal.SIGPROF, over)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def verdict_on(example: Example, seconds: int | None = None) -> Verdict:
     """What the two say of one model. An error that neither of them words is a disagreement."""
     try:
         with limited(seconds):
-            return compared(example.text, example.span, points=POINTS, goal=1e-5, most=128, budget=BUDGET)
+            return compared(
+                example.text, example.span, points=POINTS, settings=example.settings, goal=1e-5, most=128, budget=BUDGET
+            )
     except TooLong:
         return Verdict("too long")
     except Exception as error:
@@ -90,10 +97,13 @@ def smallest(example: Example, seconds: int | None = None) -> Example:
     return example
 
 
-def tried(job: tuple[str, int, int | None]) -> tuple[str, int, Verdict]:
+def tried(job: tuple[str, int, int | None]) -> Entry:
     """One model by kind and seed; for worker processes."""
     kind, seed, seconds = job
-    return kind, seed, verdict_on(KINDS[kind](seed), seconds)
+    example = KINDS[kind](seed)
+    verdict = verdict_on(example, seconds)
+    traits = {*example.traits, *(["events that happened"] if verdict.events else [])}
+    return kind, seed, verdict.kind, verdict.code, verdict.words, tuple(sorted(traits))
 
 
 def campaign(kind: str, seeds: Iterable[int]) -> Tally:

@@ -6,12 +6,12 @@ ceil) from outside, so that what is integrated is smooth; the others look.
 
 from __future__ import annotations
 
-import cmath
 import math
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from compiler.algebra.expression import (
     ONE,
@@ -83,24 +83,20 @@ def _outer(operator: str, u: Expression, rest: Sequence[Expression], by: Symbol)
 
 
 # ---------------------------------------------------------------- functions that lines call
-def _segment(x: Any, xs: Sequence[float]) -> int:
-    return min(max(bisect_right(xs, x.real) - 1, 0), len(xs) - 2)
+def _segment(x: Any, xs: Any) -> Any:
+    return np.clip(np.searchsorted(xs, np.real(x), "right") - 1, 0, len(xs) - 2)
 
 
 def line_table(x: Any, *points: Any) -> Any:
     """Straight lines between points."""
-    n = len(points) // 2
-    xs, ys = points[:n], points[n:]
-    if xs[0] > xs[-1]:
-        xs, ys = xs[::-1], ys[::-1]
+    xs, ys = np.reshape(points, (2, -1))[:, :: 1 if points[0] <= points[len(points) // 2 - 1] else -1]
     i = _segment(x, xs)
     return ys[i] + (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i]) * (x - xs[i])
 
 
 def curve_table(x: Any, *points: Any) -> Any:
     """Cubics through points with slopes, by the Hermite basis."""
-    n = len(points) // 3
-    xs, ys, ms = points[:n], points[n : 2 * n], points[2 * n :]
+    xs, ys, ms = np.reshape(points, (3, -1))
     i = _segment(x, xs)
     h = xs[i + 1] - xs[i]
     s = (x - xs[i]) / h
@@ -113,47 +109,39 @@ def curve_table(x: Any, *points: Any) -> Any:
 
 
 def _complex_atan2(y: Any, x: Any) -> Any:
-    size = x.real**2 + y.real**2
-    return math.atan2(y.real, x.real) + 1j * (x.real * y.imag - y.real * x.imag) / size
+    size = np.real(x) ** 2 + np.real(y) ** 2
+    return np.arctan2(np.real(y), np.real(x)) + 1j * (np.real(x) * np.imag(y) - np.real(y) * np.imag(x)) / size
 
 
 def _signed_root(a: Any, n: Any) -> Any:
-    n = n.real
-    return -((-a) ** (1 / n)) if a.real < 0 and n % 2 == 1 else a ** (1 / n)
+    n = float(np.real(n).flat[0]) if np.ndim(n) else n.real
+    return np.where(np.real(a) < 0, -1, 1) * (a * np.sign(np.real(a))) ** (1 / n) if n % 2 == 1 else a ** (1 / n)
 
 
-def _shared() -> dict[str, Any]:
-    def sgn(x: Any) -> float:
-        return float((x.real > 0) - (x.real < 0))
-
-    return {
-        "_less": lambda a, b: float(a.real < b.real),
-        "_less_equal": lambda a, b: float(a.real <= b.real),
-        "_equal": lambda a, b: float(a.real == b.real),
-        "_sign": sgn,
-        "_abs": lambda a: 1.0 if a.real >= 0 else -1.0,
-        "_min": lambda a, b: float(a.real <= b.real),
-        "_max": lambda a, b: float(a.real >= b.real),
-        "_floor": lambda a: float(math.floor(a.real)),
-        "_ceil": lambda a: float(math.ceil(a.real)),
-        "line_table": line_table,
-        "curve_table": curve_table,
-        "root": _signed_root,
-        "pi": math.pi,
-    }
-
-
-_PLAIN = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log")
-REAL: dict[str, Any] = {
-    **_shared(),
-    **{n: getattr(math, n) for n in (*_PLAIN, "log10", "sqrt", "atan2")},
-    "real": float,
+_SHARED: dict[str, Any] = {
+    "_less": lambda a, b: float(a.real < b.real),
+    "_less_equal": lambda a, b: float(a.real <= b.real),
+    "_equal": lambda a, b: float(a.real == b.real),
+    "_sign": lambda a: float((a.real > 0) - (a.real < 0)),
+    "_abs": lambda a: 1.0 if a.real >= 0 else -1.0,
+    "_min": lambda a, b: float(a.real <= b.real),
+    "_max": lambda a, b: float(a.real >= b.real),
+    "_floor": lambda a: float(math.floor(a.real)),
+    "_ceil": lambda a: float(math.ceil(a.real)),
+    "line_table": line_table,
+    "curve_table": curve_table,
+    "root": _signed_root,
+    "pi": math.pi,
 }
+_PLAIN = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt")
+_INVERSE = ("asin", "acos", "atan", "asinh", "acosh", "atanh")
+REAL: dict[str, Any] = {**_SHARED, **{n: getattr(math, n) for n in (*_PLAIN, *_INVERSE, "atan2")}, "real": float}
 COMPLEX: dict[str, Any] = {
-    **_shared(),
-    **{n: getattr(cmath, n) for n in (*_PLAIN, "log10", "sqrt")},
+    **_SHARED,
+    **{n: getattr(np, n) for n in _PLAIN},
+    **{n: getattr(np, f"arc{n[1:]}") for n in _INVERSE},
     "atan2": _complex_atan2,
-    "real": lambda v: v.real,
+    "real": np.real,
 }
 
 
