@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Leaf
-from .linear import linearization, state_matrix
+from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
 from .told import finite, pair
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 SCHEMA = "bondgraph-modes/1"
 WIDTH = 64  # modes whose energies are computed at once
 STILL = 1e-12  # relative to the fastest: an eigenvalue that counts as zero
+RESTING = 1e-8  # relative to the terms in a rate: a smaller rate is rounding
+CHANGING = 1e-6  # relative to the terms in a rate: a smaller change along the motion is none
 SMALL = 1e-9  # relative to the largest energy: rounding
 
 
@@ -108,6 +110,7 @@ class Modes(Sequence[Mode]):
     time: float
     modes: tuple[Mode, ...]
     units: Mapping[str, str]
+    note: str = ""  # of a point that is neither at rest nor in a steady motion
 
     def __len__(self) -> int:
         return len(self.modes)
@@ -127,9 +130,10 @@ class Modes(Sequence[Mode]):
         """Return JSON values by the schema `bondgraph-modes/1`, frequencies in Hz, all else in SI.
 
         {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency, damped_frequency, damping, energy: {element: share}, shape,
-        outputs: {name: {re, im}}}]}.
+        outputs: {name: {re, im}}}]}; and `note` where the point changes with time.
         """
-        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
+        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
+        told |= {"note": self.note} if self.note else {}
         return {**told, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
 
     def summary(self) -> str:
@@ -160,7 +164,27 @@ def modes(point: OperatingPoint) -> Modes:
     made = tuple(
         Mode(complex(v), told, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
-    return Modes(linear.model, linear.experiment, point.time, made, units)
+    return Modes(linear.model, linear.experiment, point.time, made, units, _note(linear))
+
+
+def _note(linear: Linearization) -> str:
+    """What to know of a point whose rates change: its modes are of slopes that are others an instant later. Empty at rest and in steady motion."""
+    sizes, slopes = np.abs(linear.x), np.abs(linear.A)
+    fastest = slopes.max(initial=0.0)
+    if not fastest > 0:
+        return ""
+    terms = slopes @ np.maximum(sizes, slopes @ sizes / fastest)  # of which rounding leaves a share in each rate
+    rates = np.where(np.abs(linear.rates) > RESTING * terms, linear.rates, 0.0)
+    change = np.abs(linear.A @ rates)
+    pace = float(np.max(np.abs(rates) / np.where(sizes > 0, sizes, np.inf), initial=0.0))
+    share = change / np.where(terms * pace > 0, terms * pace, np.where(change > 0, change, 1.0))
+    worst = int(np.argmax(share))
+    if share[worst] <= CHANGING:
+        return ""
+    return (
+        f"here the model is neither at rest nor in a steady motion: the rate of `{linear.states[worst]}` changes, and the modes are those of "
+        "slopes at one instant"
+    )
 
 
 def moving_frequencies(point: OperatingPoint) -> list[float]:

@@ -103,7 +103,10 @@ def modes_text(found: Modes) -> str:
     rows += [
         (f"{m.frequency:.9g} Hz", f"{m.damped_frequency:.9g} Hz", f"{m.damping:.4g}", _where(m)) for m in found.modes
     ]
-    return f"{title(found.model, found.experiment, f'modes at t = {found.time:.6g} s')}\n\n{aligned(rows, '>>><')}"
+    note = f"\n\nnote: {visible(found.note)}" if found.note else ""
+    return (
+        f"{title(found.model, found.experiment, f'modes at t = {found.time:.6g} s')}\n\n{aligned(rows, '>>><')}{note}"
+    )
 
 
 def _where(mode: Mode) -> str:

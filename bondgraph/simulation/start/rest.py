@@ -30,6 +30,8 @@ CLOSE = 1e-9  # size of the last correction, relative to the magnitude of a stat
 ROUNDING = 1e-12  # relative to the terms in a rate: a smaller rate is rounding where they cancel
 RESTING = 1e-8  # relative to the terms in a rate: a larger rate is a motion
 FIRST = 0.1  # of the time in which the first rates reach a magnitude: without restoring forces eigenvalues give no time
+STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
+PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that moves most: the rates are compared there
 
 
 def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
@@ -39,6 +41,7 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
     return found_by(_search(program, constraints, inputs, first), np.array(state))
 
 
+@np.errstate(all="ignore")  # a trial may lead to where a law has no value
 def found_by(search: Search, state: Any) -> Any:
     """Return the equilibrium that a given search reaches from a state. Raises `RunFailed`."""
     count = search.count
@@ -53,6 +56,8 @@ def found_by(search: Search, state: Any) -> Any:
         return search.rested(x)
     if search.distance(slope, jacobian) <= CLOSE:
         return search.rested(search.polished(x, slope, jacobian))
+    if (moving := search.steady_motion(x, slope, jacobian)) is not None:
+        raise moving
     size = search.first(slope, jacobian)
     for _ in range(STEPS):
         found = search.step(x, slope, jacobian, size)
@@ -228,6 +233,35 @@ class Search:
         return full
 
     # ------------------------------------------------------------ what is told
+    def steady_motion(self, full: Any, slope: Any, jacobian: Any) -> RunFailed | None:
+        """The refusal of a start whose rates stay what they are while it moves: a rolling wheel or a rotor whose angle the laws read.
+
+        From there a search would stop the motion, and its rest would be another one. None for any other start."""
+        if self.program.hybrid is not None:  # a condition may see the motion
+            return None
+        size = self.scale(np.zeros(self.count))
+        terms = np.abs(jacobian) @ self.moved(size, jacobian) + self.loop_terms
+        moving = np.where(np.abs(slope) > RESTING * terms, slope, 0.0)
+        if not moving.any():
+            return None
+        way = moving / (np.abs(moving) / size).max()  # as far as one state moves by its magnitude
+        allowed = STEADY * terms
+        if not (np.abs(jacobian @ way) <= allowed).all():
+            return None
+        largest, basis, loop_terms = self.largest, self.basis, self.loop_terms
+        try:
+            ahead = [self.at(np.concatenate([full[: self.count] + s * way, full[self.count :]])) for s in PLACES]
+        except (np.linalg.LinAlgError, RunFailed):
+            ahead = []
+        self.largest, self.basis, self.loop_terms = largest, basis, loop_terms
+        if not ahead or not all((np.abs(rates - slope) <= allowed).all() for _, rates, _ in ahead):
+            return None
+        name = self.names[int(np.argmax(np.abs(way) / size))]
+        return RunFailed(
+            f"no equilibrium was found: the start is a steady motion, in which `{name}` goes on and nothing else changes; start it without that motion, "
+            'or analyse what is near the motion with `--at start` (in Python `state="start"`)'
+        )
+
     def rested(self, full: Any) -> Any:
         """Return the state, if all its rates vanish at its scales. Raises `RunFailed` otherwise."""
         full, slope, jacobian = self.at(full)
