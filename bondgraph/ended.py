@@ -105,7 +105,7 @@ def read(path: str | Path) -> Result:
     if path.stat().st_size > LARGEST:
         raise UsageError(f"{path} is larger than a result can be")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         told = json.loads(str(arrays[RUN].item()))
         if told["schema"] != SCHEMA:

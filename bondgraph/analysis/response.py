@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-response/1"
 POINTS = 400
+MOST_POINTS = 1_000_000
+LOWEST, HIGHEST = 1e-150, 1e150  # Hz: within them squares are finite
 BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # in widths of a resonance
 BEYOND = 1e-9  # relative distance from an undamped resonance within which there are no values
 AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
@@ -183,9 +185,11 @@ def frequencies_between(poles: Any, low: float | None, high: float | None, point
         )
     low = float(moving.min()) / 10 if low is None else low
     high = float(moving.max()) * 10 if high is None else high
-    if not (0 < low < high < math.inf) or not 2 <= points <= 1_000_000:
+    if not 2 <= points <= MOST_POINTS:
+        raise UsageError(f"a response has from 2 to {MOST_POINTS} points; these are {points}")
+    if not LOWEST <= low < high <= HIGHEST:
         raise UsageError(
-            f"frequencies run upwards from above zero, at 2 points or more; not from {low:g} to {high:g} Hz at {points}"
+            f"frequencies run upwards, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz"
         )
     near = [
         (abs(p.imag) + w * abs(p.real)) / (2 * math.pi) for p in poles if 0 < abs(p.real) < abs(p.imag) for w in BESIDE

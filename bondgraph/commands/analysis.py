@@ -19,7 +19,7 @@ from .options import (
     model_option,
     named,
     outputs_option,
-    setting,
+    settings_by_name,
     settings_option,
 )
 from .telling import problems_told
@@ -64,7 +64,7 @@ def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Co
             file: str, experiment: str, settings: Sequence[str], as_json: bool, model: str | None, outputs: Sequence[str] = (), **own: Any
         ) -> None:  # fmt: skip
             with problems_told():
-                given = dict(map(setting, settings))
+                given = settings_by_name(settings)
                 function(Asked(file, model, named(experiment), given, tuple(outputs) or None, as_json), **own)
 
         own = vars(command).pop("__click_params__", [])

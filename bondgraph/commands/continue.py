@@ -19,7 +19,7 @@ from .options import setting
 def command(asked: Asked, along: str, points: int, most: int, branches: bool, plot: str | None) -> None:
     """Follow a branch of states of rest against a parameter, round its folds: pull-in, snap-through, buckling."""
     check_targets((plot, PICTURES, "--plot"))
-    name, value = setting(along)
+    name, value = setting(along, "--along", "k=1 N/m .. 2 N/m")
     low, high = bounds(value, "--along", "`NAME = A .. B`")
     found = asked.model.continuation(
         name, low, high, points, most, asked.experiment, asked.settings, asked.outputs, branches

@@ -27,7 +27,11 @@ def command(
 ) -> None:  # fmt: skip
     """Find the parameters that explain measured data, and how sure they are."""
     check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))
-    sought = dict(setting(p) if "=" in p else (p.strip(), "") for p in parameters)
+    names = [p.partition("=")[0].strip() for p in parameters]
+    for name in names:
+        if names.count(name) > 1:
+            raise click.UsageError(f"--parameter has `{name}` twice: leave one out")
+    sought = dict(setting(p, "--parameter", "k=1 N/m .. 2 N/m") if "=" in p else (p.strip(), "") for p in parameters)
     found = asked.model.fit(list(data), sought, asked.experiment, asked.settings, explain)
     write_all((out, found.write), (plot, found.plot))
     asked.answer(found)

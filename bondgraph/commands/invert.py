@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .analysis import PICTURES, Asked, analysis, check_targets, picture_option
-from .options import TABLES, setting
+from .options import TABLES, settings_by_name
 
 
 @analysis("invert", of_outputs=False)
@@ -54,18 +54,19 @@ def command(
         for path, _, option in written:
             if path is not None:
                 raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
-    model, most = asked.model, dict(map(setting, limits))
+    wanted = settings_by_name(targets, "--want", "x=1 um")
+    model, most = asked.model, settings_by_name(limits, "--limit", "volt=10 V")
     if setpoints is not None:
         found: Any = model.invert_file(
             setpoints, inputs, asked.experiment, asked.settings, to=to, start=start, points=points, moving=moving, limits=most
         )  # fmt: skip
     elif to is not None:
         found = model.invert(
-            dict(map(setting, targets)), inputs, asked.experiment, asked.settings, to=to, start=start or "0 s", points=points,
+            wanted, inputs, asked.experiment, asked.settings, to=to, start=start or "0 s", points=points,
             moving=moving, limits=most,
         )  # fmt: skip
     else:
-        found = model.invert(dict(map(setting, targets)), inputs, asked.experiment, asked.settings)
+        found = model.invert(wanted, inputs, asked.experiment, asked.settings)
     _write(found, written)
     asked.answer(found)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import click
 
 from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
-from .options import TABLES, jobs_option, journal_option, setting, shared_out
+from .options import TABLES, jobs_option, journal_option, settings_by_name, shared_out
 
 
 @analysis("montecarlo")
@@ -40,7 +40,7 @@ def command(
     check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"), (tornado, PICTURES, "--tornado"))
     with shared_out(jobs, journal, "points") as sharing:
         found = asked.model.montecarlo(
-            dict(map(setting, vary)), tuple(of) or "modes", samples, dict(map(_correlation, correlations)), seed, indices,
+            settings_by_name(vary, "--vary", "d=normal(2 um, 50 nm)"), tuple(of) or "modes", samples, dict(map(_correlation, correlations)), seed, indices,
             asked.experiment, asked.settings, asked.outputs, to, sharing=sharing,
         )  # fmt: skip
     write_all((out, found.write), (plot, found.plot), (tornado, found.plot_tornado))

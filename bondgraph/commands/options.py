@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,11 +60,23 @@ def load(file: str, model: str | None) -> Model:
     return load(Path(file), model)
 
 
-def setting(text: str) -> tuple[str, str]:
+def setting(text: str, option: str = "--set", example: str = "a=171 um") -> tuple[str, str]:
+    """Both sides of `NAME=VALUE`. Raises `click.UsageError`."""
     name, sign, value = text.partition("=")
     if not sign or not name.strip() or not value.strip():
-        raise click.UsageError(f'--set takes NAME=VALUE, as in --set "a=171 um"; this is `{text}`')
+        form = "NAME=VALUE" if option == "--set" else "a name and what it takes"
+        raise click.UsageError(f'{option} takes {form}, as in {option} "{example}"; this is `{text}`')
     return name.strip(), value.strip()
+
+
+def settings_by_name(texts: Sequence[str], option: str = "--set", example: str = "a=171 um") -> dict[str, str]:
+    """Names and values of an option that may stand several times. Raises `click.UsageError`, also for a name that stands twice."""
+    result: dict[str, str] = {}
+    for name, value in (setting(text, option, example) for text in texts):
+        if name in result:
+            raise click.UsageError(f"{option} has `{name}` twice, as `{result[name]}` and as `{value}`: leave one out")
+        result[name] = value
+    return result
 
 
 def check_target(path: str, endings: tuple[str, ...], option: str) -> None:

@@ -21,7 +21,7 @@ from .options import (
     load,
     model_option,
     outputs_option,
-    setting,
+    settings_by_name,
     shared_out,
 )
 from .telling import FAILED, harmless, problems_told
@@ -95,7 +95,7 @@ def command(
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen, asked = load(file, model), None if experiment == "none" else experiment
-        given = dict(map(setting, settings))
+        given = settings_by_name(settings)
         analyses = _make_ready(chosen, asked, given, tuple(outputs) or None, energy, target)
         arguments: dict[str, Any] = {
             "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,

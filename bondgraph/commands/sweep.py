@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import click
 
 from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
-from .options import TABLES, jobs_option, journal_option, setting, shared_out
+from .options import TABLES, jobs_option, journal_option, settings_by_name, shared_out
 
 
 @analysis("sweep")
@@ -30,7 +30,7 @@ def command(
 ) -> None:  # fmt: skip
     """Make equilibria, modes or runs at many values of parameters and inputs."""
     check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))
-    values = dict(map(setting, over))
+    values = settings_by_name(over, "--over", "k=1 N/m, 2 N/m")
     with shared_out(jobs, journal, "points") as sharing:
         found = asked.model.sweep(
             values, tuple(of) or "simulate", together, asked.experiment, asked.settings, to, outputs=asked.outputs, sharing=sharing

@@ -232,6 +232,7 @@ class _Opened:
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
     settable = [p.name for p in elaborator.pending if p.role in ("parameter", "input")]
+    known = f"Parameters and inputs: {', '.join(settable[:12])}{'…' if len(settable) > 12 else ''}."
     roles = {p.name: p.role for p in elaborator.pending}
     lists = {n for n in elaborator.quantities if "[" in n}
     for path, override in elaborator.overrides.items():
@@ -243,17 +244,13 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
                     override.span,
                     path,
                     "what can be set",
-                    f"It is a {roles[path]}; only parameters and inputs are set from outside.",
+                    f"It is {'an' if roles[path][:1] in 'aeiou' else 'a'} {roles[path]}; only parameters and inputs are set from outside.",
                 )
             )
         elif not isinstance(elaborator.root.entries.get(path.split("[")[0].split(".")[0]), Broken):
-            hint = suggestion(
-                path,
-                [*settable, *lists],
-                f"Parameters and inputs: {', '.join(settable[:12])}{'…' if len(settable) > 12 else ''}.",
-            )
+            hint = suggestion(path, [*settable, *lists], known)
             elaborator.tell(UnknownName(override.span, path, f"`{elaborator.root.definition.name}`", hint))
     for name in scene.free - {"*"}:
         if name not in elaborator.quantities:
             span = elaborator.root.definition.model.name_span
-            elaborator.tell(UnknownName(span, name, "what can be set", suggestion(name, settable)))
+            elaborator.tell(UnknownName(span, name, "what can be set", suggestion(name, settable, known)))

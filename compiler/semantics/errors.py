@@ -300,6 +300,9 @@ class NoSingleModel(Diagnostic):
     hint: str
 
 
+NO_NAMES = "Write an expression that has a finite value."  # the advice where no name has a value to tell
+
+
 @dataclass(frozen=True, slots=True)
 class NoValue(Diagnostic):
     """BG133."""

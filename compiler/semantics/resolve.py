@@ -24,6 +24,7 @@ from ..scene import Override
 from ..source import Span
 from ..syntax import tree
 from .errors import (
+    NO_NAMES,
     DimensionMismatch,
     NotStatic,
     NoValue,
@@ -207,7 +208,7 @@ class Resolver(ABC):
                     if named.value is not None
                     else named.name
                 )
-        return "With " + ", ".join(parts) + "." if parts else ""
+        return "With " + ", ".join(parts) + "." if parts else NO_NAMES
 
     # ------------------------------------------------------------ expressions
     def template(self, expression: tree.Expression, scope: Scope, unit: Scale | None = None) -> Template:

@@ -28,6 +28,7 @@ from ..syntax import tree
 from ..syntax.errors import NumberTooLarge
 from . import tables
 from .errors import (
+    NO_NAMES,
     Cycle,
     DimensionMismatch,
     NoValue,
@@ -96,11 +97,8 @@ class ExpressionCompiler:
         value = self._value(node)
         for part in value if isinstance(value, tuple) else (value,):
             if not part.truth and not has_value(part.expression):
-                raise Wrong(
-                    NoValue(
-                        node.span, "a division by zero, an overflow, or a root or logarithm of a negative number", ""
-                    )
-                )
+                why = "a division by zero, an overflow, or a root or logarithm of a negative number"
+                raise Wrong(NoValue(node.span, why, NO_NAMES))
         return value
 
     def _value(self, node: tree.Expression) -> Value:
