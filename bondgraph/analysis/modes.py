@@ -168,7 +168,7 @@ def modes(point: OperatingPoint) -> Modes:
 
 
 def _note(linear: Linearization) -> str:
-    """What to know of a point whose rates change: its modes are of slopes that are others an instant later. Empty at rest and in steady motion."""
+    """Return the note on a point whose rates change, so that its slopes are others an instant later. Empty at rest and in steady motion."""
     sizes, slopes = np.abs(linear.x), np.abs(linear.A)
     fastest = slopes.max(initial=0.0)
     if not fastest > 0:

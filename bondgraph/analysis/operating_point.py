@@ -376,6 +376,18 @@ def operating_point(
     return placed(model.prepared(scene, True, target), asked)
 
 
+def _delayed(made: Prepared) -> str:
+    """Return the refusal of a model with delays: the first of them, its line, and a law of states instead."""
+    space = made.compilation.state_space
+    first = space.delays[0]
+    name, place = space.variables[first.value].name, f"{first.span.source.name}:{first.span.line}"
+    what = "a signal" if name.startswith("_") or not name else f"`{name}`"
+    return (
+        f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made. Simulate, or write for `delay(x, T)` "
+        "Padé's first order, `2*z - x` with `signal z = integral(2*(x - z)/T, x0)`, which follows frequencies well below 1/T"
+    )
+
+
 def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = None) -> OperatingPoint:
     """Return the same for a compiled model; `values` are set at the beginning."""
     from ..simulation.leg import Leg
@@ -389,9 +401,7 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
     begins = plan.start if asked.time is None else asked.time
     plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
     if program.delays is not None:
-        raise UsageError(
-            "signals that are what others were some time ago (`delay`) are no states: no linear analysis is made"
-        )
+        raise UsageError(_delayed(made))
     with np.errstate(all="ignore"):
         leg = Leg(made, plan, np.array([begins, begins + AHEAD]), 1e-6, None, False, None, values)
         if leg.begins_without != leg.off:

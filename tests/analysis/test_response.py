@@ -96,3 +96,39 @@ def test_refused() -> None:
         bondgraph.load(DRIVEN).excite("f", "x", 1.0, 1.0, settings={"r": 0.0})
     with pytest.raises(UsageError, match="`r` is no input"):
         bondgraph.load(DRIVEN).excite("r", "x", 1.0, 1.0)
+
+
+LATE = """model A {{
+  input w = 1 V
+  {signal}
+  MSe s : u = w - {gain!r}*({late})
+  R r : u = 1e3 [ohm]*i
+  C c : u = q/1 uF
+  s -> 1(r) -> c
+  output y = c.u
+}}"""
+
+
+class TestDelays:
+    @pytest.mark.parametrize("ask", ["equilibrium", "modes", "linearize", "response", "sensitivity"])
+    def test_they_are_refused_with_their_line(self, ask: str) -> None:
+        made = bondgraph.load(LATE.format(signal="", gain=0.5, late="delay(c.u, 1 ms)"))
+        arguments = (["w"], ["y"]) if ask == "response" else ()
+        with pytest.raises(
+            UsageError,
+            match=r"^\S*:4: the `delay` of `c.u` .*`2\*z - x` with `signal z = integral\(2\*\(x - z\)/T, x0\)`",
+        ):
+            getattr(made, ask)(*arguments)
+
+    @pytest.mark.parametrize("gain", [0.2, 0.9])
+    @pytest.mark.parametrize("lag", [1e-6, 1e-4, 1e-3])
+    def test_the_advice_works(self, gain: float, lag: float) -> None:
+        """1/(1 + s tau + k exp(-s T)) within the third power of w T, at a hundredth to a fifth of 1/T."""
+        text = LATE.format(signal=f"signal z = integral(2*(c.u - z)/({lag!r} s), 0 V)", gain=gain, late="2*z - c.u")
+        found = bondgraph.load(text)
+        assert found.equilibrium()["y"] == pytest.approx(1 / (1 + gain), rel=1e-9)
+        high = 0.2 / lag / (2 * np.pi)
+        response = found.response(["w"], ["y"], high / 20, high, points=5)
+        s = 2j * np.pi * np.array(response.frequencies)
+        exact = 1 / (1 + s * 1e-3 + gain * np.exp(-s * lag))
+        assert (np.abs(response.of("w", "y") / exact - 1) < np.abs(s * lag) ** 3 / 6).all()

@@ -234,7 +234,7 @@ class Search:
 
     # ------------------------------------------------------------ what is told
     def steady_motion(self, full: Any, slope: Any, jacobian: Any) -> RunFailed | None:
-        """The refusal of a start whose rates stay what they are while it moves: a rolling wheel or a rotor whose angle the laws read.
+        """Return the refusal of a start whose rates stay what they are while it moves: a rolling wheel or a rotor whose angle the laws read.
 
         From there a search would stop the motion, and its rest would be another one. None for any other start."""
         if self.program.hybrid is not None:  # a condition may see the motion
