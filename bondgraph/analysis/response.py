@@ -189,7 +189,7 @@ def frequencies_between(poles: Any, low: float | None, high: float | None, point
         raise UsageError(f"a response has from 2 to {MOST_POINTS} points; these are {points}")
     if not LOWEST <= low < high <= HIGHEST:
         raise UsageError(
-            f"frequencies run upwards, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz"
+            f"frequencies run upwards from above zero, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz"
         )
     near = [
         (abs(p.imag) + w * abs(p.real)) / (2 * math.pi) for p in poles if 0 < abs(p.real) < abs(p.imag) for w in BESIDE
