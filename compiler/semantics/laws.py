@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, symbols
+from ..algebra.odd_roots import with_odd_roots
 from ..graph.domains import Domain
 from ..graph.network import Kind, Law, Own
 from ..graph.units import JOULE
@@ -124,7 +125,7 @@ def compile_law(
                         hint,
                     )
                 )
-            equations.append((left.expression, right.expression))
+            equations.append((with_odd_roots(left.expression), with_odd_roots(right.expression)))
         _check_form(declaration, kind, name, equations, list(ports))
     slots = tuple(compiler.slot_list)
     _check_modulation(declaration, kind, name, slots, scope, role_of, energy is not None)

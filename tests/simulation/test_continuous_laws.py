@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import bondgraph
+import bondgraph.errors
 from bondgraph.prepared import TARGETS
 from bondgraph.results import Result
 
@@ -109,3 +112,76 @@ def test_a_law_with_if_that_only_bends_runs_like_one_without(forms: tuple[str, s
 
 def work(result: Result) -> Any:
     return result.evaluations["derivative"]
+
+
+WRITINGS = [  # of one law: the root of the pressure, with its sign
+    "sign(P)*sqrt(abs(P)/1 Pa)",
+    "(abs(P)/1 Pa)^0.5*sign(P)",
+    "P/1 Pa/sqrt(abs(P)/1 Pa)",
+    "P/1 Pa*(abs(P)/1 Pa)^(-0.5)",
+    "sqrt(P/1 Pa) if P > 0 Pa else -sqrt(-P/1 Pa)",
+    "-sqrt(-P/1 Pa) if P < 0 Pa else sqrt(P/1 Pa)",
+    "sqrt(abs(P)/1 Pa) if P >= 0 Pa else -sqrt(abs(P)/1 Pa)",
+    "sqrt(P/1 Pa) if P > 0 Pa else (-sqrt(-P/1 Pa) if P < 0 Pa else 0)",
+    "sqrt(max(P, 0 Pa)/1 Pa) - sqrt(max(-P, 0 Pa)/1 Pa)",
+    "sign(P)*sqrt(P*sign(P)/1 Pa)",
+]
+TANKS = {
+    "runs empty": """
+      C one : P = V*1e4 [Pa/m^3] { start V = 1 [m^3] }
+      0 a : hydraulic
+      a -> one, o""",
+    "levels out": """
+      C one : P = V*1e4 [Pa/m^3] { start V = 1 [m^3] }
+      C two : P = V*1e4 [Pa/m^3] { start V = 2.5 [m^3] }
+      0 a, b : hydraulic
+      a -> one
+      b -> two
+      a -> 1(o) -> b""",
+    "is fed through a valve": """
+      C one : P = V*1e4 [Pa/m^3] { start V = 0 [m^3] }
+      Se pump : P = 1e4 [Pa]*sin(3 [1/s]*time)
+      R valve : Q = 1e-3 [m^3/s/Pa]*max(P, 0 Pa)
+      0 a : hydraulic
+      pump -> 1(valve) -> a
+      a -> one, o""",
+}
+
+
+@cache
+def levels(tank: str) -> Any:
+    """Volumes of the first tank at 31 instants, in m^3."""
+    time = np.linspace(0, 3, 31)
+    if tank == "runs empty":  # V' = -2 sqrt(V)
+        return np.maximum(1 - time, 0) ** 2
+    if tank == "levels out":  # the difference D from the other: D' = -4 sqrt(D)
+        return 1.75 - 0.5 * np.maximum(np.sqrt(1.5) - 2 * time, 0) ** 2
+
+    def rate(t: float, x: Any) -> list[float]:
+        p = 1e4 * max(x[0], 0.0)
+        return [1e-3 * max(1e4 * np.sin(3 * t) - p, 0.0) - 0.02 * np.sqrt(p)]
+
+    found = solve_ivp(rate, (0, 3), [0.0], method="LSODA", rtol=1e-10, atol=1e-12, t_eval=time, max_step=1e-3)
+    return np.maximum(found.y[0], 0.0)
+
+
+@pytest.mark.parametrize("tank", TANKS)
+@pytest.mark.parametrize("law", WRITINGS)
+def test_all_writings_of_a_root_through_zero_are_one_law(law: str, tank: str) -> None:
+    text = f"model Tank {{{TANKS[tank]}\n  R o : Q = 0.02 [m^3/s]*({law})\n  output V = one.V\n}}"
+    found = bondgraph.load(text).simulate(to=3, points=31, solver="radau")
+    np.testing.assert_allclose(found["V"], levels(tank), atol=1e-6)
+    assert found.steps < 300
+
+
+def test_a_root_of_what_is_negative_stays_one() -> None:
+    """A coefficient under the root that is negative leaves no value, as it is written."""
+    text = f"""model Tank {{
+      parameter rho = -1 [kg/m^3]{TANKS["runs empty"]}
+      R o : Q = 0.02 [m^2]*(sqrt(2*P/rho) if P > 0 Pa else -sqrt(-2*P/rho))
+      output V = one.V
+    }}"""
+    with pytest.raises(bondgraph.errors.RunFailed, match="not finite"):
+        bondgraph.load(text).simulate(to=3)
+    found = bondgraph.load(text).simulate(to=0.3, settings={"rho": 2e4})
+    np.testing.assert_allclose(found["V"], (1 - 0.01 * found.time) ** 2, atol=1e-6)  # V' = -0.02 sqrt(V)

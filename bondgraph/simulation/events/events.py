@@ -291,7 +291,25 @@ class Events:
         mode = at.mode.copy()
         mode[self.places[conditions]] = self.truth(np.zeros(len(self.places)))[conditions]
         rest = self._solved(Moment(at.time, at.state, mode))
-        return rest if (self._just_after(rest) == (mode[self.places] == 1.0)).all() else None
+        if (self._just_after(rest) == (mode[self.places] == 1.0)).all():
+            return rest
+        return rest if self._stands(rest, conditions) else None
+
+    def _stands(self, at: Moment, conditions: Any) -> bool:
+        """Return True if the rates, as they are now, leave the roots of these conditions zero but for rounding. What moves them later, such as
+        a pump that is about to feed an empty tank, is an event of its own."""
+        flow = self._flow(at)
+        if flow is None:
+            return False
+        first, whole = flow
+        state = np.array(at.state)
+        state[: self.count] += REACHES[-1] * whole * first
+        before, after = self.roots(at.time, at.state, at.mode), self.roots(at.time, state, at.mode)
+        limit = self.noise(at, before)
+        if not (np.maximum(np.abs(before), np.abs(after)) <= limit)[conditions].all():
+            return False
+        self.floor[conditions] = np.maximum(0.25 * limit, 2 * np.abs(before))[conditions]
+        return True
 
     def _is_alike(self, at: Moment, modes: Sequence[Any]) -> bool:
         """Return True if the rates and unknowns are equal under all these modes, as for a law that is continuous at its condition."""

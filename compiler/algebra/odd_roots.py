@@ -1,0 +1,226 @@
+"""Laws with a root that goes through zero, in one form: whatever way an author wrote them.
+
+`sqrt(x) if x > 0 else -sqrt(-x)`, `x/sqrt(abs(x))`, `x*abs(x)^-0.5` and `sqrt(max(x, 0)) - sqrt(max(-x, 0))` are one function of x, which is
+`sign(x)*sqrt(abs(x))`. Only this form has a value on both sides of its condition and at zero itself, so that a run can end and rest there.
+Coefficients under the root stay there: where they are negative there is no value, as in what the author wrote. Two sides are compared at random values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from itertools import combinations
+from math import isclose
+from random import Random
+
+from .affine import affine_parts
+from .expression import (
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    depends_on,
+    divide,
+    evaluate,
+    multiply,
+    negate,
+    operations,
+    power,
+    rebuild,
+    substitute,
+    symbols,
+)
+
+DRAWS = 8  # random values of all symbols at which sides are compared
+ENOUGH = 3  # of them at which both sides have a value
+EQUAL = 1e-11  # relative difference
+
+
+def with_odd_roots(x: Expression) -> Expression:
+    """Return the expression with every root that goes through zero written with sign and abs."""
+    if not any(node.operator in ("sqrt", "power") for node in operations(x)):
+        return x
+    return _rewritten(x)
+
+
+def _rewritten(x: Expression) -> Expression:
+    if not isinstance(x, Apply):
+        return x
+    operands = tuple(map(_rewritten, x.operands))
+    if operands != x.operands:
+        x = rebuild(x.operator, operands)
+    forms: dict[str, Callable[[Apply], Expression | None]] = {
+        "select": _two_sided,
+        "multiply": _quotient,
+        "divide": _quotient,
+        "add": _halves,
+    }
+    form = forms.get(x.operator) if isinstance(x, Apply) else None
+    other = None if form is None or not isinstance(x, Apply) else form(x)
+    return x if other is None else other
+
+
+def _two_sided(x: Apply) -> Expression | None:
+    """Return sign(v) A(abs(v)) for `A(v) if v > 0 else -A(-v)`, if A has a root that is zero at v = 0."""
+    condition, above, below = x.operands
+    if not isinstance(condition, Apply) or condition.operator not in ("less", "less_equal"):
+        return None
+    low, high = condition.operands
+    if low != ZERO and high != ZERO:
+        return None
+    variable = low if high == ZERO else high
+    if not isinstance(variable, Symbol):
+        return None
+    if high == ZERO:  # v < 0
+        above, below = below, above
+    above, below = (_without_rest(side, variable, positive) for side, positive in ((above, True), (below, False)))
+    if not _has_root(above, variable) or not _agree(above, negate(_at(below, negate(variable))), variable):
+        return None
+    return _odd(above, variable)
+
+
+def _without_rest(side: Expression, variable: Symbol, positive: bool) -> Expression:
+    """Return A for `A if v > 0 else 0` on the side where v is positive (or negative): zero is left for v = 0 alone."""
+    if isinstance(side, Apply) and side.operator == "select" and side.operands[2] == ZERO:
+        condition = side.operands[0]
+        strict = call("less", ZERO, variable) if positive else call("less", variable, ZERO)
+        if condition == strict:
+            return side.operands[1]
+    return side
+
+
+def _halves(x: Apply) -> Expression | None:
+    """Return a sum in which `A(max(v, 0)) - A(max(-v, 0))` is sign(v) A(abs(v)); None if it has no such terms."""
+    terms = list(x.operands)
+    for one, other in combinations([t for t in terms if any(n.operator in ("max", "min") for n in operations(t))], 2):
+        for variable in symbols(one):
+            for above, below in ((one, other), (other, one)):
+                if not _has_root(above, variable):
+                    continue
+                mirrored = negate(_at(below, negate(variable)))
+                flat = (_agree(_at(side, negate(variable)), ZERO, variable) for side in (above, mirrored))
+                if _agree(above, mirrored, variable) and all(flat):
+                    rest = [t for t in terms if t is not one and t is not other]
+                    return add(_odd(above, variable), *rest)
+    return None
+
+
+def _quotient(x: Apply) -> Expression | None:
+    """Return sign(h) (s abs(h))^(1 - q)/s instead of h/(s abs(h))^q; None if the product has no such factors."""
+    above, below = _factors(x)
+    for place, factor in enumerate((*above, *below)):
+        under = place >= len(above)
+        root = _root_of_magnitude(factor, under)
+        if root is None:
+            continue
+        base, inner, slope, share = root
+        for variable in symbols(inner):
+            parts = affine_parts(inner, variable)
+            if parts is None or parts[1] != ZERO:
+                continue
+            for numerator in above:
+                own = affine_parts(numerator, variable)
+                if numerator is factor or own is None or own[0] == ZERO or own[1] != ZERO:
+                    continue
+                rest = [f for f in above if f is not numerator and f is not factor]
+                others = [f for f in below if f is not factor]
+                found = multiply(*rest, divide(own[0], multiply(parts[0], slope)), call("sign", inner), power(base, Number(1 - share)))  # fmt: skip
+                return divide(found, multiply(*others)) if others else found
+    return None
+
+
+def _factors(x: Expression) -> tuple[list[Expression], list[Expression]]:
+    """The factors above and below the line of a product of quotients."""
+    if isinstance(x, Apply) and x.operator == "multiply":
+        both = [_factors(f) for f in x.operands]
+        return [f for a, _ in both for f in a], [f for _, b in both for f in b]
+    if isinstance(x, Apply) and x.operator == "divide":
+        (a, b), (c, d) = map(_factors, x.operands)
+        return a + d, b + c
+    return [x], []
+
+
+def _root_of_magnitude(factor: Expression, under: bool) -> tuple[Expression, Expression, Expression, float] | None:
+    """For a factor 1/(s abs(h))^q, 0 < q < 1: s abs(h), h, s and q. `under`: the factor is below the line."""
+    if not isinstance(factor, Apply) or factor.operator not in ("sqrt", "power"):
+        return None
+    exponent = Number(0.5) if factor.operator == "sqrt" else factor.operands[1]
+    if not isinstance(exponent, Number):
+        return None
+    share = exponent.value if under else -exponent.value
+    magnitudes = [n for n in operations(factor.operands[0]) if n.operator == "abs"]
+    if not 0 < share < 1 or len(magnitudes) != 1:
+        return None
+    base, magnitude = factor.operands[0], Symbol("magnitude")
+    parts = affine_parts(_put(base, magnitudes[0], magnitude), magnitude)
+    inner = magnitudes[0].operands[0]
+    if parts is None or parts[1] != ZERO or any(depends_on(parts[0], s) for s in symbols(inner)):
+        return None
+    return base, inner, parts[0], share
+
+
+def _put(x: Expression, old: Expression, new: Expression) -> Expression:
+    """Return the expression with one node replaced."""
+    if x == old:
+        return new
+    if not isinstance(x, Apply):
+        return x
+    return rebuild(x.operator, tuple(_put(o, old, new) for o in x.operands))
+
+
+def _odd(side: Expression, variable: Symbol) -> Expression:
+    """Return sign(v) A(abs(v))."""
+    magnitude = call("abs", variable)
+    inner = _at(side, magnitude)
+    for node in list(operations(inner)):
+        if node.operator == "max" and ZERO in node.operands and magnitude in node.operands:
+            inner = _put(inner, node, magnitude)
+    return multiply(call("sign", variable), inner)
+
+
+def _at(x: Expression, value: Expression, variable: Symbol | None = None) -> Expression:
+    """Return the expression with a symbol (that of the value) replaced by a value."""
+    (symbol,) = symbols(value) if variable is None else (variable,)
+    return substitute(x, lambda s: value if s == symbol else s)
+
+
+def _has_root(x: Expression, variable: Symbol) -> bool:
+    """Return True if a root of x has no slope at v = 0, where x is zero itself."""
+    roots = [
+        n.operands[0]
+        for n in operations(x)
+        if (n.operator == "sqrt" or (n.operator == "power" and isinstance(n.operands[1], Number) and 0 < n.operands[1].value < 1))
+        and depends_on(n.operands[0], variable)
+    ]  # fmt: skip
+    return any(_agree(_at(r, ZERO, variable), ZERO, variable) for r in roots) and _agree(
+        _at(x, ZERO, variable), ZERO, variable
+    )
+
+
+def _agree(one: Expression, other: Expression, variable: Symbol) -> bool:
+    """Return True if two expressions are equal at random values of their symbols, that of a positive variable among them."""
+    random, agreed = Random(0), 0
+    known = list(dict.fromkeys([*symbols(one), *symbols(other)]))
+    for draw in range(DRAWS):
+        signs = (1.0,) if draw < DRAWS // 2 else (1.0, -1.0)
+        values: dict[Hashable, float] = {s.key: random.choice(signs) * random.uniform(0.1, 10.0) for s in known}
+        values[variable.key] = abs(values.get(variable.key, 1.0))
+        found = _value(one, values), _value(other, values)
+        if None in found:
+            if found != (None, None):
+                return False
+            continue
+        if not isclose(*found, rel_tol=EQUAL, abs_tol=1e-300):  # type: ignore[arg-type]
+            return False
+        agreed += 1
+    return agreed >= ENOUGH
+
+
+def _value(x: Expression, values: dict[Hashable, float]) -> float | None:
+    """The value; None where there is none."""
+    try:
+        return float(evaluate(x, values.__getitem__))
+    except (ArithmeticError, ValueError):
+        return None
