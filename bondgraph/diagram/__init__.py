@@ -25,14 +25,14 @@ __all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]
 
 
 def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:
-    """The diagram of a scene. `closed`: instances are boxes; `numbers`: with the numbers of the bonds. Raises `CompilationFailed`."""
+    """Return the diagram of a scene. `closed`: draw instances as boxes; `numbers`: show the numbers of the bonds. Raises `CompilationFailed`."""
     subject = subject_of(compilation, closed)
     named, layout, frames = place_framed(subject)
     return compose(named, layout, frames, numbers)
 
 
 def mechanism_of(model: Model, name: str | None, experiment: str | None, at: str | float | None) -> Figure:
-    """The picture of a mechanism: in the reference, or at a time of an experiment. Raises as `Model.draw_mechanism` says."""
+    """Return the picture of a mechanism: in the reference, or at a time of an experiment. Raises as `Model.draw_mechanism`."""
     graph = model.compilation().whole_graph
     names = [node.name for node in _mechanisms(graph)]
     if not names or (name is None and len(names) > 1) or (name is not None and name not in names):
@@ -42,7 +42,7 @@ def mechanism_of(model: Model, name: str | None, experiment: str | None, at: str
     if at is None:
         return draw_mechanism(scenery_of(graph, _mechanisms(graph)[place]))
     poses, time = poses_at(model, experiment, at)
-    graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set what places depend on
+    graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set parameters of positions
     node = _mechanisms(graph)[place]
     named = dict(zip((body.name for body in node.mechanism.bodies), poses[place], strict=True))
     return draw_mechanism(scenery_of(graph, node, named), f"at {time:.6g} s")

@@ -1,4 +1,4 @@
-"""A box with what hangs on it: ports in rows along its sides, its name on top, as large as that needs."""
+"""Box with its branches: ports in rows along its sides, its name on top, in the size that this needs."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from .tree import Block, Branch
 
 RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
-TITLE = 40.0  # the height that kind and name take
-SPACE = 8.0  # between what hangs on neighbouring ports
+TITLE = 40.0  # height of kind and name
+SPACE = 8.0  # between the branches of neighbouring ports
 ROW = 26.0  # between two ports of a side
 PADDING = 12.0
 SPARE = np.array((0.0, -1.0, 0.0, 1.0))  # above and below
-FRAMES = 30.0  # between what may get frames
+FRAMES = 30.0  # between parts that may get frames
 
 
 @dataclass(frozen=True, slots=True)
 class Boxed:
-    """A box, and where its name stands."""
+    """A box, and the position of its name."""
 
     left: float
     top: float
@@ -36,12 +36,12 @@ class Boxed:
     title: tuple[float, float]
 
     def at(self, x: float, y: float) -> Boxed:
-        """The same box elsewhere."""
+        """Return the same box at another position."""
         title = (self.title[0] + x, self.title[1] + y)
         return Boxed(self.left + x, self.top + y, self.right + x, self.bottom + y, title)
 
     def port_text(self, text: str, x: float, y: float) -> tuple[str, float, float, str]:
-        """The name of a port inside the border at which it stands: text, x, y of the baseline, anchor."""
+        """Return the name of a port inside the border, next to its position: text, x, y of the baseline, anchor."""
         if x <= self.left or x >= self.right:
             right = x >= self.right
             return text, self.right - 6 if right else self.left + 6, y + 4, "end" if right else "start"
@@ -49,7 +49,7 @@ class Boxed:
 
 
 def port_of(line: Line, node: int) -> str:
-    """The name of the port at which a line meets a node."""
+    """Return the name of the port at which a line meets a node."""
     return line.ports[TAIL if line.tail == node else HEAD]
 
 
@@ -57,7 +57,7 @@ def box_around(
     nodes: Sequence[Node], lines: Sequence[Line], branches: Sequence[Branch],
     finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None,
 ) -> Block:  # fmt: skip
-    """A box and its branches; seen from where the bond that carries it arrives (`along`), or from its middle."""
+    """Return a box with its branches, with the origin at the end of the bond that carries it (`along`), or at its middle."""
     from .tree import Block, Draft
 
     sides = _sides(branches, finished, along)
@@ -110,7 +110,7 @@ def _level(
     nodes: Sequence[Node], taken: Rectangles | None, branches: Sequence[Branch], offsets: Sequence[float],
     finished: Mapping[tuple[int, Vector], Block], side: Vector, border: float,
 ) -> float:  # fmt: skip
-    """How far out the branches of a side have to be, so that what hangs on them stands in line."""
+    """Return the distance of the branches of a side from the middle, so that they are aligned."""
     assert taken is not None
     found = 0.0
     for branch, offset in zip(branches, offsets, strict=True):
@@ -125,7 +125,7 @@ def _level(
 def _sides(
     branches: Sequence[Branch], finished: Mapping[tuple[int, Vector], Block], along: Vector | None
 ) -> dict[Vector, list[Branch]]:
-    """What arrives stands left, what leaves stands right; the heavier side gives to the lighter one, then to top and bottom."""
+    """Assign branches to sides: arriving ones left, leaving ones right; the heavier side moves branches to the lighter one, then to top and bottom."""
     taken = None if along is None else (-along[0], -along[1])
     free = [s for s in (LEFT, RIGHT, DOWN, UP) if s != taken]
     sides: dict[Vector, list[Branch]] = {s: [] for s in (LEFT, RIGHT, UP, DOWN)}
@@ -137,7 +137,7 @@ def _sides(
     for branch in branches:
         wanted = RIGHT if branch.outwards else LEFT
         sides[wanted if wanted in free else (LEFT if wanted == RIGHT else RIGHT)].append(branch)
-    for _ in branches:  # a light element more or less makes the sides equal
+    for _ in branches:  # move light elements until the sides are balanced
         loads = {s: sum(height(b, s) for b in sides[s]) for s in (LEFT, RIGHT)}
         full = max((LEFT, RIGHT), key=loads.__getitem__)
         other = LEFT if full == RIGHT else RIGHT
@@ -164,7 +164,7 @@ def _stacked(
     side: Vector,
     width: float,
 ) -> list[float]:
-    """Where the branches of a side leave it, so that they are clear of each other; symmetric about zero."""
+    """Return the positions at which the branches of a side leave it without overlap; symmetric about zero."""
     down: Vector = (0.0, 1.0) if side[0] else (1.0, 0.0)
     offsets: list[float] = []
     taken: Rectangles = NOTHING
@@ -185,7 +185,7 @@ def _stacked(
 def _size(
     node: Node, title: str, widths: Mapping[Vector, float], rows: Mapping[Vector, Sequence[float]], along: Vector | None
 ) -> tuple[float, tuple[float, float]]:
-    """Half the width, and the heights above and below the middle of the rows."""
+    """Return half the width, and the heights above and below the middle of the rows."""
     named = max(text_width(node.label, NAME + 1), text_width(title, PORT)) + 2 * PADDING
     across = max((2 * max(map(abs, rows[s])) + widths[s] + 2 * PADDING for s in (UP, DOWN) if rows[s]), default=0.0)
     half = max(named, widths[LEFT] + widths[RIGHT] + 3 * PADDING, widths[UP], widths[DOWN], across, 72.0) / 2
@@ -197,7 +197,7 @@ def _size(
 def _widths(
     lines: Sequence[Line], node: int, sides: Mapping[Vector, Sequence[Branch]], along: Vector | None
 ) -> dict[Vector, float]:
-    """How wide the names of the ports at each side are; the bond that carries the box has one, too."""
+    """Return the widths of the port names at each side, including that of the bond that carries the box."""
     found = {s: max((text_width(port_of(lines[b.line], node), PORT) for b in sides[s]), default=0.0) for s in sides}
     if along is not None:
         taken = {b.line for s in sides for b in sides[s]}

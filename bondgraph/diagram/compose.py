@@ -1,7 +1,7 @@
-"""From a subject and its layout to a figure: half arrows, strokes, letters, boxes, signals, the legend.
+"""Figure from a subject and its layout: half arrows, strokes, letters, boxes, signals, the legend.
 
-A half arrow's barb is on the side where textbooks write the flow: below a bond, or right of one that goes up or down. The causal stroke
-stands across the end of the bond that is given the effort.
+A half arrow's barb is on the side where textbooks write the flow: below a bond, or right of one that goes up or down. The causal stroke is
+drawn across the end of the bond that receives the effort.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MEANINGS = {"derivative": "storage in derivative form", "loop": "in an algebraic
 
 
 def compose(subject: Subject, layout: Layout, frames: Sequence[Framed] = (), numbers: bool = False) -> Figure:
-    """The figure. `numbers`: with the numbers of the bonds."""
+    """Return the figure. `numbers`: show the numbers of the bonds."""
     groups = [
         *map(_frame, frames),
         *_lines(subject, layout),
@@ -92,7 +92,7 @@ def _shaft(way: Sequence[Point], double: bool) -> Iterator[Stroke]:
 
 
 def _beside(way: Sequence[Point], side: float) -> Iterator[Point]:
-    """The same way, some distance to its left."""
+    """Yield the same way, shifted to its left by a distance."""
     for i, (x, y) in enumerate(way):
         around = [_unit(way[j], way[j + 1]) for j in (i - 1, i) if 0 <= j < len(way) - 1]
         yield x + side * sum(-v for _, v in around), y + side * sum(u for u, _ in around)
@@ -104,7 +104,7 @@ def _unit(start: Point, end: Point) -> Point:
 
 
 def _flow_side(along: Point) -> Point:
-    """Across a bond, to where its flow is written: below, or right of an upright one."""
+    """Return the direction across a bond to its flow: below, or right of an upright one."""
     across = (-along[1], along[0])
     lower = across[1] > 0.3 or (abs(across[1]) <= 0.3 and across[0] > 0)
     return across if lower else (-across[0], -across[1])
@@ -125,7 +125,7 @@ def _stroke(way: Sequence[Point], where: int) -> Stroke:
 
 
 def _numbers(subject: Subject, layout: Layout, groups: Sequence[Group]) -> Iterator[Group]:
-    """The number of each bond beside its longest part, on the side of the flow if there is room, else where there is."""
+    """Yield the number of each bond beside its longest part, on the side of the flow if there is room, else elsewhere."""
     taken = joined(NOTHING, *(_taken(shape) for group in groups for shape in group.shapes))
     for number, line in enumerate(subject.lines):
         first, last = line.bonds[0] + 1, line.bonds[-1] + 1
@@ -139,7 +139,7 @@ def _numbers(subject: Subject, layout: Layout, groups: Sequence[Group]) -> Itera
 
 
 def _spots(text: str, way: Sequence[Point]) -> Iterator[Text]:
-    """Places for a number, best first: in the middle of the free part of a bond, nearer to one end, on the other side."""
+    """Yield positions for a number, best first: in the middle of the free part of a bond, nearer to one end, on the other side."""
     parts = sorted(pairwise(way), key=lambda part: -math.dist(*part))
     for side in (1, -1):
         for start, end in parts:
@@ -154,7 +154,7 @@ def _spots(text: str, way: Sequence[Point]) -> Iterator[Text]:
 
 
 def _taken(shape: Shape) -> Rectangles:
-    """What a shape takes of the page."""
+    """Return the rectangles that a shape occupies."""
     match shape:
         case Stroke(points):
             parts = [sorted(axis) for a, b in pairwise(points) for axis in zip(a, b, strict=True)]
@@ -194,7 +194,7 @@ def _node(node: Node, number: int, layout: Layout) -> Group:
 
 
 def _ports(subject: Subject, layout: Layout) -> Iterator[Group]:
-    """The names of ports, inside the boxes that they belong to."""
+    """Yield the names of ports, inside their boxes."""
     for number, line in enumerate(subject.lines):
         for end, point in zip(line.ends, (layout.bonds[number][0], layout.bonds[number][-1]), strict=True):
             name = port_of(line, end)
@@ -232,7 +232,7 @@ def _full_arrow(way: Sequence[Point]) -> Stroke:
 
 
 def _legend(subject: Subject, left: float, top: float) -> tuple[list[Group], float, float]:
-    """One line for each colour that is used, and what was left out; its height and width."""
+    """Return one line for each colour in use, and omitted parts; with height and width."""
     marks = {*map(_mark, subject.nodes), *map(_mark, subject.lines)} - {""}
     groups, y, width = [], top, 0.0
     for mark in (m for m in MEANINGS if m in marks):
@@ -255,7 +255,7 @@ def _told(names: Sequence[str]) -> str:
 
 
 def group_at(group: Group, dx: float, dy: float) -> Group:
-    """The same group elsewhere."""
+    """Return the same group at another position."""
     return Group(group.kind, tuple(_at(s, dx, dy) for s in group.shapes), group.facts, group.words, group.mark)
 
 

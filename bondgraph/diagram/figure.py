@@ -1,6 +1,6 @@
-"""What a picture consists of, whatever it is written as: lines, shapes and texts in groups, each with what it stands for.
+"""Figure: lines, shapes and texts in groups, each with its meaning, independent of the file format.
 
-Looks are named, not given: `svg.py` and `picture.py` turn the names into colours and widths.
+Looks are named, not given: `svg.py` and `picture.py` convert the names into colours and widths.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Shape = Stroke | Circle | Frame | Text
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Shapes that stand for one thing: what it is, what is known of it, and the words that a pointer shows."""
+    """Shapes of one object: its kind, its facts, and the text that a pointer shows."""
 
     kind: str
     shapes: tuple[Shape, ...]
@@ -68,7 +68,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A picture of some width and height; `title` names it for those who cannot see it."""
+    """Picture of some width and height; `title` names it for readers who cannot see it."""
 
     width: float
     height: float
@@ -76,7 +76,7 @@ class Figure:
     groups: tuple[Group, ...]
 
     def _repr_svg_(self) -> str:
-        """As SVG, for notebooks."""
+        """Return the picture as SVG, for notebooks."""
         from .svg import svg_text
 
         return svg_text(self)

@@ -1,4 +1,4 @@
-"""Dashed frames around what an instance consists of, where nothing else stands in between; inside them names are short."""
+"""Dashed frames around the parts of an instance, where no other part lies in between; inside them names are short."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PADDING, TITLE = 6.0, 15.0
 
 @dataclass(frozen=True, slots=True)
 class Framed:
-    """A frame around an instance, and where its name stands: x and y of the baseline's start."""
+    """Frame around an instance, and the position of its name: x and y of the baseline's start."""
 
     instance: str
     left: float
@@ -28,7 +28,7 @@ class Framed:
 
 
 def place_framed(subject: Subject) -> tuple[Subject, Layout, tuple[Framed, ...]]:
-    """The layout with short names in frames, where all instances that could have frames keep them; else with whole names."""
+    """Return the layout with short names in frames if all instances that can have frames keep them; else with full names."""
     layout = place(subject)
     sizes = {name: sum(node.inside == name for node in subject.nodes) for name in subject.instances}
     several = frozenset(name for name, size in sizes.items() if size > 1)
@@ -44,7 +44,7 @@ def place_framed(subject: Subject) -> tuple[Subject, Layout, tuple[Framed, ...]]
 
 
 def _whole_rows(frames: Iterator[Framed], instances: Collection[str]) -> tuple[Framed, ...]:
-    """Of an array of instances all have frames, or none."""
+    """Return the frames without those of instance arrays in which some instances have none."""
     found = tuple(frames)
     having = {f.instance for f in found}
     lacking = {name.partition("[")[0] for name in instances if name not in having}
@@ -52,7 +52,7 @@ def _whole_rows(frames: Iterator[Framed], instances: Collection[str]) -> tuple[F
 
 
 def _named(subject: Subject, short: Collection[str]) -> Subject:
-    """The subject with names that do not repeat that of the frame around them."""
+    """Return the subject with names that do not repeat the name of the frame around them."""
     nodes = (
         replace(n, label=n.label.removeprefix(f"{n.inside}.")) if n.inside in short and n.shape != "box" else n
         for n in subject.nodes
@@ -90,7 +90,7 @@ def _frames(subject: Subject, layout: Layout, instances: Collection[str]) -> Ite
 def _title(
     instance: str, frame: tuple[float, float, float, float], inside: Rectangles, others: Rectangles
 ) -> tuple[float, float, float, float] | None:
-    """Where the name of a frame has room: in a corner, else in a strip above; x, y, and how far it reaches to the right and down."""
+    """Return a position for the name of a frame, in a corner or in a strip above, and its extent to the right and down; None if there is no room."""
     left, top, right, bottom = frame
     width = text_width(instance, PORT)
     spots = [
@@ -109,7 +109,7 @@ def _title(
 
 
 def _things(subject: Subject, layout: Layout) -> list[tuple[str, Rectangles]]:
-    """What stands somewhere, with the instance that it belongs to: nodes with their names, bonds and signals among them."""
+    """Return all placed parts with their instance: nodes with their names, bonds and signals between them."""
     found = []
     for number, node in enumerate(subject.nodes):
         found.append((node.inside if node.shape != "box" or node.inside else "\0", _node(node, number, layout)))
@@ -128,7 +128,7 @@ def _things(subject: Subject, layout: Layout) -> list[tuple[str, Rectangles]]:
 
 
 def _crossing(subject: Subject, layout: Layout, instance: str) -> Iterator[Rectangles]:
-    """The bonds and signals that go into a frame or out of it: its name must not stand on them."""
+    """Yield the bonds and signals across the border of a frame: its name must not cover them."""
     for number, line in enumerate(subject.lines):
         if sum(subject.nodes[n].inside == instance for n in line.ends) == 1:
             yield _way(layout.bonds[number])

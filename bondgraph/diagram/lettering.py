@@ -1,7 +1,7 @@
-"""How much room a text takes, without a font at hand.
+"""Text widths without a font.
 
-The widths are those of DejaVu Sans and DejaVu Serif, in hundredths of the size: wide faces, so that what fits with them fits with
-the narrower ones that a viewer may have. They come with matplotlib, which draws the PNG and PDF.
+The widths are those of DejaVu Sans and DejaVu Serif, in hundredths of the size: wide faces, so that text that fits with them also fits with
+the narrower faces of a viewer. They come with matplotlib, which draws the PNG and PDF.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ WIDTHS = {
     face: {c: w for w, characters in table.items() for c in characters}
     for face, table in (("sans", _SANS), ("serif", _SERIF))
 }
-WIDEST = 104  # for what is not in the tables: nothing of an alphabet is wider
+WIDEST = 104  # for characters outside the tables: no letter of an alphabet is wider
 
 
 def text_width(text: str, size: float, face: str = "sans") -> float:
-    """The width of a line of text, in the unit of `size`."""
+    """Return the width of a line of text, in the unit of `size`."""
     return sum(WIDTHS[face].get(c, WIDEST) for c in text) * size / 100

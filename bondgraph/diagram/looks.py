@@ -11,7 +11,7 @@ from .glyphs import LETTER, NAME, PORT
 INK, PALE, GROUND = "#1c1c1c", "#6a6a6a", "#ffffff"
 MARKS: Mapping[str, str] = {"derivative": "#c44a00", "loop": "#0068b0"}
 
-# What each colour is on a dark page.
+# Replacement of each colour on a dark page.
 DARK: Mapping[str, str] = {
     INK: "#e8e8e8", PALE: "#a2a8ad", GROUND: "#16191c", "#9a9a9a": "#6d7378", "#5b6b7a": "#9db0c2", "#dfe6ec": "#2c3944", "#f1f1f1": "#2a2e31",
     "#8a4b00": "#e2a14e", "#c44a00": "#ff9a5c", "#0068b0": "#5eb6f5",
@@ -20,18 +20,18 @@ DARK: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How something is drawn; None for what it does not have."""
+    """Style of a shape; None or 0 for properties that it does not have."""
 
     colour: str
     width: float = 0.0
     filled: bool = False
-    inside: str = ""  # the colour of the inside, if not that of the border
+    inside: str = ""  # colour of the inside, if it differs from that of the border
     dashes: tuple[float, ...] = ()
     size: float = 0.0
     face: str = ""
     italic: bool = False
     bold: bool = False
-    marked: bool = True  # whether it takes the colour of what it belongs to
+    marked: bool = True  # True if it takes the colour of its group
 
 
 LOOKS: Mapping[str, Look] = {

@@ -1,4 +1,4 @@
-"""A mechanism as a picture: bodies as plates and bars, joints in the signs of kinematics, springs where they hang, the ground hatched."""
+"""Picture of a mechanism: bodies as plates and bars, joints by the signs of kinematics, springs at their joints, the ground hatched."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .glyphs import PORT, text_rectangle
 from .room import NOTHING, Point, Rectangles, joined, lane, rectangles, touches
 from .scenery import Limb, Link, Scenery
 
-SIZE = 520.0  # the longer side of what is drawn, px
+SIZE = 520.0  # longer side of the drawing, px
 BORDER = 34.0
 HINGE, MASS = 5.0, 6.0  # radii
 BAR = 7.0  # half the width of a bar
@@ -20,7 +20,7 @@ NEAR = 1.5  # px: the same point
 
 
 def draw_mechanism(scenery: Scenery, heading: str = "", behind: Scenery | None = None) -> Figure:
-    """The figure of a mechanism in one pose; `behind`: it in another, as outlines."""
+    """Return the figure of a mechanism in one pose; `behind`: the same in another pose, drawn as outlines."""
     page = _Page(scenery, behind)
     groups = [] if behind is None else [page.shadow(limb) for limb in behind.limbs]
     groups += [*map(page.limb, scenery.limbs), *map(page.link, scenery.links), *map(page.mark, scenery.marks)]
@@ -37,7 +37,7 @@ def draw_mechanism(scenery: Scenery, heading: str = "", behind: Scenery | None =
 
 
 class _Page:
-    """The scale of a picture, and the signs at that scale."""
+    """Scale of a picture, and the signs at that scale."""
 
     def __init__(self, scenery: Scenery, behind: Scenery | None = None) -> None:
         both = [s for s in (scenery, behind) if s is not None]
@@ -49,20 +49,20 @@ class _Page:
         self.origin = (min(xs), max(ys))
 
     def at(self, point: Point) -> Point:
-        """A point of the mechanism on the page."""
+        """Return the position of a point of the mechanism on the page."""
         return (point[0] - self.origin[0]) * self.scale, (self.origin[1] - point[1]) * self.scale
 
     def limb(self, limb: Limb) -> Group:
-        """A plate through the points that hold a body, a bar where these are two, the sign of its centre of mass."""
+        """Return a body: a plate through its joint points, a bar for two points, and the sign of its centre of mass."""
         shapes = (self.plate(limb, "body"), *_mass(self.at(limb.centre)))
         return Group("limb", shapes, {"name": limb.name}, f"body {limb.name}")
 
     def shadow(self, limb: Limb) -> Group:
-        """The same body elsewhere, as an outline."""
+        """Return a body in another pose, as an outline."""
         return Group("shadow", (self.plate(limb, "frame"),), {"name": limb.name}, f"body {limb.name} at rest")
 
     def plate(self, limb: Limb, look: str) -> Shape:
-        """What a body looks like."""
+        """Return the shape of a body."""
         centre = self.at(limb.centre)
         points = _distinct([*_distinct([self.at(p) for p in limb.points]), centre])
         if len(points) > 1:
@@ -70,13 +70,13 @@ class _Page:
         return Circle(centre, 2 * BAR, look)
 
     def mark(self, mark: tuple[str, Point]) -> Group:
-        """A frame: a small cross."""
+        """Return the sign of a frame: a small cross."""
         name, (x, y) = mark[0], self.at(mark[1])
         cross = (Stroke(((x - 4, y), (x + 4, y)), "line"), Stroke(((x, y - 4), (x, y + 4)), "line"))
         return Group("frame", cross, {"name": name}, f"frame {name}")
 
     def link(self, link: Link) -> Group:
-        """A joint in its sign; its springs beside it."""
+        """Return the sign of a joint, with its springs beside it."""
         first, second = self.at(link.first), self.at(link.second)
         along = (link.along[0], -link.along[1])
         shapes = list(_sign(link, first, second, along))
@@ -116,14 +116,14 @@ def _sign(link: Link, first: Point, second: Point, along: Point) -> Iterator[Sha
 
 
 def _ground(point: Point) -> Iterator[Shape]:
-    """A stand with hatching below a joint."""
+    """Yield a stand with hatching below a joint."""
     x, y = point
     yield Stroke(((x, y), (x - 9, y + 16), (x + 9, y + 16)), "stand", True)
     yield from _hatch((x - 14, y + 16), (x + 14, y + 16))
 
 
 def _hatch(start: Point, end: Point) -> Iterator[Shape]:
-    """A line with the strokes that stand for the ground below it, on its right going from start to end."""
+    """Yield a line with strokes for the ground, on its right going from start to end."""
     yield Stroke((start, end), "line")
     length = math.dist(start, end)
     u, v = (end[0] - start[0]) / length, (end[1] - start[1]) / length
@@ -133,7 +133,7 @@ def _hatch(start: Point, end: Point) -> Iterator[Shape]:
 
 
 def _slide(first: Point, second: Point, along: Point, link: Link) -> Iterator[Shape]:
-    """A block on a rail along its axis; the rail is hatched where it is the ground."""
+    """Yield a block on a rail along its axis; the rail is hatched if it is the ground."""
     u, v = along if along != (0.0, 0.0) else (1.0, 0.0)
     x, y = second
     across = (-v, u) if u > 0 or (u == 0 and v > 0) else (v, -u)  # downwards on the page
@@ -158,7 +158,7 @@ def _slide(first: Point, second: Point, along: Point, link: Link) -> Iterator[Sh
 
 
 def _coil(start: Point, end: Point) -> Stroke:
-    """A spring as a zigzag."""
+    """Return a spring as a zigzag."""
     length = math.dist(start, end)
     u, v = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     lead, turns = min(8.0, length / 6), max(3, min(8, round(length / 11)))
@@ -170,14 +170,14 @@ def _coil(start: Point, end: Point) -> Stroke:
 
 
 def _spiral(middle: Point) -> Iterator[Point]:
-    """A torsion spring around a hinge."""
+    """Yield the points of a torsion spring around a hinge."""
     for i in range(41):
         angle, radius = 2 * math.pi * 2 * i / 40, HINGE + 3 + 8 * i / 40
         yield middle[0] + radius * math.cos(angle), middle[1] - radius * math.sin(angle)
 
 
 def _mass(centre: Point) -> Iterator[Shape]:
-    """The sign of a centre of mass: a circle of which two quarters are filled."""
+    """Yield the sign of a centre of mass: a circle with two filled quarters."""
     x, y = centre
     yield Circle(centre, MASS, "pin")
     for turn in (0.0, math.pi):
@@ -200,7 +200,7 @@ def _distinct(points: Sequence[Point]) -> list[Point]:
 
 
 def _hull(points: Sequence[Point]) -> list[Point]:
-    """The corners of the smallest convex shape around some points (Andrew's chain)."""
+    """Return the corners of the convex hull of some points (Andrew's monotone chain)."""
     ordered = sorted(points)
 
     def half(items: Sequence[Point]) -> list[Point]:
@@ -219,7 +219,7 @@ def _left_turn(a: Point, b: Point, c: Point) -> float:
 
 
 def _round(hull: Sequence[Point]) -> Iterator[Point]:
-    """The shape widened by half a bar, with round corners."""
+    """Yield the points of the shape widened by half a bar, with round corners."""
     count = len(hull)
     for i, (x, y) in enumerate(hull):
         before, after = hull[i - 1], hull[(i + 1) % count]
@@ -247,7 +247,7 @@ def _extent(shape: Shape) -> tuple[float, float, float, float]:
 
 
 def _names(scenery: Scenery, page: _Page, groups: Sequence[Group]) -> Iterator[Group]:
-    """The name of each body, joint and frame near it, where it covers least."""
+    """Yield the name of each body, joint and frame near it, at the position that covers least."""
     taken = joined(NOTHING, *(_outline(s) for g in groups for s in g.shapes))
     wanted = [(b.name, page.at(b.centre), "name") for b in scenery.limbs]
     wanted += [(k.name, _halfway(page.at(k.first), page.at(k.second)), "port") for k in scenery.links]
@@ -263,7 +263,7 @@ def _names(scenery: Scenery, page: _Page, groups: Sequence[Group]) -> Iterator[G
 
 
 def _outline(shape: Shape) -> Rectangles:
-    """What no name may cover: lines, and the inside of what is small."""
+    """Return the rectangles that no name may cover: lines, and the inside of small shapes."""
     if isinstance(shape, Stroke) and shape.look != "solid":
         corners = (*shape.points, shape.points[0]) if shape.closed else shape.points
         return joined(NOTHING, *(lane(a, b, 1.5) for a, b in pairwise(corners) if a != b))

@@ -1,4 +1,4 @@
-"""A figure as PNG or PDF, drawn by matplotlib: it is there for plots anyway, needs no system library, and brings the letters along."""
+"""Figure as PNG or PDF, drawn by matplotlib: it is installed for plots, needs no system library, and brings its fonts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FACES: Mapping[str, str] = {"serif": "STIXGeneral", "sans": "DejaVu Sans"}  # bo
 
 
 def check_drawing(path: str | os.PathLike[str]) -> None:
-    """Whether a diagram can be written into a file of that name. Raises UsageError for another ending, MissingPackage."""
+    """Raise `UsageError` if the ending of a file name is not one of a diagram, or `MissingPackage`."""
     from importlib.util import find_spec
 
     ending = Path(path).suffix.lower()
@@ -34,7 +34,7 @@ def check_drawing(path: str | os.PathLike[str]) -> None:
 
 
 def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure, by the ending of the file, whole or not at all. Raises UsageError, MissingPackage, OSError."""
+    """Write a figure in the format of the file's ending, completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_drawing(path)
     if Path(path).suffix.lower() == ".svg":
         write_text(path, svg_text(figure))

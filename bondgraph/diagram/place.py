@@ -1,4 +1,4 @@
-"""A place for everything: each connected part by itself as a tree, what closes its rings routed afterwards, the parts in rows."""
+"""Layout: each connected part separately as a tree, the bonds that close its rings routed afterwards, the parts in rows."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from .subject import Node, Subject
 from .tree import Block, Branch, grow_tree
 
 APART = 46.0  # between two parts
-WIDEST = 1500.0  # a row of parts
-TURNED = 3  # times that the ends of what is routed are turned
-ROUTES = 18  # ways that are looked for, in all that is tried
+WIDEST = 1500.0  # largest width of a row of parts
+TURNED = 3  # rounds in which the ends of routed bonds are turned
+ROUTES = 18  # most ways searched, over all attempts
 ROOMIER = (24.0, 60.0, 120.0)
-NARROW = 4.0  # what a signal needs at each side
+NARROW = 4.0  # free space of a signal at each side
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where everything is; y grows downwards."""
+    """Positions of all parts; y grows downwards."""
 
     places: Mapping[int, Point]
     labels: Mapping[int, tuple[str, float, float, str]]
@@ -38,7 +38,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class _Web:
-    """The nodes with those that a layout adds: the ends of bent bonds, the names of signals from outside."""
+    """Nodes, with those that a layout adds: the ends of bent bonds, the names of signals from outside."""
 
     nodes: list[Node]
     stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
@@ -47,7 +47,7 @@ class _Web:
 
 @dataclass(frozen=True, slots=True)
 class _Tree:
-    """A part grown from one root, its rings still open; the smaller `worth`, the better."""
+    """A part grown from one root, its rings still open; a smaller `worth` is better."""
 
     root: int
     closing: list[int]
@@ -58,13 +58,13 @@ class _Tree:
 
 
 def place(subject: Subject) -> Layout:
-    """The layout of a subject: no two things overlap, bonds are straight where no ring forbids it."""
+    """Return the layout of a subject: no two parts overlap, bonds are straight unless they close a ring."""
     blocks = [_part(subject, part) for part in _parts(subject)]
     return _in_rows(blocks)
 
 
 def _parts(subject: Subject) -> Iterator[list[int]]:
-    """The connected parts, in the order of their first nodes; signals from one to another keep parts together."""
+    """Yield the connected parts, in the order of their first nodes; signals between parts keep them together."""
     around: dict[int, list[int]] = {n: [] for n in range(len(subject.nodes))}
     for line in subject.lines:
         around[line.tail].append(line.head)
@@ -107,7 +107,7 @@ def _part(subject: Subject, part: Sequence[int]) -> Layout:
 
 
 def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
-    """For each node its lines, each with the node at the other end."""
+    """Return the lines of each node, with the node at the other end."""
     around: dict[int, list[tuple[int, int]]] = {n: [] for n in part}
     for number, line in enumerate(subject.lines):
         if line.tail in around:
@@ -117,7 +117,7 @@ def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, 
 
 
 def _roots(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
-    """The box with most bonds; else both ends and the middle of a longest way through what is no end."""
+    """Return the box with most bonds; if there is none, both ends and the middle of a longest path through inner nodes."""
     boxes = [n for n in part if subject.nodes[n].shape == "box"]
     if boxes:
         return [max(boxes, key=lambda n: len(around[n]))]
@@ -146,7 +146,7 @@ def _ringed(around: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
 
 
 def _rooted(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int) -> _Tree:
-    """The part as a tree from that root."""
+    """Return the part as a tree from that root."""
     carried, closing = _spanning(around, root)
     web = _web(subject, closing)
     branches = _branches(subject, web, part, carried)
@@ -155,7 +155,7 @@ def _rooted(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence
 
 
 def _turned(subject: Subject, tree: _Tree) -> _Tree:
-    """The tree grown anew, the ends of what is routed turned to where the other ends are."""
+    """Return the tree grown again, with the ends of routed bonds turned towards their other ends."""
     other = {tree.web.stubs[n, e]: tree.web.stubs[n, sum(subject.lines[n].ends) - e] for n, e in tree.web.stubs}
     places = tree.block.places
     branches = {
@@ -180,7 +180,7 @@ def _worth(subject: Subject, web: _Web, closing: Sequence[int], block: Block) ->
 
 
 def _finished(subject: Subject, part: Sequence[int], tree: _Tree) -> tuple[float, Layout]:
-    """The tree with what closes its rings, roomier if that finds no way otherwise; and how good it is."""
+    """Return the cost and the layout of a tree with its rings closed, with more space if no way is found otherwise."""
     layout = _with_ways(subject, tree.web, part, tree.block, tree.closing)
     for roomy in ROOMIER:
         if layout is None:
@@ -192,7 +192,7 @@ def _finished(subject: Subject, part: Sequence[int], tree: _Tree) -> tuple[float
 
 
 def _crossings(ways: Sequence[Sequence[Point]]) -> int:
-    """How often bonds cross."""
+    """Return the number of crossings of bonds."""
     parts = [(n, a, b) for n, way in enumerate(ways) for a, b in pairwise(way)]
     return sum(n != m and _cross(a, b, c, d) for i, (n, a, b) in enumerate(parts) for m, c, d in parts[i + 1 :])
 
@@ -207,7 +207,7 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 def _spanning(
     around: Mapping[int, Sequence[tuple[int, int]]], root: int
 ) -> tuple[dict[int, tuple[int, int]], list[int]]:
-    """For each node but the root the line that carries it and the node at its other end, breadth first; and the lines left."""
+    """Return for each node except the root the line that carries it and the node at its other end, breadth first; and the remaining lines."""
     carried: dict[int, tuple[int, int]] = {}
     used: set[int] = set()
     waiting = deque([root])
@@ -254,8 +254,10 @@ def _branches(
 def _with_ways(
     subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
 ) -> Layout | None:
-    """The layout with the ways of what closes rings, and of signals; None if one of these bonds finds no way, which in the `last`
-    attempt goes straight across."""
+    """Return the layout with the ways of ring-closing bonds and of signals; None if such a bond finds no way.
+
+    In the `last` attempt such a bond goes straight across.
+    """
     ground = Ground(block.taken)
     ground.block(_things(web.nodes, block), HARD)
     bonds: dict[int, tuple[Point, ...]] = {}
@@ -295,7 +297,7 @@ def _with_ways(
 
 
 def _outline(node: Node, block: Block, number: int) -> tuple[float, float, float, float]:
-    """The border of a letter or a box."""
+    """Return the border of a letter or a box."""
     if number in block.boxes:
         box = block.boxes[number]
         return box.left, box.top, box.right, box.bottom
@@ -305,7 +307,7 @@ def _outline(node: Node, block: Block, number: int) -> tuple[float, float, float
 
 
 def _things(nodes: Sequence[Node], block: Block) -> Rectangles:
-    """Letters, labels and boxes: what no line may touch."""
+    """Return letters, labels and boxes, which no line may touch."""
     items = []
     for number, (x, y) in block.places.items():
         if nodes[number].shape == "stub":
@@ -324,7 +326,7 @@ def _things(nodes: Sequence[Node], block: Block) -> Rectangles:
 
 
 def _in_rows(parts: Sequence[Layout]) -> Layout:
-    """The parts side by side, as many as a row holds, then the next row."""
+    """Arrange the parts side by side, as many as a row holds, then in the next row."""
     places, texts = dict[int, Point](), dict[int, Point]()
     labels, boxes = dict[int, tuple[str, float, float, str]](), dict[int, Boxed]()
     bonds, signals = dict[int, tuple[Point, ...]](), dict[int, tuple[Point, ...]]()

@@ -1,6 +1,6 @@
-"""Where the bodies of a model's mechanisms are at some time of a run.
+"""Poses of the bodies of a model's mechanisms at some time of a run.
 
-Poses are no outputs of most models. So the model is written flat, as the experiment sets it, with its poses as outputs, and that is run.
+Most models have no poses as outputs. So the model is written flat, as the experiment sets it, with its poses as outputs, and that model is run.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PLANE, SPACE = ("x", "y", "phi"), ("x", "y", "z", "attitude.w", "attitude.x", "a
 
 
 def poses_at(model: Model, experiment: str | None, at: str | float) -> tuple[Sequence[Sequence[Pose]], float]:
-    """The poses of the bodies of each mechanism, in the order of the text, at a time; and that time in s.
+    """Return the poses of the bodies of each mechanism, in the order of the text, at a time; and that time in s.
 
     Raises `CompilationFailed`, `UsageError`, or `RunFailed`.
     """
@@ -40,17 +40,17 @@ def poses_at(model: Model, experiment: str | None, at: str | float) -> tuple[Seq
 
 
 def mechanisms(graph: BondGraph) -> Iterator[Mechanism]:
-    """In the order of the text."""
+    """Return the mechanisms in the order of the text."""
     return (node.mechanism for node in graph.nodes if isinstance(node, MechanismNode))
 
 
 def parts(mechanism: Mechanism) -> tuple[str, ...]:
-    """What a body reads of its pose."""
+    """Return the names of the components of a body's pose."""
     return PLANE if mechanism.planar else SPACE
 
 
 def pose_of(reference: Sequence[Bound], values: list[float], graph: BondGraph) -> Pose:
-    """From what a body reads: poses are absolute, and a picture turns the body from its reference."""
+    """Return the pose from the values of a body: they are absolute, and a picture rotates the body from its reference."""
     before = quaternion(numbers_of(graph, reference))
     if len(values) == len(PLANE):
         x, y, phi = values
@@ -61,14 +61,14 @@ def pose_of(reference: Sequence[Bound], values: list[float], graph: BondGraph) -
 
 
 def quaternion(turn: Vector) -> Turn:
-    """The unit quaternion of a rotation vector."""
+    """Return the unit quaternion of a rotation vector."""
     angle = math.hypot(*turn)
     share = math.sin(angle / 2) / angle if angle else 0.5
     return math.cos(angle / 2), share * turn[0], share * turn[1], share * turn[2]
 
 
 def _after(p: Turn, q: Turn) -> Turn:
-    """The turn p after the turn q."""
+    """Return the rotation p after the rotation q."""
     a, b, c, d = p
     w, x, y, z = q
     return (

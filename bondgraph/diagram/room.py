@@ -1,4 +1,4 @@
-"""Rectangles that must not overlap, and how far something has to be pushed so that they do not.
+"""Overlap of rectangles, and the distance by which a part must be pushed to avoid it.
 
 Arrays of rectangles have the shape (n, 4): left, top, right, bottom; y grows downwards, as in SVG.
 """
@@ -19,34 +19,34 @@ Vector = tuple[float, float]
 NOTHING: Rectangles = np.empty((0, 4))
 MARGIN = 5.0
 FAR = 20000.0
-LANE = 8.0  # what a bond needs at each side of its line: half a stroke, a half arrow
+LANE = 8.0  # free space of a bond at each side of its line: half a stroke, a half arrow
 
 
 def rectangles(items: Iterable[tuple[float, float, float, float]]) -> Rectangles:
-    """Rectangles from tuples."""
+    """Return an array of rectangles from tuples."""
     listed = list(items)
     return np.array(listed, dtype=float) if listed else NOTHING
 
 
 def moved(items: Rectangles, x: float, y: float) -> Rectangles:
-    """The same rectangles elsewhere."""
+    """Return the same rectangles, shifted."""
     shifted: Rectangles = items + np.array((x, y, x, y))
     return shifted
 
 
 def joined(*parts: Rectangles) -> Rectangles:
-    """All of some rectangles."""
+    """Return several arrays of rectangles as one."""
     return np.concatenate(parts)
 
 
 def bounds(items: Rectangles) -> tuple[float, float, float, float]:
-    """The rectangle around all of them."""
+    """Return the bounding rectangle of all."""
     low, high = items[:, :2].min(axis=0), items[:, 2:].max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def overlapping(first: Rectangles, second: Rectangles, margin: float = MARGIN) -> Any:
-    """Which pairs are nearer to each other than the margin; shape (n, m)."""
+    """Return a mask of the pairs that are nearer to each other than the margin; shape (n, m)."""
     a, b = first[:, None, :], second[None, :, :]
     return (
         (a[..., 0] < b[..., 2] + margin) & (b[..., 0] < a[..., 2] + margin)
@@ -55,12 +55,12 @@ def overlapping(first: Rectangles, second: Rectangles, margin: float = MARGIN) -
 
 
 def touches(first: Rectangles, second: Rectangles, margin: float = MARGIN) -> bool:
-    """Whether any pair is nearer than the margin."""
+    """Return True if any pair is nearer than the margin."""
     return bool(len(first) and len(second) and overlapping(first, second, margin).any())
 
 
 def lane(start: Point, end: Point, width: float = LANE) -> Rectangles:
-    """The rectangles that a straight bond takes; a slanted one takes a chain of small ones."""
+    """Return the rectangles of a straight bond; a slanted one gets a chain of small ones."""
     (x0, y0), (x1, y1) = start, end
     if x0 == x1 or y0 == y1:
         sides = (width * (x0 == x1), width * (y0 == y1))
@@ -74,13 +74,13 @@ def lane(start: Point, end: Point, width: float = LANE) -> Rectangles:
 
 
 def corridor(along: Vector, start: float) -> Rectangles:
-    """What the bond that carries a part may need, however long it becomes; it arrives `along` a direction."""
+    """Return the space that the bond that carries a part may need at any length; it arrives in direction `along`."""
     x, y = along
     return lane((-x * (start + MARGIN + 4), -y * (start + MARGIN + 4)), (-x * FAR, -y * FAR))
 
 
 def push(still: Rectangles, moving: Rectangles, along: Vector, least: float) -> float:
-    """The least distance from `least` on by which `moving` has to go `along` a direction to be clear of `still`."""
+    """Return the least distance, at least `least`, by which `moving` must be shifted in direction `along` to be clear of `still`."""
     distance = least
     if not len(still) or not len(moving):
         return distance

@@ -1,6 +1,6 @@
-"""Ways for what is not straight: bonds that close a ring, signals from node to node.
+"""Routing of lines that are not straight: bonds that close a ring, signals between nodes.
 
-A shortest way on a grid, in length and bends, around what is taken; bonds may be crossed in their middle, at a price.
+Shortest path on a grid, in length and bends, around occupied cells; bonds may be crossed in their middle, at a cost.
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ from .room import LANE, Point, Rectangles, bounds, lane
 
 STEP = 6.0
 END = 14.0  # px at the end of a bond
-CLEAR = 2.0  # px around what is taken
-BEND = 5.0  # in steps
+CLEAR = 2.0  # px around occupied rectangles
+BEND = 5.0  # cost of a bend, in steps
 CROSSING = 14.0
-AROUND = 10  # steps of free ground around everything
-FREE, LYING, STANDING, HARD = 0, 1, 2, 3  # bits: a bond lies there, one stands there, or nothing may pass
+AROUND = 10  # steps of free space around all parts
+FREE, LYING, STANDING, HARD = 0, 1, 2, 3  # bits: a horizontal bond, a vertical bond, both: nothing may pass
 Rectangle = tuple[float, float, float, float]
 State = tuple[int, int, int]  # column, row, heading
 
 
 class Ground:
-    """What is taken, on a grid; it fills with every way that is found. Nothing passes through what is hard; the
-    middles of bonds are crossed, at right angles, at a price."""
+    """Occupied cells of a grid, to which every way found is added.
+
+    Nothing passes through hard cells; the middles of bonds are crossed, at right angles, at a cost.
+    """
 
     def __init__(self, whole: Rectangles) -> None:
         left, top, right, bottom = bounds(whole)
@@ -38,7 +40,7 @@ class Ground:
         self.cells = bytearray(self.columns * self.rows)
 
     def block(self, items: Rectangles, how: int) -> None:
-        """Take the cells of some rectangles."""
+        """Occupy the cells of some rectangles."""
         for left, top, right, bottom in items.tolist():
             first, last = self._inside(left - CLEAR - self.left, right + CLEAR - self.left, self.columns)
             for row in range(*self._inside(top - CLEAR - self.top, bottom + CLEAR - self.top, self.rows)):
@@ -50,7 +52,7 @@ class Ground:
         return max(0, math.ceil(low / STEP)), min(count, math.floor(high / STEP) + 1)
 
     def take(self, way: Sequence[Point], width: float = LANE) -> None:
-        """Put a way in: its ends, where strokes and half arrows are, are hard."""
+        """Add a way; its ends, with strokes and half arrows, are hard."""
         for start, end in pairwise(way):
             level, upright = abs(start[1] - end[1]) < 0.5, abs(start[0] - end[0]) < 0.5
             self.block(lane(start, end, width), LYING if level else STANDING if upright else HARD)
@@ -60,22 +62,22 @@ class Ground:
             self.block(lane(end, (middle[0], middle[1]), width), HARD)
 
     def cell(self, point: Point) -> tuple[int, int]:
-        """The cell nearest to a point."""
+        """Return the cell nearest to a point."""
         return round((point[0] - self.left) / STEP), round((point[1] - self.top) / STEP)
 
     def how(self, cell: tuple[int, int]) -> int:
-        """What a cell is; what lies outside is hard."""
+        """Return the state of a cell; cells outside the grid are hard."""
         column, row = cell
         inside = 0 <= column < self.columns and 0 <= row < self.rows
         return self.cells[row * self.columns + column] if inside else HARD
 
     def point(self, column: int, row: int) -> Point:
-        """The middle of a cell."""
+        """Return the middle of a cell."""
         return self.left + column * STEP, self.top + row * STEP
 
 
 def routed(ground: Ground, foot: Point, start: Point, end: Point, tip: Point) -> tuple[Point, ...] | None:
-    """A way from `foot` over `start` and `end` to `tip`, its first and last part straight; None if there is none."""
+    """Return a way from `foot` over `start` and `end` to `tip`, its first and last part straight; None if there is none."""
     first = (*ground.cell(start), _heading(foot, start))
     last = (*ground.cell(end), _heading(end, tip))
     cells = _shortest(ground, [first], {last})
@@ -91,7 +93,7 @@ def routed(ground: Ground, foot: Point, start: Point, end: Point, tip: Point) ->
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Where a signal can leave a letter or box: a point of the border, the cell outside, the heading from there on."""
+    """Exit of a signal from a letter or box: a point of the border, the cell outside, the heading from there on."""
 
     foot: Point
     cell: tuple[int, int]
@@ -100,7 +102,7 @@ class Gate:
 
 
 def between(ground: Ground, source: Rectangle, target: Rectangle) -> tuple[Point, ...] | None:
-    """A way for a signal from the border of one rectangle to that of another, wherever both are free."""
+    """Return a way for a signal from the border of one rectangle to that of another, at any free place; None if there is none."""
     feet = {(*gate.cell, gate.heading): gate for gate in _gates(ground, source)}
     goals = {(*gate.cell, (gate.heading + 2) % 4): gate for gate in _gates(ground, target)}
     cells = _shortest(ground, list(feet), set(goals), tight=True)
@@ -117,7 +119,7 @@ def between(ground: Ground, source: Rectangle, target: Rectangle) -> tuple[Point
 
 
 def _gates(ground: Ground, rectangle: Rectangle) -> list[Gate]:
-    """Where a signal can leave a rectangle: in the middle of a free side; if there is none, at a corner, between two bonds."""
+    """Return the exits of a signal from a rectangle: on free sides; if there are none, at corners, between two bonds."""
     left, top, right, bottom = rectangle
     x, y = (left + right) / 2, (top + bottom) / 2
     asides = [0.0] if right - left < 30 else [0.0, (left - right) / 4, (right - left) / 4]
@@ -144,7 +146,7 @@ HEADINGS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 def _heading(start: Point, end: Point) -> int:
-    """Which of the four headings is nearest to that of a short way."""
+    """Return the nearest of the four headings to that of a short way."""
     x, y = end[0] - start[0], end[1] - start[1]
     return (0 if x > 0 else 2) if abs(x) >= abs(y) else (1 if y > 0 else 3)
 
@@ -152,8 +154,10 @@ def _heading(start: Point, end: Point) -> int:
 def _shortest(
     ground: Ground, starts: Sequence[State], goals: Collection[State], tight: bool = False
 ) -> list[State] | None:
-    """The cells of a cheapest way from one of the starts to one of the goals, each with its heading (A*, Manhattan distance).
-    `tight`: nothing hard may be passed, not even at the ends. Prices and states are flat numbers: this is where time goes."""
+    """Return the cells of a cheapest way from one of the starts to one of the goals, each with its heading (A*, Manhattan distance).
+
+    `tight`: no hard cell may be passed, not even at the ends. Costs and states are flat numbers: most of the time is spent here.
+    """
     if not starts or not goals:
         return None
     columns = ground.columns
@@ -178,7 +182,7 @@ def _shortest(
             return [_unpacked(s, columns) for s in _followed(before, state)]
         cell, cost = state >> 2, costs[state]
         if bound > cost + rest[cell]:
-            continue  # found again, at a better price
+            continue  # found again, at a lower cost
         for towards, step, bend, entry in turns[state & 3]:
             place = cell + step
             price = entry[place]
@@ -196,8 +200,10 @@ def _unpacked(state: int, columns: int) -> State:
 
 
 def _prices(ground: Ground, ends: Sequence[tuple[int, int]], along: int) -> list[float]:
-    """What it costs to enter each cell on the level (`along` LYING) or up and down (STANDING), 0 where that cannot be: what is hard,
-    what a bond takes in the same direction, the outermost cells; the ends themselves are always free."""
+    """Return the cost of entering each cell horizontally (`along` LYING) or vertically (STANDING), 0 where that is not possible.
+
+    Not possible are hard cells, cells of a bond in the same direction, and the outermost cells; the ends are always free.
+    """
     columns, rows = ground.columns, ground.rows
     prices: list[float] = np.array(
         (1.0, 0.0, 1.0 + CROSSING, 0.0) if along == LYING else (1.0, 1.0 + CROSSING, 0.0, 0.0)
@@ -210,7 +216,7 @@ def _prices(ground: Ground, ends: Sequence[tuple[int, int]], along: int) -> list
 
 
 def _rest(ground: Ground, goals: Collection[State]) -> list[int]:
-    """For each cell the least number of steps to the rectangle around the goals."""
+    """Return for each cell the least number of steps to the rectangle around the goals."""
     low, high = [min(g[i] for g in goals) for i in (0, 1)], [max(g[i] for g in goals) for i in (0, 1)]
     x, y = np.arange(ground.columns), np.arange(ground.rows)
     across = np.maximum(np.maximum(low[0] - x, x - high[0]), 0)
@@ -228,7 +234,7 @@ def _followed(before: Mapping[int, int], state: int) -> list[int]:
 
 
 def _corners(points: Sequence[Point]) -> list[Point]:
-    """A way without the points at which it goes straight on."""
+    """Return a way without the points at which it goes straight on."""
     kept = list(points[:1])
     for before, here, after in zip(points, points[1:], points[2:], strict=False):
         if _heading(before, here) != _heading(here, after):
@@ -237,7 +243,7 @@ def _corners(points: Sequence[Point]) -> list[Point]:
 
 
 def _aligned(foot: Point, corners: list[Point], tip: Point, out: int, into: int) -> tuple[Point, ...]:
-    """The corners moved off the grid so that the first part meets `foot`, the last `tip`, at right angles."""
+    """Return the corners moved off the grid so that the first part meets `foot` and the last `tip`, at right angles."""
     if corners:
         x, y = corners[0]
         corners[0] = (x, foot[1]) if out % 2 == 0 else (foot[0], y)

@@ -1,6 +1,6 @@
-"""A mechanism as numbers: where its bodies, joints and springs are in the drawing's reference, and in another pose.
+"""Mechanism geometry: positions of bodies, joints and springs in the drawing's reference, and in another pose.
 
-Points are in the plane of the picture, in m, y upwards; a mechanism in space is seen from in front, right and above.
+Points are in the plane of the picture, in m, y upwards; a mechanism in space is seen from the front, right and above.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ Point = tuple[float, float]
 Vector = tuple[float, float, float]
 Turn = tuple[float, float, float, float]  # a unit quaternion w, x, y, z
 UNTURNED: Turn = (1.0, 0.0, 0.0, 0.0)
-# What the picture's right and up are, for a mechanism in space.
+# Directions of the picture's right and up, for a mechanism in space.
 RIGHT, UP = (math.cos(math.radians(25)), -math.sin(math.radians(25)), 0.0), (0.24, 0.33, 0.92)
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a body's centre is, and how it is turned away from the reference."""
+    """Position of a body's centre, and its rotation from the reference."""
 
     place: Vector
     turn: Turn
@@ -33,7 +33,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Limb:
-    """A body: its centre and the points at which joints and frames hold it."""
+    """A body: its centre and its points at joints and frames."""
 
     name: str
     centre: Point
@@ -42,7 +42,7 @@ class Limb:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A joint: one point on each of the two bodies, and the direction in which a slide slides."""
+    """A joint: one point on each of the two bodies, and the direction of a slide."""
 
     name: str
     kind: str
@@ -50,12 +50,12 @@ class Link:
     second: Point
     along: Point
     grounded: bool
-    sprung: tuple[str, ...]  # the springs that hang on it
+    sprung: tuple[str, ...]  # springs at the joint
 
 
 @dataclass(frozen=True, slots=True)
 class Scenery:
-    """What is drawn of a mechanism."""
+    """Geometry of a mechanism for a picture."""
 
     name: str
     planar: bool
@@ -65,7 +65,7 @@ class Scenery:
 
 
 def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] | None = None) -> Scenery:
-    """The bodies and joints in the reference, or in given poses (those of bodies by their names)."""
+    """Return the bodies and joints in the reference, or in given poses (those of bodies by their names)."""
     mechanism = node.mechanism
     stage = _Stage(graph, mechanism, poses or {})
     joints = [j for j in mechanism.joints if j.kind not in ("gear", "rack")]
@@ -98,7 +98,7 @@ def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] 
 
 
 def _limb(stage: _Stage, body: Body, held: Sequence[Point]) -> Limb:
-    """A body; where the place of its centre was not said, which is then the origin, it is drawn where the body is held."""
+    """Return a body; if the position of its centre is not given (the origin then), it is drawn at its joints."""
     place = stage.vector(body.position)
     centre = stage.on(body.name, place)
     if place == (0.0, 0.0, 0.0) and len(held) == 1:
@@ -107,7 +107,7 @@ def _limb(stage: _Stage, body: Body, held: Sequence[Point]) -> Limb:
 
 
 def _carried(limb: Limb | None, otherwise: Point) -> Point:
-    """Where a slide is drawn whose place was not said: where its body is held otherwise, else at its centre."""
+    """Return the position of a slide without given position: the mean of its body's other joint points, else its centre."""
     if limb is None:
         return otherwise
     around = limb.points or (limb.centre,)
@@ -115,7 +115,7 @@ def _carried(limb: Limb | None, otherwise: Point) -> Point:
 
 
 def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Joint -> the springs at its ports, directly or over junctions of one flow."""
+    """Yield each joint with the springs at its ports, directly or over junctions of one flow."""
     number = graph.nodes.index(node)
     found: dict[str, list[str]] = {}
     for bond in graph.incident[number]:
@@ -136,7 +136,7 @@ def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tup
 
 
 def numbers_of(graph: BondGraph, bounds: Sequence[Bound]) -> Vector:
-    """Three numbers from what the text says; what is not known before a run counts as zero."""
+    """Return three numbers from the text; numbers unknown before a run count as zero."""
 
     def value(key: object) -> float:
         if isinstance(key, float):
@@ -150,18 +150,18 @@ def numbers_of(graph: BondGraph, bounds: Sequence[Bound]) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """The numbers of a mechanism, and the poses of its bodies."""
+    """Numbers of a mechanism, and the poses of its bodies."""
 
     graph: BondGraph
     mechanism: Mechanism
     poses: Mapping[str, Pose]
 
     def vector(self, bounds: Sequence[Bound]) -> Vector:
-        """Three numbers from what the text says."""
+        """Return three numbers from the text."""
         return numbers_of(self.graph, bounds)
 
     def on(self, body: str, point: Vector) -> Point:
-        """Where a point of a body is in the picture, given where it is in the reference."""
+        """Return the position of a point of a body in the picture, from its position in the reference."""
         pose = self.poses.get(body)
         if pose is not None:
             centre = self.vector(self.mechanism.point_of(body))
@@ -170,20 +170,20 @@ class _Stage:
         return self.seen(point)
 
     def across(self, body: str, axis: Vector) -> Point:
-        """A direction fixed to a body, as the picture shows it, of length 1 (or 0, seen from its end)."""
+        """Return a direction fixed to a body, as projected into the picture, of length 1 (or 0, seen from its end)."""
         pose = self.poses.get(body)
         x, y = self.seen(turned(pose.turn, axis) if pose is not None else axis)
         length = math.hypot(x, y)
         return (x / length, y / length) if length > 1e-9 else (0.0, 0.0)
 
     def seen(self, point: Vector) -> Point:
-        """The picture's coordinates of a point."""
+        """Return the picture's coordinates of a point."""
         if self.mechanism.planar:
             return point[0], point[1]
         return sum(a * b for a, b in zip(point, RIGHT, strict=True)), sum(a * b for a, b in zip(point, UP, strict=True))
 
     def ends(self, joint: Joint) -> tuple[Point, Point]:
-        """Where a joint holds its first and its second body."""
+        """Return the points at which a joint holds its first and its second body."""
         names = (joint.first, joint.second)
         bodies = [self.mechanism.body_of(n) for n in names]
         if joint.kind in ("distance", "rod"):
@@ -194,13 +194,13 @@ class _Stage:
         return first, second
 
     def free_to_lie(self, joint: Joint) -> bool:
-        """Whether the place of a joint says nothing: a slide, or a body that is free of the ground."""
+        """Return True if the position of a joint has no meaning: a slide, or a planar joint, without given position."""
         kind, at = joint.kind, self.vector(joint.position)
         return kind in ("slide", "planar") and at == (0.0, 0.0, 0.0)
 
 
 def turned(turn: Turn, point: Vector) -> Vector:
-    """A vector turned by a unit quaternion."""
+    """Return a vector rotated by a unit quaternion."""
     w, x, y, z = turn
     a, b, c = point
     tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)

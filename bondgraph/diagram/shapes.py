@@ -1,7 +1,7 @@
-"""Modes drawn on a mechanism: bodies at rest in grey, and as a mode displaces them.
+"""Modes drawn on a mechanism: bodies at equilibrium in grey, and as displaced by a mode.
 
-Poses are no outputs of most models. So the model is written flat with its poses as outputs, and the modes of that are asked: their
-amplitudes there move the bodies. A mode has no size; it is drawn so large that it can be seen.
+Most models have no poses as outputs. So the model is written flat with its poses as outputs, and the modes of that model are computed: their
+amplitudes there move the bodies. A mode has no size; it is drawn large enough to be seen.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ..door import BondGraph
     from ..model import Model
 
-SHARE = 0.06  # of the mechanism's size: how far what moves most goes
-SMALL = 1e-6  # of the size: a first look at how far points go
-WIDEST = 0.6  # rad: an angle beyond shows nothing of a small one
+SHARE = 0.06  # fraction of the mechanism's size: largest displacement
+SMALL = 1e-6  # fraction of the size: displacement of a first evaluation
+WIDEST = 0.6  # rad: largest angle, since small rotations are shown
 LENGTHS = ("x", "y", "z")
 GAP = 30.0  # px between pictures
 COLUMNS = 3
@@ -34,7 +34,7 @@ COLUMNS = 3
 
 @dataclass(frozen=True, slots=True)
 class Shapes:
-    """A model with its poses as outputs: at rest and as its modes move them. `names`: (mechanism, body, part) -> output."""
+    """A model with its poses as outputs: at equilibrium and displaced by its modes. `names`: (mechanism, body, part) -> output."""
 
     graph: BondGraph
     names: Mapping[tuple[str, str, str], str]
@@ -43,7 +43,7 @@ class Shapes:
 
 
 def shapes_of(model: Model, experiment: str | None, name: str | None, count: int) -> Figure:
-    """The first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism` says."""
+    """Return the first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism`."""
     found = _found(model, experiment)
     nodes = [n for n in found.graph.nodes if isinstance(n, MechanismNode)]
     node = next((n for n in nodes if name is None or n.name == name), None)
@@ -89,7 +89,7 @@ def _poses(found: Shapes, node: MechanismNode, values: Mapping[str, float]) -> d
 
 
 def _unit(numbers: Sequence[float]) -> list[float]:
-    """With the quaternion at the end, if there is one, of length 1."""
+    """Return the numbers with the quaternion at the end, if there is one, normalised to length 1."""
     if len(numbers) == 3:
         return list(numbers)
     length = math.hypot(*numbers[3:])
@@ -97,7 +97,7 @@ def _unit(numbers: Sequence[float]) -> list[float]:
 
 
 def _displaced(found: Shapes, node: MechanismNode, rest: Scenery, mode: Mode) -> Scenery | None:
-    """At the instant at which it is farthest out; None if it does not move the mechanism."""
+    """Return the mechanism at the instant of its largest displacement; None if the mode does not move it."""
     amplitudes, size = mode.outputs, _size(rest)
     ours = {key: amplitudes[o] for key, o in found.names.items() if key[0] == node.name}
     lengths = {key: a if key[2] in LENGTHS else a * size / 2 for key, a in ours.items()}
@@ -125,7 +125,7 @@ def _size(scenery: Scenery) -> float:
 
 
 def _distance(rest: Scenery, moved: Scenery) -> float:
-    """How far the point goes that goes farthest."""
+    """Return the largest displacement of a point."""
     return max(
         math.dist(a, b)
         for one, other in zip(rest.limbs, moved.limbs, strict=True)
@@ -134,7 +134,7 @@ def _distance(rest: Scenery, moved: Scenery) -> float:
 
 
 def _sheet(pictures: Sequence[Figure], title: str) -> Figure:
-    """Pictures in rows of three."""
+    """Return pictures in rows of three."""
     width, height = max(p.width for p in pictures), max(p.height for p in pictures)
     groups: list[Group] = []
     for i, picture in enumerate(pictures):

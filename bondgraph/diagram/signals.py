@@ -1,4 +1,4 @@
-"""What the laws read of elsewhere: signals, drawn with full arrows."""
+"""Signals: quantities of other elements that laws read, drawn with full arrows."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ..door import Element, Quantity, Reading
 if TYPE_CHECKING:
     from ..door import BondGraph
 
-OUTSIDE = frozenset({"parameter", "constant"})  # what does not change needs no arrow
+OUTSIDE = frozenset({"parameter", "constant"})  # constant quantities need no arrow
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """An arrow into an element: from the node whose variable its law reads, or from outside (None) under a name."""
+    """An arrow into an element: from the node whose variable its law reads, or from outside (None) with a name."""
 
     source: int | None
     target: int
@@ -24,8 +24,10 @@ class Signal:
 
 
 def signals_of(graph: BondGraph, of: Mapping[int, int]) -> Iterator[Signal]:
-    """Of every modulated element: one arrow from each node that it reads, be it through named signals; if there is none, one
-    from outside with the names of the signals. `of` says which node of the diagram a node of the graph is in."""
+    """Yield the signals of every modulated element: one arrow from each node that it reads, directly or through named signals.
+
+    If there is none, one arrow from outside with the names of the signals. `of` maps a node of the graph to its node of the diagram.
+    """
     numbers = {node.name: number for number, node in enumerate(graph.nodes)}
     seen: set[tuple[int | None, int]] = set()
     for number, node in enumerate(graph.nodes):
@@ -43,21 +45,21 @@ def signals_of(graph: BondGraph, of: Mapping[int, int]) -> Iterator[Signal]:
 
 
 def _names(graph: BondGraph, node: Element) -> list[str]:
-    """The named quantities that a law reads, without what does not change."""
+    """Return the named quantities that a law reads, without constant ones."""
     names = [a.name for a in node.arguments if isinstance(a, Quantity)]
     quantities = {**graph.outputs, **graph.quantities}
     return [n for n in dict.fromkeys(names) if n in quantities and quantities[n].role not in OUTSIDE]
 
 
 def _read(graph: BondGraph, node: Element, numbers: Mapping[str, int]) -> list[int]:
-    """The nodes whose variables a law reads, through whatever signals."""
+    """Return the nodes whose variables a law reads, through any signals."""
     quantities = {**graph.outputs, **graph.quantities}
     waiting, done, found = list(node.arguments), set[str](), dict[int, None]()
     while waiting:
         item = waiting.pop(0)
         if isinstance(item, Reading):
             number = numbers.get(item.node)
-            if number is None and (item.node, item.port) in graph.walls:  # a port of a model: what stands inside
+            if number is None and (item.node, item.port) in graph.walls:  # a port of a model: the node inside
                 number = graph.bonds[graph.walls[item.node, item.port]].head.node
             if number is not None:
                 found[number] = None

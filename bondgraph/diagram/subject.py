@@ -1,7 +1,7 @@
-"""What a diagram shows, before anything has a place: nodes with their letters, bonds with their strokes, signals.
+"""Diagram model: contents of a diagram before the layout, that is nodes with letters, bonds with strokes, signals.
 
-Made from the causal graph, so that every stroke is the compiler's. Bonds that run side by side between the same two nodes, with equal
-strokes, are one multibond; junctions that such bonds pass through together are one junction.
+It is made from the causal graph, so that every stroke is the compiler's. Parallel bonds between the same two nodes, with equal strokes, are one
+multibond; junctions that such bonds pass through together are one junction.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ TAIL, HEAD = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """An element, a junction, or a box: a mechanism or a submodel that is not opened."""
+    """An element, a junction, or a box: a mechanism or a submodel that is not expanded."""
 
     name: str
-    letter: str  # as it is drawn: `I`, `MSe`, `0`; of a box its kind
-    label: str  # what is written beside the letter; empty for a junction that has no name of its own
+    letter: str  # letter as drawn: `I`, `MSe`, `0`; the kind of a box
+    label: str  # text beside the letter; empty for a junction without a name
     shape: str  # element, junction or box; in a layout also signal or stub
     members: tuple[int, ...]  # nodes of the graph
     place: str  # file:line
-    inside: str  # the instance it belongs to, or empty
+    inside: str  # its instance, or empty
     derivative: bool = False
     loop: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A bond or a multibond from `tail` to `head`; the stroke stands at the end that is given the effort."""
+    """A bond or a multibond from `tail` to `head`; the stroke is at the end that receives the effort."""
 
-    bonds: tuple[int, ...]  # of the graph
+    bonds: tuple[int, ...]  # indices in the graph
     tail: int
     head: int
     ports: tuple[str, str]  # at tail and head, as far as they have names
@@ -58,18 +58,18 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Everything that a diagram shows."""
+    """Contents of a diagram."""
 
     name: str
     nodes: tuple[Node, ...]
     lines: tuple[Line, ...]
     signals: tuple[Signal, ...]
     left_out: tuple[str, ...]
-    instances: Mapping[str, str]  # instance -> the model that it is of
+    instances: Mapping[str, str]  # instance -> its model
 
 
 def subject_of(compilation: Compilation, closed: bool = False) -> Subject:
-    """What is to be drawn of a scene. `closed`: instances of the model are boxes. Raises `CompilationFailed`."""
+    """Return the contents of the diagram of a scene. `closed`: instances of the model are boxes. Raises `CompilationFailed`."""
     causal = compilation.causal
     graph = causal.graph
     found = explain(compilation)
@@ -91,7 +91,7 @@ def subject_of(compilation: Compilation, closed: bool = False) -> Subject:
 
 
 def _instances(graph: BondGraph) -> dict[str, str]:
-    """The instances that stand in the model itself, with the names of their models."""
+    """Return the instances declared in the model itself, with the names of their models."""
     found = {name: "" for name in graph.stands if "." not in name}
     for node in graph.nodes:
         first, dot, rest = node.name.partition(".")
@@ -101,12 +101,12 @@ def _instances(graph: BondGraph) -> dict[str, str]:
 
 
 def _plain(name: str) -> str:
-    """A name without what stands in parentheses."""
+    """Return a name without text in parentheses."""
     return name.partition("(")[0]
 
 
 def _boxes(graph: BondGraph, instances: Mapping[str, str]) -> tuple[tuple[int, ...], ...]:
-    """The nodes of each instance together, all others alone."""
+    """Return the nodes of each instance together, all others alone."""
     boxes: dict[str, list[int]] = {}
     for number, node in enumerate(graph.nodes):
         first = _plain(node.name).partition(".")[0]
@@ -116,7 +116,7 @@ def _boxes(graph: BondGraph, instances: Mapping[str, str]) -> tuple[tuple[int, .
 
 
 def _twins(causal: CausalGraph, homes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Junctions of one kind whose bonds go, with equal arrows and strokes, to the same multiports are one junction."""
+    """Group junctions of one kind whose bonds go, with equal arrows and strokes, to the same multiports: each group is one junction."""
     graph = causal.graph
     home = {member: number for number, group in enumerate(homes) for member in group}
     alike: dict[object, list[int]] = defaultdict(list)
@@ -128,7 +128,7 @@ def _twins(causal: CausalGraph, homes: Sequence[tuple[int, ...]]) -> list[tuple[
 
 
 def _signature(causal: CausalGraph, group: tuple[int, ...], home: Mapping[int, int]) -> object:
-    """What a junction has in common with its twins; None for whatever can have none."""
+    """Return the properties that a junction shares with its twins; None for nodes that cannot have twins."""
     graph = causal.graph
     (number, *more) = group
     node = graph.nodes[number]
@@ -193,7 +193,7 @@ def _label(graph: BondGraph, group: tuple[int, ...]) -> str:
 def _lines(
     causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[Node], walls: Mapping[tuple[str, str], int]
 ) -> Iterator[Line]:
-    """Bonds between different nodes; those side by side, with equal strokes, as one."""
+    """Yield the lines between different nodes: parallel bonds with equal strokes as one."""
     graph = causal.graph
     alike: dict[tuple[int, int, int, str], list[int]] = defaultdict(list)
     for number, bond in enumerate(graph.bonds):
@@ -221,10 +221,10 @@ def _lines(
 
 
 def _bundled(tail: Node, head: Node, graph: BondGraph, number: int) -> bool:
-    """Whether a bond may be one line with those beside it: not where each of them stands for itself."""
+    """Return True if a bond may share a line with parallel ones; False between two single junctions, where each bond is separate."""
     kinds = {graph.nodes[m].kind for n in (tail, head) for m in n.members}
     if kinds <= {Kind.ZERO, Kind.ONE} and len(tail.members) == len(head.members) == 1:
-        return False  # bonds to and fro between two junctions
+        return False  # bonds in both directions between two junctions
     return number >= 0
 
 
@@ -237,7 +237,7 @@ def _port(graph: BondGraph, bond: int, side: int, node: Node, doors: Mapping[int
 
 
 def _stem(names: Iterable[str]) -> str:
-    """What some ports have in common: `flex[1]` of `flex[1].x`, `flex[1].y`; else all of them."""
+    """Return the common part of port names: `flex[1]` of `flex[1].x`, `flex[1].y`; else all of them."""
     names = list(names)
     if len(names) == 1:
         return names[0]

@@ -1,4 +1,4 @@
-"""A figure as SVG text: no script, no link, the same bytes for the same figure."""
+"""Figure as SVG text: no script, no link, equal bytes for equal figures."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ FACES = {
 
 
 def svg_text(figure: Figure, rules: bool = True) -> str:
-    """The text of an SVG file; without `rules` for a page that has them in its own style."""
+    """Return the text of an SVG file; without `rules` for a page that has them in its own style."""
     return "\n".join(_lines(figure, rules)) + "\n"
 
 
 def style_rules() -> str:
-    """The looks as rules, in light and dark; they stand inside the picture and say nothing of what is around it."""
+    """Return the looks as CSS rules, in light and dark; they apply inside the picture only."""
     return f"{''.join(_rules())}@media (prefers-color-scheme:dark){{{''.join(_dark_rules())}}}"
 
 
@@ -45,7 +45,7 @@ def _rules() -> Iterator[str]:
 
 
 def _dark_rules() -> Iterator[str]:
-    """The colours alone."""
+    """Yield the rules of the colours alone."""
     for name, look in LOOKS.items():
         fill = "none" if not look.filled and not look.size else DARK[look.inside or look.colour]
         stroke = f"stroke:{DARK[look.colour]}" * (not look.size and look.width > 0)
@@ -97,13 +97,13 @@ def _shape(shape: Shape) -> str:
 
 
 def _n(value: float) -> str:
-    """A number with at most two decimals."""
+    """Return a number with at most two decimals."""
     text = f"{value:.2f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 def _plain(text: str) -> str:
-    """Text without what would turn the reading direction or break a file."""
+    """Return text without characters that would change the reading direction or break a file."""
     from ..views.tables import visible
 
     return visible(text)

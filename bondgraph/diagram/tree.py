@@ -1,8 +1,8 @@
-"""Places for the nodes of a tree: straight bonds at right angles, power from left to right, whatever hangs on a node around it.
+"""Tree layout: straight bonds at right angles, power from left to right, the branches of a node around it.
 
-From the leaves to the root. What hangs on a node is finished in itself, for each direction in which it can grow; the node tries which
-of them goes where and pushes each outwards until nothing touches. So nothing overlaps by construction. (Libraries were weighed:
-layered layouts bend bonds and know no four sides of a letter, forces know no right angles; a textbook's picture wants both.)
+The layout goes from the leaves to the root. A branch is completed for each direction in which it can grow; the node tries assignments of branches
+to sides and pushes each branch outwards until nothing touches. So nothing overlaps by construction. (Libraries were considered: layered layouts
+bend bonds and do not know the four sides of a letter, force layouts know no right angles; a textbook's picture needs both.)
 """
 
 from __future__ import annotations
@@ -23,28 +23,29 @@ RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 SIDES = (RIGHT, DOWN, LEFT, UP)
 CORNERS = ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7))
 BETWEEN = ((0.4, 0.9), (0.4, -0.9), (-0.4, 0.9), (-0.4, -0.9), (0.9, 0.4), (0.9, -0.4), (-0.9, 0.4), (-0.9, -0.4))
-# Where an element at the end of a bond likes to stand, best first.
+# Preferred sides of an element at the end of a bond, best first.
 LIKES: Mapping[str, tuple[Vector, ...]] = {
     "Se": (LEFT, UP, DOWN, RIGHT), "Sf": (LEFT, UP, DOWN, RIGHT), "I": (UP, DOWN, RIGHT, LEFT), "C": (UP, DOWN, RIGHT, LEFT),
     "R": (DOWN, UP, RIGHT, LEFT), "": (UP, DOWN, LEFT, RIGHT),
 }  # fmt: skip
-TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0  # what a bond costs that turns off, that brings power from the right, in px
+# costs in px: of a turn, of power from the right, of a side that is not preferred
+TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A finished part, seen from the place where the bond that carries it arrives."""
+    """A completed part, with the origin at the end of the bond that carries it."""
 
     places: Mapping[int, Point]  # node -> its middle
     labels: Mapping[int, tuple[str, float, float, str]]
     boxes: Mapping[int, Boxed]
-    ends: Mapping[tuple[int, int], Point]  # line, node -> where it meets the node's border
-    taken: Rectangles  # what the root itself takes comes first
+    ends: Mapping[tuple[int, int], Point]  # line, node -> its point on the node's border
+    taken: Rectangles  # the rectangle of the root comes first
     cost: float
     reach: float = 0.0  # from the origin to the border of the root, against the direction of growth
 
     def at(self, x: float, y: float) -> Block:
-        """The same part elsewhere."""
+        """Return the same part at another position."""
         return Block(
             {n: (a + x, b + y) for n, (a, b) in self.places.items()},
             {n: (t, a + x, b + y, s) for n, (t, a, b, s) in self.labels.items()},
@@ -56,13 +57,13 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A bond from a node to what hangs on it."""
+    """A bond from a node to a child."""
 
     line: int
     child: int
-    outwards: bool  # whether the arrow points to the child
-    heavy: bool  # whether more hangs on the child
-    towards: Vector | None = None  # of what is routed later: where its other end was when last seen
+    outwards: bool  # True if the arrow points to the child
+    heavy: bool  # True if the child has branches
+    towards: Vector | None = None  # for a bond that is routed later: last known direction of its other end
 
 
 Arrangement = Sequence[tuple[Branch, Vector]]
@@ -70,7 +71,7 @@ Arrangement = Sequence[tuple[Branch, Vector]]
 
 @dataclass(slots=True)
 class Draft:
-    """A part that grows."""
+    """A part under construction."""
 
     places: dict[int, Point] = field(default_factory=dict)
     labels: dict[int, tuple[str, float, float, str]] = field(default_factory=dict)
@@ -80,7 +81,7 @@ class Draft:
     cost: float = 0.0
 
     def add(self, block: Block, *more: Rectangles) -> None:
-        """Put a finished part in."""
+        """Add a completed part."""
         self.places |= block.places
         self.labels |= block.labels
         self.boxes |= block.boxes
@@ -97,7 +98,7 @@ def grow_tree(
     root: int,
     roomy: float = 0.0,
 ) -> Block:
-    """Places for everything that hangs on a root, which stands at the origin."""
+    """Return the positions of all descendants of a root, which is at the origin."""
     order = [root]
     for node in order:
         order += [b.child for b in branches[node]]
@@ -122,7 +123,7 @@ def _grow(
     best: Block | None = None
     for least, sides in _by_price(nodes, finished, _arrangements(nodes, node, branches, along)):
         if best is not None and least >= _worth(best):
-            break  # what comes now costs more before anything is pushed
+            break  # the remaining arrangements cost more even without pushing
         block = _arranged(nodes, sides, finished, node, along, roomy)
         if best is None or _worth(block) < _worth(best):
             best = block
@@ -133,7 +134,7 @@ def _grow(
 def _by_price(
     nodes: Sequence[Node], finished: Mapping[tuple[int, Vector], Block], arrangements: Iterator[Arrangement]
 ) -> list[tuple[float, Arrangement]]:
-    """Arrangements with what each costs at least, cheapest first."""
+    """Return arrangements with the least cost of each, cheapest first."""
     priced = []
     for sides in arrangements:
         blocks = [finished[b.child, s] for b, s in sides]
@@ -157,7 +158,7 @@ def _slanted(
     nodes: Sequence[Node], branches: Mapping[int, Sequence[Branch]], finished: Mapping[tuple[int, Vector], Block],
     node: int, along: Vector,
 ) -> Block:  # fmt: skip
-    """At the end of a slanted bond a part grows on to the right or to the left."""
+    """Return a part at the end of a slanted bond, grown to the right or to the left."""
     if branches[node] or nodes[node].shape == "box":
         block = finished[node, RIGHT if along[0] > 0 else LEFT]
         far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if nodes[node].shape == "box" else 0.0
@@ -174,7 +175,7 @@ def _slanted(
 def _arrangements(
     nodes: Sequence[Node], node: int, branches: Sequence[Branch], along: Vector | None
 ) -> Iterator[Arrangement]:
-    """Ways to put branches at sides: heavy ones in every order, the ends of bonds where they like to stand."""
+    """Yield assignments of branches to sides: heavy ones in every order, the ends of bonds at their preferred sides."""
     free = [s for s in SIDES if along is None or s != (-along[0], -along[1])]
     heavy = [b for b in branches if b.heavy]
     light = sorted(
@@ -184,7 +185,7 @@ def _arrangements(
     through = nodes[node].shape == "element" and sum(nodes[b.child].shape != "signal" for b in branches) == (
         2 if along is None else 1
     )
-    named = bool(nodes[node].label)  # a label stands left above
+    named = bool(nodes[node].label)  # a label is left above
     open_to = [s for s in (*CORNERS, *BETWEEN) if not (named and s[0] < 0 and s[1] < 0)]
     for sides in permutations(free, len(wanted)):
         taken: list[tuple[Branch, Vector]] = list(zip(wanted, sides, strict=True))
@@ -202,7 +203,7 @@ def _arrangements(
 
 
 def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
-    """The sides at which the end of a bond likes to stand, best first."""
+    """Return the preferred sides of the end of a bond, best first."""
     if branch.towards is None:
         return LIKES.get(node.letter.lstrip("M"), SIDES)
     x, y = branch.towards
@@ -210,7 +211,7 @@ def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
 
 
 def _price(node: Node, branch: Branch, side: Vector) -> float:
-    """What it costs that a branch goes to a side."""
+    """Return the cost of a branch at a side."""
     power = side[0] if branch.outwards else -side[0]
     if branch.heavy:
         return TURN * (side[1] != 0) + AGAINST * (power < 0)
@@ -221,7 +222,7 @@ def _price(node: Node, branch: Branch, side: Vector) -> float:
 def _arranged(
     nodes: Sequence[Node], sides: Arrangement, finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
 ) -> Block:  # fmt: skip
-    """A letter with its branches at given sides, each as near as nothing touches."""
+    """Return a letter with its branches at given sides, each as near as possible without contact."""
     own, label = letter_and_label(nodes[node], along, alone=all(nodes[b.child].shape == "signal" for b, _ in sides))
     behind = corridor(along, reach(nodes[node], along)) if along is not None and sides else own[:0]
     draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, {}, joined(own, behind))
@@ -233,7 +234,7 @@ def _arranged(
         x, y = side
         free = (
             start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
-        )  # slanted bonds part from the others there
+        )  # slanted bonds separate from the others there
         distance = _clear(draft.taken, block, side, free, least)
         draft.cost += 5000.0 * (distance == math.inf)
         distance = least if distance == math.inf else distance
@@ -247,13 +248,13 @@ def _arranged(
 
 
 def _foot(node: Node, side: Vector) -> float:
-    """How far from the middle of a letter a bond begins."""
+    """Return the distance from the middle of a letter at which a bond begins."""
     x, y = side
     return reach(node, side) + GAP if not (x and y) else min(22.0, 14.5 / min(abs(x), abs(y)))
 
 
 def _clear(taken: Rectangles, block: Block, side: Vector, start: float, least: float) -> float:
-    """How far out a part has to be so that neither it nor its bond touches what is there; infinite if that is nowhere."""
+    """Return the distance at which neither a part nor its bond touches occupied space; infinite if there is none."""
     x, y = side
     distance = push(taken, block.taken, side, least)
     for attempt in range(40):
