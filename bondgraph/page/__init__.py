@@ -1,4 +1,4 @@
-"""A model as a page: its text, its bond graph, equations, runs that move, in one HTML file that asks nobody for anything."""
+"""Page of a model: its text, its bond graph, equations, animated runs, in one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ __all__ = ["document_of", "page_text", "report_text"]
 
 
 def report_text(model: Model) -> str:
-    """The page of a model with all its experiments and modes, as the text of an HTML file. Raises `CompilationFailed`."""
+    """Return the page of a model with all its experiments and modes, as the text of an HTML file. Raises `CompilationFailed`."""
     return page_text(document_of(model))

@@ -1,7 +1,7 @@
-"""What a run must report so that effort and flow of every bond are known, and how they follow from it.
+"""Columns that a run must report to give effort and flow of every bond, and the balances from which the others follow.
 
-An element's port can be read by name, and so can a mechanism's. What only joins junctions follows: they share an effort or a flow, and
-balance the other.
+Ports of elements and mechanisms can be read by name. Bonds between junctions follow: they share an effort or a flow, and the other variable
+follows from the balance.
 """
 
 from __future__ import annotations
@@ -15,31 +15,34 @@ from ..door import Element, Junction, Kind, MechanismNode
 if TYPE_CHECKING:
     from ..door import BondGraph, GraphNode
 
-MOST = 400  # bonds: beyond, a page would carry more numbers than anybody looks at
+MOST = 400  # most bonds: a page would carry more numbers than a reader uses
 EFFORT, FLOW = "e", "f"
 
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """A column that is a sum of columns before it, each with its sign."""
+    """A column that is a signed sum of columns before it."""
 
     terms: tuple[tuple[float, int], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class BondColumns:
-    """`columns`: names that a run reports, and balances. `places`: the columns of each bond's effort and flow, None if not known."""
+    """Columns of a run.
+
+    `columns`: names that a run reports, and balances. `places`: the columns of each bond's effort and flow, None if not known.
+    """
 
     columns: tuple[str | Balance, ...]
     places: tuple[tuple[int | None, int | None], ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What a run must report."""
+        """Names that a run must report."""
         return tuple(c for c in self.columns if isinstance(c, str))
 
     def values(self, read: Mapping[str, Any], length: int) -> Any:
-        """All columns, shape (columns, length), from what a run reports, by name."""
+        """Return all columns, shape (columns, length), from the values of a run, by name."""
         import numpy as np
 
         kind = complex if any(np.iscomplexobj(read[n]) for n in self.names) else float
@@ -50,14 +53,14 @@ class BondColumns:
 
 
 def bond_columns(graph: BondGraph) -> BondColumns:
-    """How the effort and the flow of each bond are found; nothing for a graph of too many bonds."""
+    """Return the columns for effort and flow of each bond; none for a graph with too many bonds."""
     if len(graph.bonds) > MOST:
         return BondColumns((), ((None, None),) * len(graph.bonds))
     return _Search(graph).found()
 
 
 class _Search:
-    """What is known so far: the column of each bond's effort and flow."""
+    """Search state: the known columns of each bond's effort and flow."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
@@ -77,7 +80,7 @@ class _Search:
         )
 
     def _read(self, bond: int, variable: str) -> None:
-        """A bond's variable by the name of one of its ends, if one has a name for it."""
+        """Read a bond's variable by the name of one of its ends, if one has a name for it."""
         ends = self.graph.bonds[bond]
         for end in (ends.tail, ends.head):
             node = self.graph.nodes[end.node]
@@ -86,14 +89,14 @@ class _Search:
             if not name or (isinstance(node, MechanismNode) and several > 1):
                 continue
             if isinstance(node, MechanismNode) and variable == EFFORT and end == ends.tail:
-                self.columns.append(name)  # a mechanism tells what pushes it, and this bond pushes what hangs on it
+                self.columns.append(name)  # a mechanism reports the effort on it, this bond has the opposite one
                 self._learn(bond, variable, Balance(((-1.0, len(self.columns) - 1),)))
             else:
                 self._learn(bond, variable, name)
             return
 
     def _learn(self, bond: int, variable: str, column: str | Balance) -> None:
-        """A new column, and what shares it across junctions."""
+        """Add a column, also for all bonds that share the variable across junctions."""
         self.columns.append(column)
         waiting = [bond]
         while waiting:
@@ -104,7 +107,7 @@ class _Search:
                     waiting += [b for b in self.graph.incident[end.node] if (b, variable) not in self.known]
 
     def _balance(self, number: int, node: GraphNode) -> bool:
-        """Whether a junction told the only variable at it that was not known."""
+        """Add the last unknown variable at a junction from its balance; return True if there was one."""
         if not isinstance(node, Junction):
             return False
         variable = FLOW if node.kind is Kind.ZERO else EFFORT
@@ -119,12 +122,12 @@ class _Search:
         return True
 
     def _sign(self, bond: int, node: int) -> float:
-        """1 for a bond to a node, -1 for one away from it."""
+        """Return 1 for a bond to a node, -1 for one away from it."""
         return 1.0 if self.graph.bonds[bond].head.node == node else -1.0
 
 
 def _name(node: GraphNode, port: int, variable: str) -> str:
-    """How the text would read a variable of a port; empty if it cannot."""
+    """Return the name of a port's variable in the language; empty if it has none."""
     if isinstance(node, Element):
         if len(node.ports) == 1:
             return f"{node.name}.{variable}"
@@ -136,7 +139,7 @@ def _name(node: GraphNode, port: int, variable: str) -> str:
 
 
 def powers(graph: BondGraph) -> Iterator[tuple[str, str, tuple[tuple[int, float], ...]]]:
-    """What each element and mechanism takes: its name, its letter, and its bonds with 1 where they bring power and -1 where they fetch it."""
+    """Yield the power received by each element and mechanism: name, letter, and its bonds with 1 if they bring power and -1 if they remove it."""
     for number, node in enumerate(graph.nodes):
         if not isinstance(node, Junction):
             around = tuple((b, 1.0 if graph.bonds[b].head.node == number else -1.0) for b in graph.incident[number])

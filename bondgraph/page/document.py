@@ -1,4 +1,4 @@
-"""What a page shows of a model, before it is a page: markup for people and data for the page's own scripts."""
+"""Contents of a page: markup for readers and data for the page's scripts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A title, the markup of the page's sections, and data for its scripts."""
+    """Title, markup of the page's sections, and data for its scripts."""
 
     title: str
     sections: Html
@@ -33,7 +33,7 @@ class Document:
 
 
 def document_of(model: Model, live: bool = False) -> Document:
-    """The page of a model; a live one has no runs yet: it asks for them. Raises `CompilationFailed`."""
+    """Return the page of a model; a live page has no runs yet, it requests them. Raises `CompilationFailed`."""
     watched = Watched(model)
     compilation = model.compilation(Scene(model.model, None, free=frozenset({"*"})))
     sources = _sources(model)
@@ -51,7 +51,7 @@ def document_of(model: Model, live: bool = False) -> Document:
 
 
 def _modes(watched: Watched) -> tuple[list[dict[str, Any]], str]:
-    """The modes, or why there are none."""
+    """Return the modes, or the reason why there are none."""
     try:
         return modes_data(watched), ""
     except PROBLEMS as problem:
@@ -59,7 +59,7 @@ def _modes(watched: Watched) -> tuple[list[dict[str, Any]], str]:
 
 
 def _sources(model: Model) -> list[Source]:
-    """The model's own text, then every file that it imports."""
+    """Return the model's own text, then every imported file."""
     files = model.compilation().files
     return [model.source, *(f for f in files if f.name != model.source.name and f.name.endswith(".bg"))]
 
@@ -96,7 +96,7 @@ def _diagram(drawing: Html) -> Html:
 
 
 def _runs(data: dict[str, Any]) -> Iterator[Html]:
-    """Where the scripts put what is chosen: plots, energies, mechanisms."""
+    """Yield the empty elements that the scripts fill: plots, energies, mechanisms."""
     yield tag("div", id="choice", class_="choice", role="group", aria_label="experiments and modes")
     yield tag("div", id="sliders", class_="sliders", hidden=True)
     yield tag("div", tag("div", id="plots"), tag("div", id="stages"), class_="beside")
@@ -113,7 +113,7 @@ def _equations(model: Model, sources: list[Source]) -> Html:
 
 
 def _or_problem(made: Any) -> Html:
-    """What is made, or why it could not be."""
+    """Return the result of `made`, or the error message."""
     try:
         found: Html = made()
         return found

@@ -1,4 +1,4 @@
-"""The equations of a model in causal order, each with the line that caused it, typeset."""
+"""Equations of a model in causal order, typeset, each with the line that caused it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .mathml import formula, math, name, number, row, sign
 if TYPE_CHECKING:
     from ..door import Source, Span
 
-LARGEST = 300_000  # letters of markup: a page is for looking at, and `bondgraph equations` has the rest
+LARGEST = 300_000  # most characters of markup; `bondgraph equations` shows the rest
 
 
 def equations_markup(space: StateSpace, sources: Sequence[Source] = (), largest: int = LARGEST) -> Html:
-    """A list of the equations; where they are too many for a page, the first of them and where the others are."""
+    """Return a list of the equations; if they are too many for a page, the first ones and a reference to the others."""
     rows: list[Html] = []
     size = 0
     for equation, span, words in _equations(space):

@@ -1,4 +1,4 @@
-"""The experiments of a model as data: those that are one run are plotted over time, others over what they sweep, or told in words."""
+"""Experiments of a model as data: single runs are plotted over time, others over their swept values, or described in words."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
 
 
 def experiment_names(watched: Watched) -> tuple[str, ...]:
-    """The experiments of the model, in the order of the text."""
+    """Return the experiments of the model, in the order of the text."""
     model = watched.model.compilation().tree.models[watched.graph.name]
     return tuple(dict.fromkeys(s.name for s in model.statements if isinstance(s, Experiment)))
 
 
 def one_run(watched: Watched, name: str) -> bool:
-    """Whether an experiment is a single run over time."""
+    """Return True if an experiment is a single run over time."""
     scene = watched.model.scene(name)
     plan = watched.model.compilation(scene).plan
     return many_runs(plan, scene) is None and plan.stop is not None
 
 
 def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """An experiment as data; what goes wrong in it is told in its place."""
+    """Return an experiment as data; errors are shown in its place."""
     try:
         if one_run(watched, name):
             result = watched.simulate(name, settings, energy=True)
@@ -47,7 +47,7 @@ def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] |
 
 
 def visible_lines(words: str) -> str:
-    """Words of several lines without what would turn the reading direction."""
+    """Return text of several lines without characters that would change the reading direction."""
     return "\n".join(map(visible, words.split("\n")))
 
 
@@ -56,7 +56,7 @@ def _pre(words: str) -> Html:
 
 
 def _balance(balance: EnergyBalance) -> Html:
-    """What sources gave, what was stored and what dissipated, element by element."""
+    """Return the supplied, stored and dissipated energy, element by element."""
     rows = [
         (e.name, e.kind, *(f"{v:.4g}" if v else "" for v in (e.supplied, e.stored, e.dissipated)))
         for e in balance.elements[:200]
@@ -67,7 +67,7 @@ def _balance(balance: EnergyBalance) -> Html:
 
 
 def _plotted(outcome: Outcome) -> dict[str, Any]:
-    """A sweep over one name as curves over it, or the runs of its points over time."""
+    """Return a sweep over one name as curves over it, or the runs of its points over time."""
     if len(outcome.swept) != 1 or len(outcome.points) < 2:
         return {}
     ((swept, unit),) = outcome.swept.items()
@@ -88,7 +88,7 @@ def _plotted(outcome: Outcome) -> dict[str, Any]:
 
 
 def _runs(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
-    """Each output of each run over time, as far as they are few and of equal instants."""
+    """Yield each output of each run over time, if they are few and have equal instants."""
     runs = [(p.settings[swept], p.run) for p in outcome.points if p.run is not None]
     if not runs or any(len(r.time) != len(runs[0][1].time) for _, r in runs):
         return

@@ -1,4 +1,4 @@
-"""Markup that is safe by the way it is made: whatever is not `Html` is text, and is escaped."""
+"""Safe markup by construction: any value that is not `Html` is text, and is escaped."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ VOID = frozenset({"input", "br", "meta"})
 
 
 class Html(str):
-    """Text that is markup already; only this room makes any."""
+    """Text that is markup already; only this module makes it."""
 
     __slots__ = ()
 
 
 def text(words: str) -> Html:
-    """Words as markup that shows them: nothing in them is a tag, a reference or a sign that turns the reading direction."""
+    """Return markup that shows words: no part of them is a tag, a reference or a character that changes the reading direction."""
     return Html(_escape("\n".join(map(visible, words.split("\n"))), quote=True))
 
 
 def joined(parts: Iterable[str], between: str = "") -> Html:
-    """Parts one after the other, each escaped unless it is markup."""
+    """Return the parts one after the other, each escaped unless it is markup."""
     return Html(text(between).join(p if isinstance(p, Html) else text(p) for p in parts))
 
 
 def tag(name: str, /, *inside: str, **attributes: str | int | bool | None) -> Html:
-    """An element. `class_` is `class`, `data_x` is `data-x`; True is an attribute without a value, None and False are none."""
+    """Return an element. `class_` is `class`, `data_x` is `data-x`; True is an attribute without a value, None and False are omitted."""
     told = "".join(_attribute(key.rstrip("_").replace("_", "-"), value) for key, value in attributes.items())
     if name in VOID:
         return Html(f"<{name}{told}>")
@@ -41,7 +41,7 @@ def _attribute(name: str, value: str | int | bool | None) -> str:
 
 
 def table(rows: Iterable[Iterable[str]], head: Iterable[str] = (), **attributes: str) -> Html:
-    """A table in a frame that scrolls by itself where the page is narrow."""
+    """Return a table in a frame that scrolls where the page is narrow."""
     top = [tag("thead", tag("tr", *(tag("th", h, scope="col") for h in head)))] if head else []
     body = tag("tbody", *(tag("tr", *(tag("td", cell) for cell in row)) for row in rows))
     return tag("div", tag("table", *top, body, **attributes), class_="wide", tabindex=0)

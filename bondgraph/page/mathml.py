@@ -1,4 +1,4 @@
-"""Expressions as MathML, which browsers typeset themselves: fractions, roots and powers, names with their owners as subscripts."""
+"""Expressions as MathML, typeset by browsers: fractions, roots and powers, names with their owners as subscripts."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from collections.abc import Callable, Iterator, Sequence
 from ..door import Apply, Expression, Number, Symbol
 from .markup import Html, tag
 
-SUM, PRODUCT, SIGN, POWER, ATOM = range(5)  # how strongly what is written holds together
+SUM, PRODUCT, SIGN, POWER, ATOM = range(5)  # precedence of the written expression
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ", "kappa": "κ",
     "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "chi": "χ", "psi": "ψ",
     "omega": "ω", "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Sigma": "Σ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
 }  # fmt: skip
 SIGNS = {"less": "<", "less_equal": "≤", "equal": "=", "and": "∧", "or": "∨"}
-MOST = 40  # operands of one sum or product, and levels of one in another: what is beyond is dots
+MOST = 40  # most operands of a sum or product, and most nested levels; the rest is shown as dots
 THIN = tag("mspace", width="0.17em")
 Written = tuple[Html, int]
 
 
 def math(*inside: Html) -> Html:
-    """A formula that stands in a line by itself."""
+    """Return a formula on a separate line."""
     return tag("math", tag("mrow", *inside), display="block")
 
 
 def row(*inside: Html) -> Html:
-    """Parts of a formula beside each other."""
+    """Return parts of a formula side by side."""
     return inside[0] if len(inside) == 1 else tag("mrow", *inside)
 
 
 def sign(mark: str) -> Html:
-    """An operator."""
+    """Return an operator."""
     return tag("mo", mark)
 
 
 def name(words: str) -> Html:
-    """A name: the last part is the letter, what stands before it the subscript. Of `mass.p` p with the subscript mass."""
+    """Return a name: the last part is the letter, the part before it the subscript. `mass.p` gives p with the subscript mass."""
     owner, _, letter = words.rpartition(".")
     if re.search(r"[ /]", words.replace(" at.", ".")) or not re.fullmatch(r"[^\W\d]\w*(\[[\d, ]+\])?", letter):
         return tag("mtext", words)
@@ -55,7 +55,7 @@ def name(words: str) -> Html:
 
 
 def number(value: float) -> Html:
-    """A number; one with an exponent as a power of ten."""
+    """Return a number; one with an exponent as a power of ten."""
     digits, _, exponent = f"{value:.7g}".replace("inf", "∞").partition("e")
     if not exponent:
         return tag("mn", digits)
@@ -64,7 +64,7 @@ def number(value: float) -> Html:
 
 
 def formula(expression: Expression, named: Callable[[object], Html]) -> Html:
-    """An expression; `named` writes what a symbol stands for."""
+    """Return an expression; `named` writes the name of a symbol."""
     return _write(expression, named, 0)[0]
 
 
@@ -124,7 +124,7 @@ def _listed(operands: Sequence[Expression], at: Callable[..., Html]) -> Iterator
 
 
 def _signed(x: Expression) -> tuple[bool, Expression]:
-    """Whether a minus sign stands before an expression, and what is behind it: signs of factors are gathered in front."""
+    """Return True if a minus sign precedes an expression, and the rest: signs of factors are collected in front."""
     if isinstance(x, Number):
         return x.value < 0, Number(abs(x.value))
     if isinstance(x, Apply) and x.operator in ("multiply", "divide"):
@@ -139,7 +139,7 @@ def _signed(x: Expression) -> tuple[bool, Expression]:
 
 
 def _terms(operands: Sequence[Expression], at: Callable[..., Html]) -> Iterator[Html]:
-    """A sum, what is positive first."""
+    """Yield the terms of a sum, positive ones first."""
     for place, (minus, term) in enumerate(sorted(map(_signed, operands[:MOST]), key=lambda part: part[0])):
         if minus or place:
             yield sign("−" if minus else "+")
@@ -149,7 +149,7 @@ def _terms(operands: Sequence[Expression], at: Callable[..., Html]) -> Iterator[
 
 
 def _product(operands: Sequence[Expression], at: Callable[..., Html]) -> Written:
-    """A product; equal factors as a power."""
+    """Return a product; equal factors as a power."""
     parts: list[Html] = []
     factors = Counter(operands[:MOST])
     for factor, often in factors.items():

@@ -1,4 +1,4 @@
-"""How models, results and equations show themselves in notebooks: bounded, escaped, and without anything that runs."""
+"""Display of models, results and equations in notebooks: bounded, escaped, and without scripts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from ..model import Model
     from ..results import Result
 
-NODES = 150  # of a picture that is drawn unasked
+NODES = 150  # most nodes of a picture that is drawn without a request
 ROWS = 40
-POINTS = 120  # of a little curve
+POINTS = 120  # points of a small curve
 WIDE, HIGH = 140.0, 24.0
 
 
 def model_html(model: Model) -> Html:
-    """The certificate, the bond graph, and what can be set and seen; of a model that is wrong, what is wrong with it."""
+    """Return the certificate, the bond graph, and the settings and outputs; for an invalid model, its errors."""
     try:
         head = [tag("strong", model.name), tag("div", model.certificate.line)]
         return tag("div", *head, Html(picture(model)), _names(model))
@@ -34,7 +34,7 @@ def model_html(model: Model) -> Html:
 
 
 def picture(model: Model) -> str:
-    """The bond graph as SVG; empty if it is too large to be drawn unasked. Raises `CompilationFailed`."""
+    """Return the bond graph as SVG; empty if it is too large to be drawn without a request. Raises `CompilationFailed`."""
     from ..diagram import svg_text
 
     scene = Scene(model.model, None, free=frozenset({"*"}))
@@ -44,7 +44,7 @@ def picture(model: Model) -> str:
 
 
 def _names(model: Model) -> Html:
-    """Parameters with their values, inputs, outputs, states."""
+    """Return parameters with their values, inputs, outputs, states."""
     values = {n: p for n, p in model.parameters.items() if "." not in n}
     shown = [f"{n} = {p.value:.6g}{'' if p.unit == '1' else f' {p.unit}'}" for n, p in values.items()]
     lists = (("parameters", shown), ("inputs", model.inputs), ("outputs", model.outputs), ("states", model.states))
@@ -61,7 +61,7 @@ def _names(model: Model) -> Html:
 
 
 def result_html(result: Result) -> Html:
-    """A row for each output: its last, least and greatest value, and a little curve."""
+    """Return a row for each output: its last, least and greatest value, and a small curve."""
     heads = tag("tr", *(tag("th", word) for word in ("", "final", "minimum", "maximum", "unit", "over time")))
     shown = result.shown()
     rows = [
@@ -80,7 +80,7 @@ def result_html(result: Result) -> Html:
 
 
 def _curve(time: Any, values: Any) -> Html:
-    """Values over time as a small picture in the colour of the text around it."""
+    """Return values over time as a small picture in the colour of the surrounding text."""
     import numpy as np
 
     if len(time) < 2 or not time[-1] > time[0]:
@@ -103,7 +103,7 @@ def _curve(time: Any, values: Any) -> Html:
 
 
 def equations_latex(equations: Mapping[str, Any], rates: bool, most: int = 40, longest: int = 20_000) -> str:
-    """Equations in sympy as LaTeX, as many as one can look at. `rates`: what stands on the left is a derivative."""
+    """Return equations in sympy as LaTeX, limited in number. `rates`: the left sides are derivatives."""
     import sympy
 
     from ..views.equations import latex_name

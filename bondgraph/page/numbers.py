@@ -5,11 +5,11 @@ from __future__ import annotations
 from base64 import b64encode
 from typing import Any
 
-MOST = 301  # instants that are kept of what is shown along a run, beside the plots
+MOST = 301  # instants kept of the data shown along a run, except plots
 
 
 def packed(values: Any, single: bool = True) -> dict[str, str]:
-    """`{"f4": …}` or `{"f8": …}`: all numbers, rows one after the other. What is no finite number is NaN."""
+    """Return `{"f4": …}` or `{"f8": …}`: all numbers, rows one after the other. Values that are not finite are NaN."""
     import numpy as np
 
     kind = "<f4" if single else "<f8"
@@ -20,7 +20,7 @@ def packed(values: Any, single: bool = True) -> dict[str, str]:
 
 
 def thinned(count: int, most: int = MOST) -> Any:
-    """The places of at most so many of `count` instants, both ends among them."""
+    """Return the indices of at most `most` of `count` instants, with both ends."""
     import numpy as np
 
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(int)) if count else []

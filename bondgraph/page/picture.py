@@ -1,4 +1,4 @@
-"""The diagram for a page: the drawing, and for each of its nodes and lines the bonds behind it and the lines of text that say so."""
+"""Diagram of a page: the drawing, and for each of its nodes and lines the bonds behind it and their lines of text."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ from .markup import Html
 if TYPE_CHECKING:
     from ..door import BondGraph, Compilation, Source, Span
 
-LARGEST = 300  # nodes: a drawing of more takes half a minute and shows nothing
+LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """`drawing`: SVG without its own style. `parts`: what its nodes and lines stand for, in the order of the drawing."""
+    """Diagram of a page.
+
+    `drawing`: SVG without its own style. `parts`: the meaning of its nodes and lines, in the order of the drawing.
+    """
 
     drawing: Html
     parts: dict[str, Any]
 
 
 def picture_of(compilation: Compilation, sources: Sequence[Source]) -> Picture:
-    """The diagram of a compilation with links to its text; an empty one of a graph that is too large."""
+    """Return the diagram of a compilation with links to its text; an empty one for a graph that is too large."""
     graph = compilation.causal.graph
     if len(graph.nodes) > LARGEST:
         return Picture(Html(""), {"nodes": [], "lines": [], "bonds": []})
@@ -55,7 +58,7 @@ def picture_of(compilation: Compilation, sources: Sequence[Source]) -> Picture:
 
 
 def _bond(graph: BondGraph, bond: int) -> dict[str, Any]:
-    """How a bond is called, and the units of its effort and flow."""
+    """Return the name of a bond, and the units of its effort and flow."""
     ends = graph.bonds[bond]
     domain = DOMAINS.get(ends.domain)
     names = [graph.nodes[end.node].name for end in (ends.tail, ends.head)]
@@ -81,7 +84,7 @@ def _port(graph: BondGraph, end: Any) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Links:
-    """Where things stand: in their own definition, and where the instances that they are in are declared."""
+    """Places of declarations: in their own definition, and those of the instances that contain them."""
 
     stands: Mapping[str, Span]
     files: Mapping[str, int]

@@ -1,6 +1,6 @@
-"""Runs as data for a page: what an experiment reports, and besides it effort and flow of every bond and the poses of all bodies.
+"""Runs as data for a page: reported outputs, and effort and flow of every bond and the poses of all bodies.
 
-Plots get every instant in double precision. What is shown along a run gets some hundred instants in single precision.
+Plots get every instant in double precision. Data shown along a run get some hundred instants in single precision.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from ..model import Model
     from ..results import Result
 
-OUTPUTS = 24  # curves of one run
-POINTS = 2001  # instants of a plot
+OUTPUTS = 24  # most curves of one run
+POINTS = 2001  # most instants of a plot
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What a page looks at in every run of a model."""
+    """A model with the data that a page needs of every run."""
 
     model: Model
 
     @cached_property
     def graph(self) -> BondGraph:
-        """Everything that the text says, as the diagram shows it."""
+        """Graph of the whole text, as the diagram shows it."""
         return self.model.compilation(Scene(self.model.model, None, free=frozenset({"*"}))).causal.graph
 
     @cached_property
@@ -49,23 +49,23 @@ class Watched:
         return tuple(powers(self.graph))
 
     def outputs(self, experiment: str | None) -> tuple[str, ...]:
-        """What is plotted: what the experiment reports, else the outputs of the model."""
+        """Return the plotted names: those that the experiment reports, else the outputs of the model."""
         compilation = self.model.compilation(self.model.scene(experiment))
         return tuple(compilation.whole_graph.outputs)[:OUTPUTS]
 
     def names(self, experiment: str | None) -> tuple[str, ...]:
-        """What a run must report."""
+        """Return the names that a run must report."""
         return tuple(dict.fromkeys([*self.outputs(experiment), *self.bonds.names, *self.scenes.names]))
 
     def simulate(
         self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False
     ) -> Result:
-        """A run of an experiment. Raises as `Model.simulate`."""
+        """Run an experiment. Raises as `Model.simulate`."""
         return self.model.simulate(experiment, settings, outputs=self.names(experiment), energy=energy)
 
 
 def run_data(watched: Watched, experiment: str | None, result: Result) -> dict[str, Any]:
-    """A run as data."""
+    """Return a run as data."""
     outputs = set(watched.outputs(experiment))
     shown = [(item, values) for item, values in result.shown() if item.name in outputs]
     plotted = thinned(len(result.time), POINTS)
@@ -81,7 +81,7 @@ def run_data(watched: Watched, experiment: str | None, result: Result) -> dict[s
 
 
 def _along(watched: Watched, result: Result) -> dict[str, Any]:
-    """What the diagram and the mechanisms show at each of some instants."""
+    """Return the data of diagram and mechanisms at a selection of instants."""
     kept = thinned(len(result.time))
     columns = watched.bonds.values(result.to_numpy(), len(result.time))
     return {
@@ -93,7 +93,7 @@ def _along(watched: Watched, result: Result) -> dict[str, Any]:
 
 
 def energies(watched: Watched, time: Any, columns: Any) -> Any:
-    """Supplied, dissipated and stored energy from the start of a run on, shape (3, instants), in J: powers by the trapezoidal rule."""
+    """Return supplied, dissipated and stored energy since the start of a run, shape (3, instants), in J: powers by the trapezoidal rule."""
     import numpy as np
 
     sums = np.zeros((3, len(time)))
@@ -108,7 +108,7 @@ def energies(watched: Watched, time: Any, columns: Any) -> Any:
 
 
 def power_into(watched: Watched, columns: Any, around: Sequence[tuple[int, float]]) -> Any:
-    """The power that some bonds bring; None where one of them is not known."""
+    """Return the power that some bonds bring; None where one of them is not known."""
     total: Any = 0.0
     for bond, sign in around:
         effort, flow = watched.bonds.places[bond]
@@ -119,5 +119,5 @@ def power_into(watched: Watched, columns: Any, around: Sequence[tuple[int, float
 
 
 def problem_of(error: Exception) -> str:
-    """What went wrong, in the author's words."""
+    """Return the message of an error."""
     return str(error) if isinstance(error, CompilationFailed) else f"{error}"

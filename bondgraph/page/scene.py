@@ -1,6 +1,6 @@
-"""Mechanisms for a page that moves them: points fixed to bodies in the reference, and the names of the poses that a run reports.
+"""Mechanisms of an animated page: points fixed to bodies in the reference, and the names of the poses that a run reports.
 
-The page turns points with their bodies, as `diagram/scenery.py` does for a picture, and draws them anew at each instant.
+The page rotates points with their bodies, as `diagram/scenery.py` does for a picture, and draws them again at each instant.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Scenes:
-    """`told`: the mechanisms as data; `names`: the poses, body by body in the order of the data."""
+    """Mechanisms of a page: `told` has their data; `names` has the poses, body by body in the order of the data."""
 
     told: tuple[dict[str, Any], ...]
     names: tuple[str, ...]
 
 
 def scenes_of(graph: BondGraph) -> Scenes:
-    """All mechanisms of a model."""
+    """Return all mechanisms of a model."""
     told: list[dict[str, Any]] = []
     names: list[str] = []
     for node in graph.nodes:
@@ -40,7 +40,7 @@ def scenes_of(graph: BondGraph) -> Scenes:
 
 
 class _Points:
-    """A mechanism in the reference: where joints and frames hold its bodies."""
+    """A mechanism in the reference: points of bodies at joints and frames."""
 
     def __init__(self, graph: BondGraph, node: MechanismNode) -> None:
         self.graph, self.node = graph, node
@@ -57,7 +57,7 @@ class _Points:
                 self.held[frame.body].append(self._vector(frame.position))
 
     def told(self) -> dict[str, Any]:
-        """As data: bodies and joints by number, -1 is the ground; points in m in world axes."""
+        """Return the data: bodies and joints by number, -1 is the ground; points in m in world axes."""
         planar = self.mechanism.planar
         view = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0)} if planar else {"right": RIGHT, "up": UP}
         bodies = [self._body(name) for name in self.bodies]
@@ -70,7 +70,7 @@ class _Points:
         }  # fmt: skip
 
     def _body(self, name: str) -> dict[str, Any]:
-        """A body; where the place of its centre was not said, which is then the origin, it is drawn where it is held."""
+        """Return a body; if the position of its centre is not given (the origin then), it is drawn at its joints."""
         (body,) = (b for b in self.mechanism.bodies if b.name == name)
         place, held = self._vector(body.position), self.held[name]
         centre = held[0] if place == NOWHERE and len(held) == 1 else place
@@ -97,7 +97,7 @@ class _Points:
             }  # fmt: skip
 
     def _ends(self, joint: Joint) -> list[tuple[str, Vector]]:
-        """The two bodies of a joint, and where it holds them."""
+        """Return the two bodies of a joint, and its points on them."""
         names = (joint.first, joint.second)
         if joint.kind in ("distance", "rod"):
             points = [self._vector(self.mechanism.point_of(n)) for n in names]
@@ -106,7 +106,7 @@ class _Points:
         return [(self.mechanism.body_of(n), p) for n, p in zip(names, points, strict=True)]
 
     def _lies_free(self, joint: Joint) -> bool:
-        """Whether the place of a joint says nothing: a slide, or a body that is free of the ground."""
+        """Return True if the position of a joint has no meaning: a slide, or a planar joint, without given position."""
         return joint.kind in ("slide", "planar") and self._vector(joint.position) == NOWHERE
 
     def _number(self, body: str) -> int:

@@ -1,4 +1,4 @@
-"""Modes as data for a page that lets them swing: complex amplitudes of all bonds and poses, about the state of rest."""
+"""Modes as data for an animated page: complex amplitudes of all bonds and poses, about the equilibrium."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from ..analysis.modes import Mode
 
 MOST = 24
-SHARES = 4  # elements that are named
+SHARES = 4  # most elements named
 
 
 def modes_data(watched: Watched) -> list[dict[str, Any]]:
-    """The modes, slowest first. Raises as `Model.operating_point`."""
+    """Return the modes, slowest first. Raises as `Model.operating_point`."""
     from ..analysis.equilibrium import equilibrium
     from ..analysis.modes import modes
     from ..analysis.operating_point import Asked

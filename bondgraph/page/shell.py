@@ -1,6 +1,6 @@
-"""A document as one file: its style and scripts stand in it, and the browser is told to run no others and to ask nobody for anything.
+"""Document as one file: it contains its style and scripts, and the browser is told to run no others and to load nothing.
 
-Style and scripts are named by their hashes, so that nothing that came in with a model's text could run even if it were not escaped.
+Style and scripts are named by their hashes, so that nothing from a model's text could run even if it were not escaped.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LIVE = ("live",)
 
 
 def page_text(document: Document, token: str = "") -> str:
-    """The text of an HTML file. With a `token` the page is a live one, which talks to the server that it came from."""
+    """Return the text of an HTML file. With a `token` the page is live: it sends requests to its server."""
     style, script = _style(), _script(bool(token))
     policy = (
         f"default-src 'none'; style-src {_hashed(style)}; script-src {_hashed(script)}; img-src data:; base-uri 'none'; form-action 'none'"
@@ -51,7 +51,7 @@ def page_text(document: Document, token: str = "") -> str:
 
 
 def data_text(data: Any) -> str:
-    """JSON in which no letter could end the element that it stands in. What is no finite number is null."""
+    """Return JSON without any character that could end the element that contains it. Values that are not finite are null."""
     told = json.dumps(_finite(data), ensure_ascii=True, separators=(",", ":"), allow_nan=False)
     return told.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -76,7 +76,7 @@ def _style() -> str:
 
 @cache
 def _script(live: bool) -> str:
-    """The scripts one after the other, in one scope of their own."""
+    """Return the scripts one after the other, in a common scope."""
     names = (*SCRIPTS, *LIVE) if live else SCRIPTS
     parts = "\n".join((HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in names)
     return f'"use strict";\n(() => {{\n{parts}\nstart();\n}})();\n'

@@ -1,4 +1,4 @@
-"""The model's text as markup: a line each, numbered, its words coloured by what they are; the diagram is linked with the lines."""
+"""Model text as markup: numbered lines, with words coloured by their kind; the diagram is linked with the lines."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ WORDS = frozenset((
 _PIECES = re.compile(
     r'(?P<remark>#.*)|(?P<words>"[^"]*"?)|(?P<number>\b\d[\d.]*(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<arrow>->|=>)'
 )
-LONGEST = 4000  # lines of one file
+LONGEST = 4000  # most lines of one file
 
 
 def text_markup(sources: Sequence[Source]) -> Html:
-    """All files that a model is of, the model's own first and open."""
+    """Return all files of a model, the model's own first and open."""
     return joined(_file(number, source) for number, source in enumerate(sources))
 
 
@@ -44,7 +44,7 @@ def _line(file: int, number: int, line: str) -> Html:
 
 
 def _pieces(line: str) -> Iterator[str]:
-    """The line in parts; what is neither word, number, remark nor arrow is as it stands."""
+    """Yield the parts of a line; text that is neither word, number, comment nor arrow is unchanged."""
     done = 0
     for found in _PIECES.finditer(line):
         kind = found.lastgroup or ""

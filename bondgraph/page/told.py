@@ -1,4 +1,4 @@
-"""The certificate and the causality of a model as markup: what kind of equations, and for each stroke why."""
+"""Certificate and causality of a model as markup: the kind of equations, and the reason for each stroke."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROWS = 400
 
 
 def certificate_markup(certificate: Certificate) -> Html:
-    """What a compilation gave, as a list of facts."""
+    """Return the certificate of a compilation, as a list of facts."""
     facts: list[tuple[str, str]] = [
         ("form", certificate.form),
         ("index as written", str(certificate.index)),
@@ -47,7 +47,7 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 def causality_markup(compilation: Compilation) -> Html:
-    """Storages in derivative form and loops with what can be done about them, then the strokes one by one."""
+    """Return storages in derivative form and loops with advice, then the strokes one by one."""
     found = explain(compilation)
     parts: list[Html] = []
     for row in found.derivative:
@@ -76,7 +76,7 @@ def causality_markup(compilation: Compilation) -> Html:
 
 
 def problems_markup(diagnostics: tuple[Diagnostic, ...]) -> Html:
-    """What is wrong with a text, each with file, line, column, the line itself, and advice."""
+    """Return the errors of a text, each with file, line, column, the line itself, and advice."""
     return tag("ul", *map(_problem, diagnostics), class_="problems")
 
 

@@ -1,4 +1,4 @@
-"""The page of a model live: a server for this machine alone, which follows the file and runs what sliders ask for."""
+"""Live page of a model: a server for this machine only, which follows the file and makes the runs that sliders request."""
 
 from __future__ import annotations
 

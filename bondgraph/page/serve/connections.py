@@ -1,4 +1,4 @@
-"""Connections of the server: how many there are at once, and how long each may take to send a request."""
+"""Connections of the server: limits on their number, and on the time for sending a request."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ SOON = 1.0  # s for a closed connection to go
 
 
 class Connections:
-    """The open connections, at most `most`. Those whose request has not shown the token yet give way to new ones, the oldest first."""
+    """Open connections, at most `most`. Those without a valid token yet are closed for new ones, the oldest first."""
 
     def __init__(self, most: int) -> None:
         self.most = most
         self._changed = threading.Condition()
         self._open: set[socket.socket] = set()
-        self._unproven: dict[socket.socket, None] = {}  # in the order in which they began to wait
+        self._unproven: dict[socket.socket, None] = {}  # in the order of their waiting
 
     def __len__(self) -> int:
         return len(self._open)
 
     def proven(self) -> int:
-        """How many are being answered."""
+        """Number of connections that are being answered."""
         with self._changed:
             return len(self._open) - len(self._unproven)
 
     def admit(self, connection: socket.socket) -> bool:
-        """Take a new connection; False if all others are being answered."""
+        """Accept a new connection; return False if all others are being answered."""
         with self._changed:
             if len(self._open) >= self.most and self._unproven:
                 oldest = next(iter(self._unproven))
@@ -47,19 +47,19 @@ class Connections:
             return True
 
     def await_request(self, connection: socket.socket) -> None:
-        """Note that a connection waits for its next request, and gives way from now on."""
+        """Note that a connection waits for its next request, and may be closed from now on."""
         with self._changed:
             if connection in self._open:
                 self._unproven.pop(connection, None)
                 self._unproven[connection] = None
 
     def trust(self, connection: socket.socket) -> None:
-        """Note that the request of a connection has shown the token."""
+        """Note that the request of a connection has a valid token."""
         with self._changed:
             self._unproven.pop(connection, None)
 
     def release(self, connection: socket.socket) -> None:
-        """Forget a connection that ends."""
+        """Remove a connection that ends."""
         with self._changed:
             self._open.discard(connection)
             self._unproven.pop(connection, None)
@@ -67,26 +67,26 @@ class Connections:
 
 
 class RequestStream(io.RawIOBase):
-    """The bytes of requests as they come. All of a request shares one time limit, however slowly its bytes drip, and one bound of its size."""
+    """Bytes of requests as they arrive. All parts of a request share one time limit, however slowly they arrive, and one size limit."""
 
     def __init__(self, connection: socket.socket, limits: Limits) -> None:
         self._connection, self._limits = connection, limits
         self.begin_request()
 
     def begin_request(self) -> None:
-        """Start the time and the size of the next request."""
+        """Start the time and size limits of the next request."""
         self._deadline = time.monotonic() + self._limits.receiving
         self._received, self._most = 0, self._limits.head
 
     def expect_body(self, length: int) -> None:
-        """Allow so many bytes more."""
+        """Allow `length` more bytes."""
         self._most += length
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Bytes read into a buffer; 0 at the end. Raises `RequestRefused`, or `TimeoutError` where no request had begun."""
+        """Read bytes into a buffer and return their number; 0 at the end. Raises `RequestRefused`, or `TimeoutError` if no request had begun."""
         try:
             self._connection.settimeout(max(self._deadline - time.monotonic(), 1e-3))
             count = self._connection.recv_into(buffer)
@@ -101,7 +101,7 @@ class RequestStream(io.RawIOBase):
 
 
 def drain(connection: socket.socket, limits: Limits) -> None:
-    """Say that no more is sent, and throw away what still comes for a short time: closing at once could take back the answer."""
+    """Announce the end of sending, and discard received data for a short time: closing at once could lose the answer."""
     end = time.monotonic() + limits.draining
     with suppress(OSError):
         connection.shutdown(socket.SHUT_WR)

@@ -1,7 +1,7 @@
-"""Who may talk to the server: pages that came from it, on the addresses that it was told, with the token that it gave them.
+"""Access control of the server: it answers only its own pages, at its own address, with the token that it gave them.
 
-A page of a stranger that is open in the same browser can send requests to this machine. It cannot read the token, its `Origin` is another,
-and where it has its own name lead to this machine (DNS rebinding) the `Host` is that name.
+A foreign page open in the same browser can send requests to this machine. It cannot read the token, its `Origin` differs, and if its own name
+resolves to this machine (DNS rebinding), the `Host` is that name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 @dataclass(frozen=True)
 class Guard:
-    """`host` and `port` that the server listens on; `token` is new in each server."""
+    """Address `host` and `port` of the server; `token` is new in each server."""
 
     host: str
     port: int
@@ -24,12 +24,12 @@ class Guard:
 
     @property
     def address(self) -> str:
-        """Where the page is, token and all."""
+        """Address of the page, with the token."""
         name = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{name}:{self.port}/?token={self.token}"
 
     def refusal(self, headers: Mapping[str, str], token: str) -> str:
-        """Why a request is refused; empty if it is not."""
+        """Return the reason for refusing a request; empty if it is accepted."""
         host = headers.get("Host", "")
         if not self._is_ours(host):
             return "this server does not answer to that name"

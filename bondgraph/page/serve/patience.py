@@ -1,6 +1,6 @@
-"""Work that can be stopped: a run that a slider made endless must not keep all later ones waiting.
+"""Cancellation of work: a run that a slider made endless must not block all later ones.
 
-Python stops a thread by raising an exception in it, which is what Ctrl-C does in the first one; runs know it, and leave nothing half done.
+Python stops a thread by raising an exception in it, as Ctrl-C does in the main thread; runs handle that, and leave nothing incomplete.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Any
 
 
 class Stopped(Exception):
-    """The work was stopped before its end."""
+    """Raised if the work was stopped before its end."""
 
 
 class Patience:
-    """Does one thing at a time, and no longer than some seconds."""
+    """Executor of one task at a time, with a time limit."""
 
     def __init__(self) -> None:
         self._guard = threading.Lock()
@@ -25,7 +25,7 @@ class Patience:
         self._began = 0.0
 
     def within(self, seconds: float, work: Callable[[], Any]) -> Any:
-        """What some work gives. Raises `Stopped`."""
+        """Return the result of some work. Raises `Stopped` after `seconds`."""
         timer = threading.Timer(seconds, self.stop)
         timer.daemon = True
         try:
@@ -43,7 +43,7 @@ class Patience:
             timer.cancel()
 
     def stop(self, longer_than: float = 0.0) -> bool:
-        """Stop what is being done, if it has been for so many seconds; whether there was such a thing."""
+        """Stop the current task if it has run for `longer_than` seconds; return True if there was one."""
         with self._guard:
             if self._thread is None or time.monotonic() - self._began < longer_than:
                 return False

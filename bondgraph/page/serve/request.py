@@ -1,4 +1,4 @@
-"""A request as data: the length of its body, the version that a page has, the run that it asks for; and why a request is refused."""
+"""Request as data: length of its body, version of the page, requested run; and the reasons for refusing a request."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from email.message import Message
 from typing import Any
 
 ONCE = ("Host", "Origin", "Sec-Fetch-Site", "X-Bondgraph-Token", "Content-Length", "Transfer-Encoding")
-MOST_DIGITS = 15  # of a whole number; a longer one is no version
+MOST_DIGITS = 15  # most digits of an integer; a longer one is no version
 NO_RUN = "a question is an experiment and numbers by name, in JSON"
 
 
 class RequestRefused(Exception):
-    """A request that gets no answer but a status of HTTP and a sentence."""
+    """Raised for a request that is answered with an HTTP status and a sentence only."""
 
     def __init__(self, status: int, words: str) -> None:
         super().__init__(words)
@@ -23,18 +23,18 @@ class RequestRefused(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds of what clients can hold: sizes in bytes, times in s."""
+    """Limits on the resources of clients: sizes in bytes, times in s."""
 
     body: int = 65_536
     head: int = 131_072  # request line and headers
     receiving: float = 20.0  # from the first wait for a request to the end of its body
-    sending: float = 60.0  # of an answer
-    draining: float = 0.5  # of what a refused client still sends, so that it can read why
+    sending: float = 60.0  # for an answer
+    draining: float = 0.5  # for further data of a refused client, so that it can read the reason
     connections: int = 32
 
 
 def check_headers(headers: Message) -> None:
-    """Raise `RequestRefused` if a line of the headers is none, or if a header that decides something is doubled."""
+    """Raise `RequestRefused` if a line of the headers is invalid, or if an essential header occurs twice."""
     if headers.defects or headers.get_payload():
         raise RequestRefused(400, "a header is a name, a colon and a value")
     for name in ONCE:
@@ -43,7 +43,7 @@ def check_headers(headers: Message) -> None:
 
 
 def body_length(headers: Message, longest: int) -> int:
-    """Bytes of the body of a request, at most `longest`. Raises `RequestRefused`."""
+    """Return the length of a request's body in bytes, at most `longest`. Raises `RequestRefused`."""
     if headers.get("Transfer-Encoding") is not None:
         raise RequestRefused(411, "a question comes in one piece, with its Content-Length")
     length = headers.get("Content-Length")
@@ -59,7 +59,7 @@ def body_length(headers: Message, longest: int) -> int:
 
 
 def known_version(values: list[str]) -> int:
-    """The version that a page has, from the values of `since`; -1 without one. Raises `RequestRefused`."""
+    """Return the version of a page, from the values of `since`; -1 without one. Raises `RequestRefused`."""
     if not values:
         return -1
     if len(values) > 1 or not _is_whole(values[0]) or len(values[0]) > MOST_DIGITS:
@@ -68,7 +68,7 @@ def known_version(values: list[str]) -> int:
 
 
 def run_request(body: bytes) -> tuple[str, dict[str, float]]:
-    """The experiment and the values by name of a body in JSON. Raises `RequestRefused`."""
+    """Return the experiment and the values by name of a body in JSON. Raises `RequestRefused`."""
     try:
         told = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
         experiment, settings = told["experiment"], told["settings"]
@@ -83,7 +83,7 @@ def run_request(body: bytes) -> tuple[str, dict[str, float]]:
 
 
 def _is_whole(digits: str) -> bool:
-    """Whether all of a text is digits 0 to 9: `str.isdigit` takes `²` as well, which is no number."""
+    """Return True if a text has only digits 0 to 9: `str.isdigit` also accepts `²`, which is no number."""
     return digits.isascii() and digits.isdigit()
 
 
@@ -94,7 +94,7 @@ def _number(value: object) -> float:
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The pairs of an object as a dictionary. Raises `ValueError` for a name that is there twice: either value could be meant."""
+    """Return the pairs of an object as a dictionary. Raises `ValueError` for a repeated name, which is ambiguous."""
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a name is there twice")

@@ -1,4 +1,4 @@
-"""The server: the page, the news of the file, runs. Of the standard library, a thread for each connection, of which there are a bounded number."""
+"""HTTP server of the page, of changes of the file, and of runs. It uses the standard library, with a bounded number of threads, one per connection."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .guard import Guard
 from .request import Limits, RequestRefused, body_length, check_headers, known_version, run_request
 from .session import Session
 
-PATIENCE = 20.0  # s for which a question for news waits
+PATIENCE = 20.0  # s that a request for changes waits
 HEADERS = {
     "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
     "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
@@ -28,7 +28,7 @@ BUSY = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length
 
 
 class Server(ThreadingHTTPServer):
-    """Listens on one address of this machine. `guard.address` is where the page is. Raises `UsageError` for an address that cannot be."""
+    """HTTP server on one address of this machine; `guard.address` is that of the page. Raises `UsageError` for an impossible address."""
 
     daemon_threads = True
     block_on_close = False
@@ -54,12 +54,12 @@ class Server(ThreadingHTTPServer):
         self.guard = Guard(host, self.server_port)
 
     def start(self) -> None:
-        """Load the file, and follow it in a thread of its own."""
+        """Load the file, and follow it in a separate thread."""
         self.session.load()
         threading.Thread(target=self.session.watch, daemon=True).start()
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer a connection in a thread, or refuse it where too many are being answered."""
+        """Answer a connection in a thread, or refuse it if too many are being answered."""
         if self.connections.admit(request):
             super().process_request(request, client_address)
             return
@@ -74,12 +74,12 @@ class Server(ThreadingHTTPServer):
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A page that is closed while it waits for news is no error."""
+        """Ignore the error of a page that is closed while it waits for changes."""
         if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)
 
     def end(self) -> None:
-        """No further answers."""
+        """Stop answering."""
         self.session.ended.set()
         with self.session.news:
             self.session.news.notify_all()
@@ -88,12 +88,12 @@ class Server(ThreadingHTTPServer):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """The requests of one connection. The token is asked before a body is read."""
+    """Requests of one connection. The token is checked before a body is read."""
 
     protocol_version = "HTTP/1.1"
-    default_request_version = "HTTP/1.0"  # of a request line without one: the answer has a status all the same
+    default_request_version = "HTTP/1.0"  # for a request line without one: the answer has a status nevertheless
     server_version, sys_version = "bondgraph", ""
-    requestline, request_version = "", "HTTP/1.1"  # until a request line came
+    requestline, request_version = "", "HTTP/1.1"  # before the first request line
     server: Server
 
     def setup(self) -> None:
@@ -124,7 +124,7 @@ class Handler(BaseHTTPRequestHandler):
                 raise
 
     def handle_expect_100(self) -> bool:
-        """Wait with the leave to send a body: the token is asked first."""
+        """Delay the permission to send a body: the token is checked first."""
         return True
 
     def do_GET(self) -> None:
@@ -168,7 +168,7 @@ class Handler(BaseHTTPRequestHandler):
             self._tell(400, str(problem))
 
     def _check_token(self, token: str) -> None:
-        """Raise `RequestRefused` if the request is no page's of ours."""
+        """Raise `RequestRefused` if the request is not from a page of this server."""
         refusal = self.server.guard.refusal(self.headers, token)  # type: ignore[arg-type]
         if refusal:
             raise RequestRefused(403, refusal)
@@ -188,13 +188,13 @@ class Handler(BaseHTTPRequestHandler):
         self._answer(status, words + "\n", "text/plain; charset=utf-8")
 
     def _refuse(self, status: int, words: str) -> None:
-        """Say why, and close: what follows a request that was not read to its end is no request."""
+        """Send the reason, and close: the data after an incompletely read request are no request."""
         self.close_connection = self.refused = True
         with suppress(OSError):
             self._tell(status, words)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Refuse what the standard library could not read; nothing of the request is repeated."""
+        """Refuse a request that the standard library could not read; no part of it is repeated."""
         self._refuse(int(code), "this is no request that the server knows")
 
     def _answer(self, status: int, words: str, kind: str = "application/json") -> None:
@@ -211,7 +211,7 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
-        """Nobody reads it, and addresses have the token in them."""
+        """Write no log: nobody reads it, and addresses contain the token."""
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Nor this."""
+        """Write no log."""

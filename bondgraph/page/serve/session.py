@@ -1,7 +1,7 @@
-"""A file that is edited while it is looked at: its last page, what is wrong with it now, and runs with other values.
+"""Session of a file that is edited while it is viewed: its last valid page, its current errors, and runs with other values.
 
-One thing is compiled or run at a time. All numbers that can be set are arguments of one program for each experiment, so that a run with
-other values compiles nothing.
+One task is compiled or run at a time. All numbers that can be set are arguments of one program for each experiment, so that a run with other
+values needs no compilation.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ EMPTY: dict[str, Any] = {
     "model": "", "parts": {"nodes": [], "lines": [], "bonds": []}, "places": [], "powers": [], "scenes": [], "experiments": [], "modes": [],
     "live": True, "parameters": [],
 }  # fmt: skip
-LOOK_EVERY = 0.15  # s between two looks at the files
+LOOK_EVERY = 0.15  # s between two checks of the files
 LONGEST_FIRST, LONGEST = 120.0, 15.0  # s of a run that compiles, and of any other
-WAITING = 0.6  # s after which a run gives way to the next one
-MOST_COMPILED = 40  # compilations that are held at once
+WAITING = 0.6  # s after which a run is stopped for the next one
+MOST_COMPILED = 40  # most compilations in memory
 
 
 @dataclass
@@ -43,11 +43,11 @@ class Loaded:
     watched: Watched
     document: Document
     files: tuple[Path, ...]
-    base: dict[str, dict[str, float]] = field(default_factory=dict)  # experiment -> what is set in each of its runs
+    base: dict[str, dict[str, float]] = field(default_factory=dict)  # experiment -> settings of each of its runs
 
 
 class Session:
-    """One file, from the first look at it to the last."""
+    """Session of one file."""
 
     def __init__(self, path: Path, model: str | None = None) -> None:
         self.path, self.model = path, model
@@ -62,7 +62,7 @@ class Session:
 
     # ------------------------------------------------------------ the file
     def load(self) -> None:
-        """Read and compile the file as it is now; what is wrong is kept to be told, beside the page of the last version that was fine."""
+        """Read and compile the current file; store errors for display, with the page of the last valid version."""
         with self.work:
             loaded, problems = self.loaded, Html("")
             try:
@@ -73,7 +73,7 @@ class Session:
                 problems = tag("p", f"{self.path.name} cannot be read: {problem}")
             except PROBLEMS as problem:
                 problems = tag("p", str(problem))
-            except Exception as problem:  # the thread that follows the file must not end without a word
+            except Exception as problem:  # the thread that follows the file must not end silently
                 kind = type(problem).__name__
                 problems = tag("p", f"a defect of ours, not of your file ({kind}: {problem}); the page stays as it was")
             self._look(loaded)
@@ -93,7 +93,7 @@ class Session:
         return Loaded(watched, document, files)
 
     def _look(self, loaded: Loaded | None) -> bool:
-        """Whether a file is another than at the last look."""
+        """Return True if a file has changed since the last check."""
         files = {self.path, *(loaded.files if loaded is not None else ())}
         found = {path: _stamp(path) for path in files}
         changed = found != self._seen
@@ -108,14 +108,14 @@ class Session:
 
     # ------------------------------------------------------------ what pages ask
     def page(self) -> Document:
-        """What a page shows first."""
+        """Return the first contents of a page."""
         with self.news:
             loaded, problems, version = self.loaded, self.problems, self.version
         found = loaded.document if loaded is not None else Document(self.path.name, Html(""), EMPTY)
         return Document(found.title, found.sections, {**found.data, "version": version, "problems": problems})
 
     def change(self, since: int, patience: float) -> str:
-        """The state after a version, as JSON; what is there if nothing new comes within some seconds."""
+        """Return the state after a version, as JSON; the current state if no change comes within `patience` seconds."""
         with self.news:
             self.news.wait_for(lambda: self.version != since or self.ended.is_set(), patience)
             loaded, problems, version = self.loaded, self.problems, self.version
@@ -129,7 +129,7 @@ class Session:
         return data_text(told)
 
     def run(self, experiment: str, settings: Mapping[str, float]) -> str:
-        """A run of an experiment with some values, as JSON. Raises `UsageError` for what the model does not have."""
+        """Run an experiment with some values; return JSON. Raises `UsageError` for names that the model does not have."""
         with self.work:
             loaded = self._checked(experiment, settings)
             longest = LONGEST if experiment in loaded.base else LONGEST_FIRST
@@ -141,11 +141,11 @@ class Session:
             return data_text(found)
 
     def stop(self) -> str:
-        """Stop a run that has been going on for longer than somebody waits who has moved the slider again."""
+        """Stop a run that lasts longer than a user waits who has moved the slider again."""
         return data_text({"stopped": self.patience.stop(WAITING)})
 
     def modes(self) -> str:
-        """The modes, as JSON."""
+        """Return the modes, as JSON."""
         with self.work:
             version = self.version
             try:
@@ -167,9 +167,7 @@ class Session:
 
 def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict[str, Any]:
     watched = loaded.watched
-    if (
-        watched.model.compiled > MOST_COMPILED
-    ):  # values that decide more than numbers are compiled in, one after the other
+    if watched.model.compiled > MOST_COMPILED:  # values that decide more than numbers are compiled in, one by one
         watched.model.forget()
     try:
         if not one_run(watched, experiment):
@@ -183,7 +181,7 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
         except PROBLEMS:
             if not loaded.base[experiment]:
                 raise
-            loaded.base[experiment] = {}  # what cannot be an argument is compiled in
+            loaded.base[experiment] = {}  # settings that cannot be arguments are compiled in
             result = watched.simulate(experiment, settings)
         if first or not set(settings) <= set(loaded.base[experiment]):
             _settle()
@@ -196,7 +194,7 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
 
 
 def _compiled_in(model: Model, experiment: str, settings: Mapping[str, float]) -> list[str]:
-    """What is said of values that take longer."""
+    """Return notes on values that must be compiled in, which takes longer."""
     from ...simulation.settings import compiled_in
 
     why = compiled_in(model, experiment, settings, settings)
@@ -207,7 +205,7 @@ def _compiled_in(model: Model, experiment: str, settings: Mapping[str, float]) -
 
 
 def _settle() -> None:
-    """What was compiled stays: looking through it for what could go would make every tenth run slow."""
+    """Exclude compiled objects from garbage collection: examining them would make every tenth run slow."""
     gc.enable()
     gc.collect()
     gc.freeze()

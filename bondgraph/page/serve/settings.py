@@ -1,4 +1,4 @@
-"""What sliders can set: parameters and inputs of the model itself, and which of them are arguments of every run."""
+"""Settings of sliders: parameters and inputs of the model itself, and those among them that are arguments of every run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40
 
 
 def parameters_of(model: Model) -> list[dict[str, Any]]:
-    """Parameters and inputs that are numbers, as data; an input that moves with time begins at zero."""
+    """Return parameters and inputs that are numbers, as data; an input that depends on time begins at zero."""
     found = []
     sizes = _sizes(model.source.text)
     for name, quantity in model.compilation().whole_graph.quantities.items():
@@ -41,13 +41,13 @@ def parameters_of(model: Model) -> list[dict[str, Any]]:
 
 
 def _sizes(text: str) -> dict[Any, float]:
-    """The largest number of each dimension in a text: how far the slider of what is zero there goes."""
+    """Return the largest number of each dimension in a text: the range of the slider of a value that is zero."""
     found: dict[Any, float] = {}
     for number, bracketed, plain in _NUMBERS.findall(text):
         try:
             scale = read_unit(Source("unit", bracketed or plain))
         except CompilationFailed:
-            continue  # a word that is no unit
+            continue  # the word is no unit
         size = abs(float(scale.to_si(Fraction(number))))
         if 0 < size < float("inf"):
             found[scale.dimension] = max(size, found.get(scale.dimension, 0.0))
@@ -55,7 +55,7 @@ def _sizes(text: str) -> dict[Any, float]:
 
 
 def base_settings(model: Model, experiment: str) -> dict[str, float]:
-    """The values in an experiment of all that follows from nothing and does not move: set in every run, so that another value compiles nothing."""
+    """Return the values in an experiment of all independent constants: set in every run, so that another value needs no compilation."""
     quantities = model.compilation(model.scene(experiment)).whole_graph.quantities
     found: dict[str, float] = {}
     for told in parameters_of(model):
@@ -67,7 +67,7 @@ def base_settings(model: Model, experiment: str) -> dict[str, float]:
 
 
 def _value(quantity: Any) -> float | None:
-    """What a quantity is before a run; None if it moves, or follows from what moves."""
+    """Return the value of a quantity before a run; None if it depends on time or on the state."""
     if quantity.value is not None:
         return float(quantity.value)
     if quantity.definition is None or quantity.definition.arguments:
