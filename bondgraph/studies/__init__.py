@@ -1,1 +1,1 @@
-"""Studies: many points of one model, what they give, and what measured data say of its parameters."""
+"""Studies: many points of one model, their results, and the estimation of parameters from measured data."""

@@ -1,4 +1,4 @@
-"""What is asked at each point of a study, and what is answered."""
+"""Study requests: the computation at each point of a study, and its result."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ Settings = Mapping[str, str | float]
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """Why a point has no answer."""
+    """Reason why a point has no result."""
 
     why: str
 
 
 def why(problem: Exception) -> str:
-    """What went wrong, in one line."""
+    """Return an error as one line."""
     if isinstance(problem, CompilationFailed):
         return "; ".join(f"{d.code} {d.sentence}" for d in problem.diagnostics) or "the model does not compile"
     return str(problem)
@@ -43,7 +43,7 @@ def why(problem: Exception) -> str:
 def compilation_notes(
     model: Model, experiment: str | None, settings: Settings, points: Sequence[Mapping[str, str | float]]
 ) -> tuple[str, ...]:
-    """What is said of names whose values are compiled in, where there are several of them: such points take as long as the compiler does."""
+    """Return notes on names with several values that must be compiled in: each such point takes as long as the compiler."""
     varying = [n for n in (points[0] if points else ()) if len({p[n] for p in points}) > 1]
     if not varying:
         return ()
@@ -56,17 +56,20 @@ def compilation_notes(
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """Numbers by name at each point, in SI and Hz: `of` equilibrium (outputs at rest), modes (frequencies), simulate (outputs at the end)."""
+    """Scalar study: numbers by name at each point, in SI and Hz.
+
+    `of`: equilibrium (outputs at equilibrium), modes (frequencies), simulate (outputs at the end).
+    """
 
     of: tuple[str, ...]
     experiment: str | None
-    settings: tuple[tuple[str, str | float], ...]  # of the call
+    settings: tuple[tuple[str, str | float], ...]  # settings of the call
     outputs: tuple[str, ...] | None
     wanted: Wanted
-    most: int = MODES  # frequencies
+    most: int = MODES  # most frequencies
 
     def answer(self, model: Model, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
-        """At one point. What goes wrong there is part of the answer."""
+        """Return the numbers at one point, or the reason of its failure."""
         try:
             return self._numbers(model, {**dict(self.settings), **point})
         except Exception as problem:
@@ -95,7 +98,7 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """All that an experiment or a sweep says of a point: analyses and a run, each as it is by itself."""
+    """Experiment study: all results of an experiment or a sweep at a point, that is analyses and a run."""
 
     experiment: str | None
     settings: tuple[tuple[str, str | float], ...]
@@ -105,25 +108,25 @@ class Whole:
     wanted: Wanted
 
     def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
-        """At one point; what goes wrong there is raised where the answers are put together."""
+        """Return the results at one point, or its exception, which is raised where the results are collected."""
         try:
             return self.made(model, point, Sharing(workers=1))
         except Exception as problem:
             return kept(problem)
 
     def made(self, model: Model, point: Mapping[str, float], sharing: Sharing) -> Point:
-        """At one point; `sharing`: who makes the points of a study with chance in it."""
+        """Compute one point; `sharing`: the workers for the points of a Monte Carlo study in it."""
         settings = {**dict(self.settings), **point}
         studies = self._at(model, settings) if point else self.studies
         chance = next((s for s in studies if isinstance(s, Varying)), None)
         of = tuple(dict.fromkeys(s.role for s in studies if s.role in STEPS)) + ("simulate",) * self.simulates
-        if chance is not None:  # which makes all the others
+        if chance is not None:  # Monte Carlo evaluates all other steps
             found = varied(model, chance, of, self.experiment, settings, self.outputs, self.wanted, sharing)
             return Point(point, analyses=((chance.role, found),))
         return self._point(model, Point(point), studies, of, settings)
 
     def _at(self, model: Model, settings: Settings) -> tuple[Analysis, ...]:
-        """The steps, whose numbers may go with what is swept."""
+        """Return the steps, whose numbers may depend on swept values."""
         if all(isinstance(s, Study) for s in self.studies):
             return self.studies
         return model.compilation(model.scene(self.experiment, settings, outputs=self.outputs)).plan.studies

@@ -1,7 +1,7 @@
-"""Distributions of parameters, as they are written: `normal(1.95 um, 50 nm)`, `truncated(normal(…), 1.8 um, 2.1 um)`.
+"""Distributions of parameters, from texts such as `normal(1.95 um, 50 nm)`, `truncated(normal(…), 1.8 um, 2.1 um)`.
 
-Each is known by its quantiles (the inverse of the distribution function), which is what quasi-random points in the unit cube, and
-correlations by a Gaussian copula, are turned into values by.
+Each distribution has its quantile function (inverse of the distribution function). It converts quasi-random points in the unit cube, and
+correlations by a Gaussian copula, into values.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-EDGE = 2.0**-53  # a point on the edge of the cube has no value of a distribution without ends
+EDGE = 2.0**-53  # distance from the edge of the cube, where an unbounded distribution has no value
 _CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """One of `DISTRIBUTIONS` with its numbers in SI; cut off at `low` and `high`."""
+    """One of `DISTRIBUTIONS` with its numbers in SI; truncated at `low` and `high`."""
 
     kind: str
     numbers: tuple[float, ...]
@@ -37,7 +37,7 @@ class Distribution:
     high: float = math.inf
 
     def quantiles(self, shares: Array) -> Array:
-        """The values below which these shares lie."""
+        """Return the quantiles at these probabilities."""
         frozen = self._frozen()
         first, last = float(frozen.cdf(self.low)), float(frozen.cdf(self.high))
         shares = np.clip(first + shares * (last - first), EDGE, 1 - EDGE)
@@ -46,7 +46,7 @@ class Distribution:
 
     @property
     def median(self) -> float:
-        """Half of the values lie below it."""
+        """Median of the distribution."""
         return float(self.quantiles(np.array([0.5]))[0])
 
     def _frozen(self) -> Any:
@@ -66,7 +66,7 @@ class Distribution:
 
 
 def distribution(text: str, unit: str, name: str) -> Distribution:
-    """From its text; `unit` is one of the parameter's kind, `name` the parameter's. Raises `UsageError`."""
+    """Return the distribution of a text; `unit` is one of the parameter's kind, `name` the parameter's. Raises `UsageError`."""
     call = _CALL.fullmatch(text)
     if call is None or call[1] not in (*DISTRIBUTIONS, "truncated"):
         raise UsageError(f"{name}: `{text.strip()}` is no distribution; there are {kinds_told()}")
@@ -84,7 +84,7 @@ def distribution(text: str, unit: str, name: str) -> Distribution:
 
 
 def _spread(text: str, unit: str, name: str) -> float:
-    """A difference: of temperatures one without their zero."""
+    """Return a difference in SI: for temperatures without the offset."""
     kelvin = "K" if unit == "K" else unit
     if unit == "K" and "deg" in text:
         raise UsageError(f"{name}: a standard deviation is a difference; write it in K")
@@ -100,7 +100,7 @@ def _truncated(parts: Sequence[str], unit: str, name: str, text: str) -> Distrib
 
 
 def checked(found: Distribution, name: str) -> Distribution:
-    """The same, if there is such a distribution. Raises `UsageError`."""
+    """Return the same distribution, if it is valid. Raises `UsageError`."""
     wrong = fault(found.kind, found.numbers, found.low, found.high)
     if wrong:
         raise UsageError(f"{name}: {wrong}")
@@ -111,7 +111,7 @@ def checked(found: Distribution, name: str) -> Distribution:
 
 
 def _parts(text: str) -> list[str]:
-    """At the commas that stand in no parentheses."""
+    """Split at the commas outside parentheses."""
     found, depth, begin = [], 0, 0
     for i, mark in enumerate(text):
         depth += (mark in "([") - (mark in ")]")

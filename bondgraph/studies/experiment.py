@@ -1,4 +1,4 @@
-"""An experiment as its author wrote it: every point of its sweeps, with the analyses and the run that it says."""
+"""Execution of an experiment as written: every point of its sweeps, with its analyses and its run."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Wanted):
-    """What a call says of the runs of an experiment; as `Model.simulate` takes it."""
+    """Options of a call for the runs of an experiment, as for `Model.simulate`."""
 
     outputs: tuple[str, ...] | None = None
 
     @property
     def wanted(self) -> Wanted:
-        """How runs are made."""
+        """Options of the runs."""
         return Wanted(**{f.name: getattr(self, f.name) for f in fields(Wanted)})
 
 
 def run(model: Model, experiment: str, settings: Settings, options: Options, sharing: Sharing | None = None) -> Outcome:
-    """The experiment of that name ("" the first). Raises as `Model.simulate`."""
+    """Run the experiment of that name ("": the first). Raises as `Model.simulate`."""
     first = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
     plan = first.plan
-    left = [s for s in plan.sweeps if s.name not in settings]  # what a call sets is not swept
+    left = [s for s in plan.sweeps if s.name not in settings]  # names set by a call are not swept
     grid = [
         dict(zip([s.name for s in left], values, strict=True))
         for values in itertools.product(*(s.values for s in left))
@@ -42,7 +42,7 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
     simulates = plan.stop is not None or not plan.studies
     asked = Whole(plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted)
     chosen = sharing or Sharing(workers=1)
-    alone = not left and any(isinstance(s, Varying) for s in plan.studies)  # then its own points are what is shared out
+    alone = not left and any(isinstance(s, Varying) for s in plan.studies)  # then the workers share its own points
     points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, plan.experiment, settings, grid)
@@ -50,7 +50,7 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
 
 
 def made(model: Model, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
-    """The points of a grid; those that failed say why. Raises what went wrong in the first if it went wrong in all."""
+    """Return the points of a grid; failed ones with the reason. Raises the error of the first point if all have failed."""
     found: list[Any] = answers(model, asked, grid, sharing)
     check_some_stand(found)
     problems = [x for x in found if isinstance(x, Exception)]

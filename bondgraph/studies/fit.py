@@ -1,8 +1,8 @@
-"""Parameters from measured data: weighted least squares with generated derivatives, and how sure they are.
+"""Parameter estimation from measured data: weighted least squares with generated derivatives, and the uncertainty of the result.
 
-`scipy.optimize.least_squares` (trust region, bounds) in coordinates of size 1: a parameter over its scale, or its logarithm. With sigmas
-given the covariance is (J'J)^-1 and intervals are normal; where the scatter is larger than sigmas allow, or none are given, it is multiplied
-by the scatter found, and intervals are Student's (Seber and Wild, Nonlinear Regression, 1989, section 5.1).
+`scipy.optimize.least_squares` (trust region, bounds) in coordinates of size 1: a parameter over its scale, or its logarithm. With given sigmas the
+covariance is (J'J)^-1 and intervals are normal; where the scatter is larger than sigmas allow, or none are given, it is multiplied by the scatter
+found, and intervals are Student's (Seber and Wild, Nonlinear Regression, 1989, section 5.1).
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-TOLERANCE = 1e-9  # of steps, of the sum of squares, and of its slopes at the start
+TOLERANCE = 1e-9  # relative tolerance of steps, of the sum of squares, and of its gradient at the start
 MOST_STEPS = 100
-NEAREST = 1e-6  # of the largest singular value: what holds a search at its start where the data leave it open
+NEAREST = 1e-6  # relative to the largest singular value: regularisation towards the start in undetermined directions
 MOST_PARAMETERS = 100
-SAME = 1e-7  # of the residuals and their slopes: two programs that agree
+SAME = 1e-7  # relative to the residuals and their derivatives: difference of two programs that agree
 
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """A parameter that is sought between bounds in SI (None: it keeps its sign); `start` None: where the model has it."""
+    """Fit parameter with bounds in SI (None: it keeps its sign); `start` None: its value in the model."""
 
     name: str
     low: float | None = None
@@ -54,7 +54,7 @@ class Sought:
 
 
 def sought(text: str, unit: str, name: str) -> Sought:
-    """From `log`, `1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`, or nothing. Raises `UsageError`."""
+    """Return the fit parameter of a text: `log`, `1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`, or nothing. Raises `UsageError`."""
     from ..quantities import quantity
 
     words = re.fullmatch(r"\s*(log\b)?\s*(.*?)\s*", text, re.DOTALL)
@@ -76,7 +76,7 @@ def sought(text: str, unit: str, name: str) -> Sought:
 
 
 class Problem:
-    """Data, a model, and coordinates: residuals over their sigmas, (n,), and their derivatives (n, k). Points that fail have infinite ones."""
+    """Least-squares problem: residuals over their sigmas, (n,), and their derivatives (n, k). Failed points have infinite residuals."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Problem:
         self.sought, self.names = tuple(given), tuple(s.name for s in given)
         self.logarithmic = np.array([s.logarithmic for s in given])
         self.failure = ""
-        self.compiled_in = False  # whether each value is compiled into a program of its own
+        self.compiled_in = False  # True if each value is compiled into a separate program
         self._kept: tuple[bytes, Array, Array] | None = None
         self.start = self._start()
         self.scale = np.where(self.start != 0, np.abs(self.start), 1.0)
@@ -116,23 +116,23 @@ class Problem:
 
     # ------------------------------------------------------------ coordinates
     def coordinates(self, values: Array) -> Array:
-        """Of values in SI."""
+        """Return the coordinates of values in SI."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.logarithmic, np.log(np.where(self.logarithmic, values, 1.0)), values / self.scale)
 
     def values(self, coordinates: Array) -> Array:
-        """In SI."""
+        """Return the values in SI."""
         return np.where(
             self.logarithmic, np.exp(np.where(self.logarithmic, coordinates, 0.0)), coordinates * self.scale
         )
 
     def stretch(self, coordinates: Array) -> Array:
-        """Derivatives of values by coordinates."""
+        """Return the derivatives of values by coordinates."""
         return np.where(self.logarithmic, self.values(coordinates), self.scale)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the coordinates."""
+        """Return the bounds of the coordinates."""
         low = [
             s.low if s.low is not None else 0.0 if v > 0 else -np.inf
             for s, v in zip(self.sought, self.start, strict=True)
@@ -147,7 +147,7 @@ class Problem:
     # ------------------------------------------------------------ residuals
     @cached_property
     def series(self) -> tuple[Series, ...]:
-        """What is measured, in the order of the residuals."""
+        """Measured quantities, in the order of the residuals."""
         return tuple(
             Series(data.file, name, self.units[name], tuple(np.flatnonzero(~np.isnan(column)).tolist()), column[~np.isnan(column)], self._sigma(data, name))
             for data in self.data for name, column in data.found.items()
@@ -155,12 +155,12 @@ class Problem:
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """SI units of what is measured."""
+        """SI units of the measured quantities."""
         return _units(self.model, self.experiment, self.settings, self.data)
 
     @property
     def weighted(self) -> bool:
-        """Whether all sigmas are given."""
+        """True if all sigmas are given."""
         return all(name in data.sigmas for data in self.data for name in data.found)
 
     def _sigma(self, data: Measurements, name: str) -> Array:
@@ -168,19 +168,19 @@ class Problem:
         there = ~np.isnan(column)
         if name in data.sigmas:
             return data.sigmas[name][there]
-        size = float(np.sqrt(np.mean(column[there] ** 2)))  # what is as large counts as much
+        size = float(np.sqrt(np.mean(column[there] ** 2)))  # equal weight for equal relative size
         return np.full(int(there.sum()), size or 1.0)
 
     def residuals(self, coordinates: Array) -> Array:
-        """Computed less measured, over sigma."""
+        """Return computed minus measured values, over sigma."""
         return self._both(coordinates)[0]
 
     def slopes(self, coordinates: Array) -> Array:
-        """Their derivatives by coordinates."""
+        """Return the derivatives of the residuals by coordinates."""
         return self._both(coordinates)[1]
 
     def computed(self, coordinates: Array) -> list[Array]:
-        """What the model gives for each of the series."""
+        """Return the model's values for each of the series."""
         residuals, at, found = self._both(coordinates)[0], 0, []
         for one in self.series:
             found.append(residuals[at : at + len(one.measured)] * one.sigma + one.measured)
@@ -188,7 +188,7 @@ class Problem:
         return found
 
     def compile_in(self) -> None:
-        """From now on each value is compiled into a program of its own."""
+        """Compile each value into a separate program from now on."""
         self.compiled_in, self._kept = True, None
 
     def _both(self, coordinates: Array) -> tuple[Array, Array]:
@@ -213,7 +213,7 @@ class Problem:
         return np.concatenate(residuals), np.concatenate(slopes) * self.stretch(coordinates)
 
     def _tables(self, data: Measurements, values: Mapping[str, float]) -> list[tuple[Array, Array]]:
-        """For each column that was measured its values (n,) and derivatives by parameters (n, k)."""
+        """Return for each measured column its computed values (n,) and derivatives by parameters (n, k)."""
         if data.time is not None:
             return self._over_time(data, data.time, values)
         found = {
@@ -236,7 +236,7 @@ class Problem:
         return [(told.values[:, i], told.slopes[:, i]) for i in places.values()]
 
     def _given(self, row: Settings, values: Mapping[str, float]) -> tuple[dict[str, str | float], dict[str, float]]:
-        """What is set, and what is moved in a program that was made with the author's values."""
+        """Return the settings, and the values that are changed in a program made with the author's values."""
         moved = {} if self.compiled_in else {n: v for n, v in values.items() if n not in self.inputs}
         return {**self.settings, **row, **{n: v for n, v in values.items() if n not in moved}}, moved
 
@@ -260,8 +260,11 @@ def fit(
     model: Model, files: Sequence[str | os.PathLike[str] | Measurements], given: Mapping[str, str | Sought], experiment: str | None,
     settings: Settings, explain: bool | None = None,
 ) -> Fit:  # fmt: skip
-    """The parameters that explain data best. `explain`: look at small sets of parameters as well (None: where the data leave parameters
-    open). Raises `UsageError`, `CompilationFailed`, `RunFailed`, OSError."""
+    """Return the parameters that fit the data best.
+
+    `explain`: examine small sets of parameters too (None: if the data leave parameters undetermined). Raises `UsageError`, `CompilationFailed`,
+    `RunFailed`, OSError.
+    """
     if not given or len(given) > MOST_PARAMETERS:
         raise UsageError(f"name the parameters to fit, from one to {MOST_PARAMETERS}")
     units = units_of(model, tuple(given), experiment, settings)
@@ -288,8 +291,10 @@ def fit(
 
 
 def _checked(problem: Problem, found: Found) -> Found:
-    """What was found in a program that was made with the author's values must be so in one that is made with the values found; else
-    these decide more than numbers, and the search is made again with a program for each."""
+    """Check the result of a program made with the author's values against programs with the values compiled in.
+
+    If they differ, the values decide more than numbers, and the search is repeated with a program for each value.
+    """
     quick = found.residuals
     problem.compile_in()
     honest = problem.residuals(found.coordinates)
@@ -301,8 +306,10 @@ def _checked(problem: Problem, found: Found) -> Found:
 
 
 def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_STEPS) -> Found:
-    """The least sum of squares, of equal ones that nearest to the start; only the parameters `free` move (None: all). Raises `RunFailed`
-    if the start has no answer."""
+    """Minimise the sum of squares; among equal minima the nearest to the start. Only the parameters `free` change (None: all).
+
+    Raises `RunFailed` if the model fails at the start.
+    """
     from scipy.optimize import least_squares
 
     start = problem.coordinates(problem.start)

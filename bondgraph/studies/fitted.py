@@ -1,4 +1,4 @@
-"""What a fit found: parameters with intervals, how well the data are met, what they leave open."""
+"""Result of a fit: parameters with intervals, quality of the fit, undetermined directions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCHEMA = "bondgraph-fit/1"
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A parameter in SI: where the search began, where it ended, its standard error and 95 % interval."""
+    """A parameter in SI: start and end of the search, standard error and 95 % interval."""
 
     name: str
     unit: str
@@ -36,7 +36,7 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One measured quantity: the rows (from 0) of a file in which it is measured, in SI, with standard deviations (or sizes, if none are given)."""
+    """One measured quantity: its rows (from 0) in a file, values in SI, and standard deviations (or sizes, if none are given)."""
 
     file: str
     name: str
@@ -48,9 +48,11 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """`found["d"]` is the fitted value in SI. `squares`: the sum of squared residuals over sigma; `freedom`: data less parameters;
-    `scatter`: squares over degrees of freedom. `directions`: of relative changes, the least sure first. `explanations`: few parameters that
-    meet the data alone, if they were looked for."""
+    """Result of a fit; `found["d"]` is a fitted value in SI.
+
+    `squares`: sum of squared residuals over sigma; `freedom`: number of data minus number of parameters; `scatter`: squares over degrees of freedom.
+    `directions`: of relative changes, the least certain first. `explanations`: small sets of parameters that fit the data alone, if requested.
+    """
 
     model: str
     experiment: str | None
@@ -70,7 +72,7 @@ class Fit:
         return self.of(name).value
 
     def of(self, name: str) -> Fitted:
-        """A parameter by its name. Raises `UsageError`."""
+        """Return a parameter by its name. Raises `UsageError`."""
         for one in self.parameters:
             if one.name == name:
                 return one
@@ -78,13 +80,16 @@ class Fit:
 
     @property
     def settings(self) -> dict[str, float]:
-        """The fitted values, as other calls take them."""
+        """Fitted values, as settings for other calls."""
         return {p.name: p.value for p in self.parameters}
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-fit/1`: {schema, model, experiment, parameters: {name: {unit, start, value, standard_error, low, high}},
-        correlations (rows), squares, freedom, scatter, weighted, data: [{file, name, unit, rows, measured, computed, sigma}],
-        directions: [{deviation, open, weights}], explanations: [{values, changes, squares, left}], notes}, in SI and Hz."""
+        """Return JSON values by the schema `bondgraph-fit/1`, in SI and Hz.
+
+        {schema, model, experiment, parameters: {name: {unit, start, value, standard_error, low, high}}, correlations (rows), squares, freedom, scatter,
+        weighted, data: [{file, name, unit, rows, measured, computed, sigma}], directions: [{deviation, open, weights}], explanations: [{values, changes,
+        squares, left}], notes}.
+        """
         told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
         told["parameters"] = {
             p.name: {
@@ -116,7 +121,7 @@ class Fit:
         return {**told, "notes": list(self.notes)}
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Row, measured, computed and sigma of all data in SI, one below the other, into a .csv, .npz, .nc or .mat file. Raises OSError, `UsageError`."""
+        """Write row, measured, computed and sigma of all data in SI, stacked, into a .csv, .npz, .nc or .mat file. Raises OSError, `UsageError`."""
         from ..exports import write_columns
 
         columns: dict[str, Array] = {
@@ -130,13 +135,13 @@ class Fit:
         write_columns(path, columns, dict.fromkeys(columns, "1"), "datum", {"model": self.model, **names})
 
     def summary(self) -> str:
-        """Tables for terminals."""
+        """Return tables for terminals."""
         from ..views.studies import fit_text
 
         return fit_text(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Computed over measured, one panel for each quantity. Raises as `Result.plot`."""
+        """Plot computed over measured values, one panel for each quantity. Raises as `Result.plot`."""
         from ..views.study_plots import plot_fit
 
         plot_fit(self, path)

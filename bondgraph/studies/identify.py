@@ -1,7 +1,7 @@
-"""How sure fitted parameters are, in which directions the data leave them open, and which few of them would explain the data alone.
+"""Identifiability: uncertainty of fitted parameters, undetermined directions, and small sets of parameters that would fit the data alone.
 
-All of it stands on the derivatives J of the residuals by relative changes of the parameters: J'J is Fisher's information, its eigenvectors
-are the directions, 1/sqrt(eigenvalue) how far one may go along them before the data object (Cramer and Rao).
+It is based on the derivatives J of the residuals by relative changes of the parameters: J'J is Fisher's information, its eigenvectors are the
+directions, 1/sqrt(eigenvalue) is the standard deviation along them (Cramer and Rao).
 """
 
 from __future__ import annotations
@@ -24,43 +24,42 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-OPEN = 1e-9  # of the largest singular value: the data say nothing along such a direction
-TOUCHED = 1e-6  # a component that large takes a parameter along
-UNLIKELY = 1e-3  # scatter that sigmas make so seldom is larger than they say
-LARGEST_SET = 3  # parameters that explain something together
-MOST_TRIPLES = 40  # parameters of which sets of three are looked at
+OPEN = 1e-9  # relative to the largest singular value: directions below are undetermined
+TOUCHED = 1e-6  # component of an undetermined direction from which on a parameter is affected
+UNLIKELY = 1e-3  # probability of the scatter below which the sigmas are too small
+LARGEST_SET = 3  # most parameters of a set
+MOST_TRIPLES = 40  # most parameters of which sets of three are examined
 TRIED = 4  # sets of each size that are fitted
-PLAUSIBLE = 0.02  # a parameter that changes by half counts as much as 1 % of what is left of the data
+PLAUSIBLE = 0.02  # weight: a parameter change by half costs as much as a relative residual of 1 %
 FEW_STEPS = 30
 Solve = Callable[["Problem", Sequence[int], int], "Found"]
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Where a search ended: coordinates (k,), residuals (n,) over sigma, their derivatives (n, k), whether it settled, which parameters
-    are held by bounds."""
+    """End of a search: coordinates (k,), residuals (n,) over sigma, their derivatives (n, k), True if converged, mask of parameters at bounds."""
 
     coordinates: Array
     residuals: Array
     slopes: Array
     ended: bool
     held: Any
-    open: bool = False  # whether other values meet the data as well
+    open: bool = False  # True if other values fit the data equally well
 
     @property
     def squares(self) -> float:
-        """Their sum."""
+        """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
 
     @property
     def count(self) -> int:
-        """Of the data."""
+        """Number of data."""
         return len(self.residuals)
 
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Standard errors and ends of intervals (k,) in SI, infinite where the data leave a parameter open; correlations (k, k)."""
+    """Standard errors and interval ends (k,) in SI, infinite where a parameter is undetermined; correlations (k, k)."""
 
     errors: Array
     low: Array
@@ -70,13 +69,13 @@ class Uncertainty:
     notes: tuple[str, ...]
 
     def of(self, i: int) -> tuple[float, float, float]:
-        """Standard error, low and high of one parameter."""
+        """Return standard error, low and high end of one parameter."""
         return float(self.errors[i]), float(self.low[i]), float(self.high[i])
 
 
 @dataclass(frozen=True)
 class Direction:
-    """A unit vector of relative changes, and its standard deviation; `open` where the data say nothing along it."""
+    """A unit vector of relative changes, and its standard deviation; `open` if the data do not determine it."""
 
     deviation: float
     weights: dict[str, float]  # the largest first
@@ -85,7 +84,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A few parameters fitted alone: relative changes, and what is left of the data, a root mean square of relative differences."""
+    """A small set of parameters fitted alone: relative changes, and the remaining root mean square of relative differences."""
 
     values: dict[str, float]
     changes: dict[str, float]
@@ -94,7 +93,7 @@ class Explanation:
 
 
 def uncertainty(problem: Problem, found: Found) -> Uncertainty:
-    """By the covariance at the end of a search."""
+    """Return the uncertainty from the covariance at the end of a search."""
     from scipy import stats
 
     _, sizes, right = _decomposed(found.slopes)
@@ -127,14 +126,14 @@ def uncertainty(problem: Problem, found: Found) -> Uncertainty:
 
 
 def _decomposed(slopes: Array) -> tuple[Array, Array, Array]:
-    """Singular values and right vectors, all k of them, the strongest first."""
+    """Return singular values and right vectors, all k of them, the strongest first."""
     u, sizes, right = np.linalg.svd(slopes, full_matrices=True)
     k = slopes.shape[1]
     return u, np.concatenate([sizes, np.zeros(k - len(sizes))]), right
 
 
 def directions(problem: Problem, found: Found) -> tuple[Direction, ...]:
-    """The weakest first."""
+    """Return the directions, the weakest first."""
     _, sizes, right = _decomposed(found.slopes)
     freedom = found.count - int((sizes > OPEN * sizes.max(initial=0.0)).sum())
     noise = 1.0 if problem.weighted else math.sqrt(found.squares / freedom) if freedom > 0 else math.nan
@@ -149,10 +148,10 @@ def directions(problem: Problem, found: Found) -> tuple[Direction, ...]:
 
 
 def explanations(problem: Problem, solve: Solve) -> tuple[Explanation, ...]:
-    """What is left as it is; then the best sets of one, two and three parameters: those that the derivatives at the start promise, fitted.
+    """Return the differences without any change, then the best sets of one, two and three parameters, selected by derivatives at the start and fitted.
 
-    Sets are ranked by what they leave of the data, in relative terms, and by how far they move (`PLAUSIBLE`): of two that meet the data
-    the one that has to move less is the likelier.
+    Sets are ranked by the remaining relative differences, and by the size of the changes (`PLAUSIBLE`): of two sets with equal fit, the one with smaller
+    changes is more likely.
     """
     start = problem.coordinates(problem.start)
     weights = _relative(problem)
@@ -168,7 +167,7 @@ def explanations(problem: Problem, solve: Solve) -> tuple[Explanation, ...]:
 
 
 def _relative(problem: Problem) -> Array:
-    """What turns residuals over sigma into differences relative to what was measured (or to the largest of its kind, where that is zero)."""
+    """Return factors from residuals over sigma to differences relative to the measured values (or to the largest of its kind, where that is zero)."""
     parts = []
     for one in problem.series:
         size = np.abs(one.measured)
@@ -185,7 +184,7 @@ def _cost(left: float, changes: Sequence[float]) -> float:
 
 
 def _promise(residuals: Array, slopes: Array, chosen: Sequence[int]) -> float:
-    """The cost if the model were linear."""
+    """Return the cost for a linear model."""
     columns = slopes[:, list(chosen)]
     pull = PLAUSIBLE * math.sqrt(len(residuals)) * np.eye(len(chosen))
     wanted = np.concatenate([-residuals, np.zeros(len(chosen))])

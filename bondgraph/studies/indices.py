@@ -1,8 +1,7 @@
-"""Sobol indices: which share of a quantity's variance is a parameter's alone, and which has anything to do with it.
+"""Sobol indices: share of a quantity's variance due to a parameter alone, and in all its interactions.
 
-By the estimators of Saltelli et al., Comput. Phys. Commun. 181, 2010, in `scipy.stats.sobol_indices`, with intervals by
-rows that are drawn again (bootstrap). They stand
-on values at points A, B, and A with one column from B; the columns of A and B are those of one quasi-random sequence.
+Estimators of Saltelli et al., Comput. Phys. Commun. 181, 2010, in `scipy.stats.sobol_indices`, with bootstrap intervals. They use values at points
+A, B, and A with one column from B; the columns of A and B are those of one quasi-random sequence.
 """
 
 from __future__ import annotations
@@ -19,15 +18,17 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95
 RESAMPLES = 200
-LEAST = 8  # rows
-ROUNDING = 1e-12  # of a quantity: a deviation below it is rounding
-VAGUE = 1.0  # width of an interval that tells nothing of a share between 0 and 1
+LEAST = 8  # least number of rows
+ROUNDING = 1e-12  # relative to a quantity: a smaller deviation is rounding
+VAGUE = 1.0  # width of an interval without information on a share between 0 and 1
 
 
 @dataclass(frozen=True, eq=False)
 class Indices:
-    """Shape (quantities, parameters); the intervals (quantities, parameters, 2) hold 95 % of bootstrapped estimates. An index is NaN where it is
-    not determined: a quantity does not vary but for rounding, or the interval holds all shares. `count`: rows of A that they stand on."""
+    """Indices of shape (quantities, parameters); the intervals (quantities, parameters, 2) hold 95 % of bootstrapped estimates.
+
+    An index is NaN if it is not determined: a quantity varies by rounding only, or the interval contains all shares. `count`: number of rows of A used.
+    """
 
     count: int
     first: Array
@@ -37,7 +38,7 @@ class Indices:
 
 
 def mixed(first: Array, second: Array) -> Array:
-    """The points A with column j from B, one after the other for each j; shape (k n, k)."""
+    """Return the points A with column j from B, one block after the other for each j; shape (k n, k)."""
     blocks = []
     for j in range(first.shape[1]):
         block = first.copy()
@@ -49,15 +50,17 @@ def mixed(first: Array, second: Array) -> Array:
 def indices(
     at_a: Array, at_b: Array, at_mixed: Array, seed: int, noise: Array | float = ROUNDING
 ) -> tuple[Indices | None, int]:  # fmt: skip
-    """From values (n, m) at A and B and (k n, m) at the mixed points; and how many rows failed somewhere. None if too few are left. `noise` (m,): the
-    relative error of the values, a deviation below which tells nothing."""
+    """Return the indices from values (n, m) at A and B and (k n, m) at the mixed points, and the number of rows with failures.
+
+    None if too few rows remain. `noise` (m,): the relative error of the values; smaller deviations are ignored.
+    """
     n, m = at_a.shape
     mixes = at_mixed.reshape(-1, n, m)
     good = np.isfinite(at_a).all(axis=1) & np.isfinite(at_b).all(axis=1) & np.isfinite(mixes).all(axis=(0, 2))
     lost, left = int((~good).sum()), int(good.sum())
     if left < LEAST:
         return None, lost
-    count = 1 << (left.bit_length() - 1)  # the estimators want a power of two
+    count = 1 << (left.bit_length() - 1)  # the estimators need a power of two
     rows = np.flatnonzero(good)[:count]
     varies = at_a[rows].std(axis=0) > np.maximum(noise, ROUNDING) * np.abs(at_a[rows]).max(axis=0)
     shape = (m, mixes.shape[0])
@@ -74,9 +77,9 @@ def indices(
 def _estimate(a: Array, b: Array, ab: Array, seed: int, found: dict[str, Array], varies: Array) -> None:
     from scipy.stats import sobol_indices
 
-    size = a.std(axis=0)  # quantities of 1e-6 and of 1e6 beside each other
+    size = a.std(axis=0)  # quantities of very different size, 1e-6 and 1e6
     kept = len(size)
-    if kept == 1:  # of a single quantity scipy's arrays lose an axis
+    if kept == 1:  # for a single quantity scipy's arrays lose an axis
         a, b, ab, size = (np.repeat(x, 2, axis=-1) for x in (a, b, ab, size))
     func = {"f_A": (a / size).T, "f_B": (b / size).T, "f_AB": np.moveaxis(ab / size, 1, 2)}
     rows, generator = len(a), np.random.default_rng(seed)

@@ -1,8 +1,8 @@
-"""What of a study is done, in a file: each task's answers as soon as they are there, so that after a crash nothing is made twice.
+"""Journal of a study in a file: the results of each task as soon as they exist, so that after a crash no point is computed twice.
 
-The file begins with a digest of all that the answers depend on: the text and what it imports, the question, the points, our own code. Behind
-it stand records: how many answers, the length, a hash, the answers by the numbers of their points. A record is written in one piece and synced; a tail that is
-not whole (the power went) is cut off. Answers are read back by an unpickler that knows arrays and our own nouns, and nothing else.
+The file begins with a digest of all data that determine the results: the text and its imports, the request, the points, our own code. Records
+follow: number of results, length, hash, and the results by the indices of their points. A record is written in one piece and synced; an incomplete
+last record (after a power failure) is cut off. Results are read by an unpickler that accepts only arrays and our own data classes.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from .sharing import Question
 
 SCHEMA = b"bondgraph-journal/1\n"
-_HEAD = struct.Struct("<QQ")  # answers, length
+_HEAD = struct.Struct("<QQ")  # number of results, length
 _HASH = 32
 _PLAIN = {
-    *((home, name) for home in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")),  # of a text
+    # paths of a text
+    *((home, name) for home in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")),
     ("collections", "OrderedDict"),
     ("collections", "Counter"),
     ("builtins", "complex"),
@@ -41,15 +42,17 @@ _PLAIN = {
 
 
 class Journal:
-    """A file that a study goes on from. It is kept when the study is done: the same study then has its answers at once."""
+    """A file from which a study goes on. It is kept when the study is finished: the same study then has its results at once."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = os.fspath(path)
         self._stream: BinaryIO | None = None
 
     def begun(self, model: Model, question: Question, points: Sequence[Any]) -> dict[int, Any]:
-        """What is there, by the number of its point; the file is begun if there is none. Raises `UsageError` for a file of something
-        else, OSError."""
+        """Return the stored results by the index of their point; create the file if there is none.
+
+        Raises `UsageError` for a file of another study or kind, OSError.
+        """
         head = SCHEMA + digest_of(model, question, points)
         self._stream = open(self.path, "r+b" if os.path.exists(self.path) else "x+b")  # noqa: SIM115
         _alone(self._stream, self.path)
@@ -75,13 +78,13 @@ class Journal:
         return {i: x for i, x in found.items() if i < len(points)}
 
     def add(self, answers: Mapping[int, Any]) -> None:
-        """Some answers by the numbers of their points, whole or not at all."""
+        """Write some results by the indices of their points, completely or not at all."""
         body = _packed({i: _readable(answer) for i, answer in answers.items()})
         head = _HEAD.pack(len(answers), len(body))
         self._write(head + hashlib.sha256(head + body).digest() + body)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._stream is not None:
             self._stream.close()
             self._stream = None
@@ -98,7 +101,7 @@ class Journal:
 
 
 def digest_of(model: Model, question: Question, points: Sequence[Any]) -> bytes:
-    """Of all that the answers depend on."""
+    """Return the digest of all data that determine the results."""
     from ..cache import code_version
     from .sharing import key_of
 
@@ -111,10 +114,10 @@ def digest_of(model: Model, question: Question, points: Sequence[Any]) -> bytes:
 
 
 def _alone(stream: BinaryIO, path: str) -> None:
-    """Two processes that write one journal would make everything twice. Raises `UsageError`."""
+    """Lock the file: two processes with one journal would compute all points twice. Raises `UsageError`."""
     try:
         import fcntl
-    except ImportError:  # no such locks on this system
+    except ImportError:  # this system has no such locks
         return
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -124,7 +127,7 @@ def _alone(stream: BinaryIO, path: str) -> None:
 
 
 def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
-    """The answers by number, and where the last whole record ends."""
+    """Return the results by index, and the end of the last complete record."""
     found: dict[int, Any] = {}
     at = begin
     while at + _HEAD.size + _HASH <= len(content):
@@ -146,7 +149,7 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
 
 
 def _packed(what: Any) -> bytes:
-    """As classes say themselves. What others have told pickle for all of this process, as Dask does for exceptions, would not be read."""
+    """Return a pickle by the classes' own definitions. Definitions that others registered for the process, as Dask for exceptions, would not be readable."""
     stream = io.BytesIO()
     pickler = pickle.Pickler(stream, protocol=5)
     pickler.dispatch_table = {}
@@ -155,7 +158,7 @@ def _packed(what: Any) -> bytes:
 
 
 def _readable(answer: Any) -> Any:
-    """An answer as it can be read again. What went wrong at a point may hold anything: then its words are kept."""
+    """Return a result that can be read back. An exception at a point may contain any object: then its text is stored."""
     if not isinstance(answer, Exception):
         return answer
     try:
@@ -166,14 +169,14 @@ def _readable(answer: Any) -> Any:
 
 
 class _Known(pickle.Unpickler):
-    """Arrays and our own nouns: nothing that a file could be made to do."""
+    """Unpickler of arrays and our own data classes only, so that a file cannot run code."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _PLAIN:
             return super().find_class(module, name)
         if _ours(module) and name[:1].isupper() and name.isidentifier():
             found = super().find_class(module, name)
-            if isinstance(found, type) and _ours(found.__module__):  # not one that a module of ours only uses
+            if isinstance(found, type) and _ours(found.__module__):  # not a class that our module only imports
                 return found
         raise pickle.UnpicklingError(f"{module}.{name}")
 

@@ -1,8 +1,8 @@
-"""Measurements data: a CSV file whose headings are names with units, `fx [uN],x [um],sigma x [um]`.
+"""Measured data: a CSV file whose headings are names with units, `fx [uN],x [um],sigma x [um]`.
 
-A column of a parameter or input is what was set, all others what was found: outputs at rest, `frequency 1 [Hz]` and so on of the modes that
-move (slowest first), or outputs over a column `time [s]`. `sigma NAME` is the standard deviation of what stands beside it. An empty field was
-not measured; what is no number is an error. Lines that begin with `#` say nothing.
+A column of a parameter or input is a setting, all others are measurements: outputs at equilibrium, `frequency 1 [Hz]` and so on of the moving modes
+(slowest first), or outputs over a column `time [s]`. `sigma NAME` is the standard deviation of the column NAME. An empty field was not measured;
+a field that is no number is an error. Lines that begin with `#` are ignored.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ if TYPE_CHECKING:
 _HEAD = re.compile(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", re.DOTALL)
 OF_MODES = re.compile(r"(frequency|damping) [1-9]\d*")
 SIGMA = "sigma "
-LARGEST = 10_000_000  # fields
+LARGEST = 10_000_000  # most fields
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """`settings` and `found` are columns (n,) in SI by name; in `found` NaN where nothing was measured. `sigmas` of some of them.
-    `time` (n,) in s, None if the data are of rest."""
+    """Columns `settings` and `found` (n,) in SI by name; NaN in `found` where nothing was measured. `sigmas` of some of them.
+
+    `time` (n,) in s, None if the data are of equilibria.
+    """
 
     file: str
     settings: Mapping[str, Array]
@@ -46,13 +48,13 @@ class Measurements:
 
 
 def read_measured(path: str | os.PathLike[str], units: Mapping[str, str], settable: frozenset[str]) -> Measurements:
-    """From a file. `units`: in SI, of what the model has; `settable`: its parameters and inputs. Raises `UsageError`, OSError."""
+    """Read a file. `units`: SI units of the model's names; `settable`: its parameters and inputs. Raises `UsageError`, OSError."""
     file = os.fspath(path)
     return _sorted_out(file, read_columns(file, units), settable)
 
 
 def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
-    """Its columns in SI by their headings; NaN where a field is empty. Raises `UsageError`, OSError."""
+    """Return the columns of a file in SI by their headings; NaN for empty fields. Raises `UsageError`, OSError."""
     with open(file, encoding="utf-8-sig", newline="") as stream:
         rows = [
             (i, row)

@@ -1,7 +1,7 @@
-"""A study with chance: what tolerances of parameters do to a model's rest, frequencies or runs.
+"""Monte Carlo study: effect of the tolerances of parameters on a model's equilibrium, frequencies or runs.
 
-Points: the sample; for Sobol indices as many more as they need, of which the first are the sample's own; for the tornado each parameter at
-two quantiles, the others at their medians. All are shared out as one.
+Points: the sample; for Sobol indices the additional points, of which the first are the sample's own; for the tornado each parameter at two
+quantiles, the others at their medians. All points are shared among the workers together.
 """
 
 from __future__ import annotations
@@ -29,15 +29,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOST_INDICES = 1024  # rows that Sobol indices stand on, if nothing is said
-TAILS = 0.1, 0.9  # shares at which the tornado puts a parameter
+MOST_INDICES = 1024  # most rows for Sobol indices by default
+TAILS = 0.1, 0.9  # quantiles of a parameter in the tornado
 MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
 class Chance:
-    """What varies and how it is looked at. `rows`: that Sobol indices stand on, a power of two; 0 none, None as many as there are
-    samples up to 1024."""
+    """Random parameters and the sampling of them.
+
+    `rows`: number of rows for Sobol indices, a power of two; 0: none, None: as many as samples up to 1024.
+    """
 
     vary: Mapping[str, str | Distribution]
     correlations: Mapping[tuple[str, str], float]
@@ -50,7 +52,7 @@ def montecarlo(
     model: Model, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
     wanted: Wanted, sharing: Sharing,
 ) -> MonteCarlo:  # fmt: skip
-    """Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has an answer."""
+    """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
     check_steps(of, "a study with chance")
     check_wanted(wanted)
     _check(chance, settings)
@@ -122,7 +124,7 @@ def _rows(chance: Chance) -> int:
 
 
 def _tornado_points(given: Sequence[Distribution]) -> Array:
-    """All at their medians; then each at its two tails."""
+    """Return the point with all parameters at their medians; then those with each at its two tails."""
     middle = np.array([d.median for d in given])
     rows = [middle]
     for j, one in enumerate(given):
@@ -175,13 +177,13 @@ def _index_notes(told: Indices | None, lost: int, rows: int) -> list[str]:
 
 
 def _noise(of: tuple[str, ...], wanted: Wanted, quantities: Sequence[str]) -> Array:
-    """The relative errors of quantities (m,): the tolerance of what a run ends with, else 0."""
+    """Return the relative errors of quantities (m,): the tolerance for the end of a run, else 0."""
     rtol = (wanted.rtol or DEFAULT_RTOL) if "simulate" in of else 0.0
     return np.array([0.0 if n.startswith("frequency ") else rtol for n in quantities])
 
 
 def _vague_notes(told: Indices | None, names: Sequence[str], quantities: Sequence[str]) -> list[str]:
-    """Of quantities whose shares of variance are not determined."""
+    """Return notes on quantities whose shares of variance are not determined."""
     notes = []
     for i, quantity in enumerate(quantities if told is not None else ()):
         assert told is not None

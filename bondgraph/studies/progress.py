@@ -1,4 +1,4 @@
-"""A bar on the terminal while points are made. Without a thread of its own, as a process with threads cannot be copied."""
+"""Progress bar on the terminal. It uses no thread, as a process with threads cannot be copied."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def bar(words: str) -> Iterator[Progress | None]:
-    """Tells how many points are done; None where nobody watches (the errors' stream is no terminal)."""
+    """Yield a function that shows the number of finished points; None if the error stream is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return

@@ -1,4 +1,4 @@
-"""Many runs of one model. What is set are arguments of one program, so it is compiled once; machine code runs outside of the interpreter's lock."""
+"""Many runs of one model. Settings are arguments of one program, so it is compiled once; machine code runs outside the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run at each point, which is its settings."""
+    """Run at each point; a point is a mapping of settings."""
 
     experiment: str | None
     outputs: tuple[str, ...] | None
     wanted: Wanted
 
     def answer(self, model: Model, point: Mapping[str, str | float]) -> Result | Exception:
-        """What goes wrong in a run stays with it."""
+        """Return the result of a run, or its exception."""
         try:
             return simulate(model, self.experiment, point, self.outputs, self.wanted)
         except Exception as problem:
@@ -36,7 +36,7 @@ def simulate_many(
     model: Model, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: Wanted,
     sharing: Sharing,
 ) -> Ensemble:  # fmt: skip
-    """Run a model with each of several settings. Raises `UsageError` for what is wrong in all, `RunBroken` for a defect in all."""
+    """Run a model with each of several settings. Raises `UsageError` for an error common to all, `RunBroken` for a defect in all."""
     check_wanted(wanted)
     points = tuple(dict(s) for s in settings)
     found = answers(model, Run(experiment, outputs, wanted), points, sharing)

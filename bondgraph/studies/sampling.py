@@ -1,7 +1,7 @@
-"""Where a study with chance looks: quasi-random points, and what distributions and correlations make of them.
+"""Sampling: quasi-random points, and their conversion by distributions and correlations.
 
-Points of Sobol's sequence, scrambled by a seed (Owen; `scipy.stats.qmc`), fill the unit cube evenly: means settle nearly as 1/n instead of
-1/sqrt(n). Correlations are those of a Gaussian copula: of the normal variables whose shares the values have (Nelsen, An Introduction to
+Points of Sobol's sequence, scrambled by a seed (Owen; `scipy.stats.qmc`), fill the unit cube evenly: means converge nearly as 1/n instead of
+1/sqrt(n). Correlations are those of a Gaussian copula: of the normal variables with the same quantiles as the values (Nelsen, An Introduction to
 Copulas, 2006, section 2.3), so that each parameter keeps its own distribution.
 """
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 MOST_NAMES = 1000
-IMPOSSIBLE = -1e-10  # an eigenvalue below it is no rounding
+IMPOSSIBLE = -1e-10  # an eigenvalue below it is more than rounding
 
 
 def cube(count: int, size: int, seed: int) -> Array:
-    """Points in the unit cube of so many dimensions, shape (count, size). The first 2^k are as even as any 2^k."""
+    """Return points in the unit cube of `size` dimensions, shape (count, size). The first 2^k are as even as any 2^k."""
     from scipy.stats import qmc
 
     power = max(0, math.ceil(math.log2(count)))
@@ -35,7 +35,7 @@ def cube(count: int, size: int, seed: int) -> Array:
 
 
 def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], float]) -> Array | None:
-    """Of the copula, by its pairs; None if all are independent. Raises `UsageError` for one that no quantities can have."""
+    """Return the matrix of the copula from its pairs; None if all are independent. Raises `UsageError` for an impossible one."""
     if not pairs:
         return None
     matrix = np.eye(len(names))
@@ -62,11 +62,11 @@ def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], flo
 
 
 def values_of(shares: Array, distributions: Sequence[Distribution], correlation: Array | None) -> Array:
-    """Values (n, k) at points of the unit cube (n, k)."""
+    """Return values (n, k) at points of the unit cube (n, k)."""
     if correlation is not None:
         from scipy.special import ndtr, ndtri
 
         values, vectors = np.linalg.eigh(correlation)
-        root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric, of singular ones as well
+        root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric root, also of singular matrices
         shares = ndtr(ndtri(np.clip(shares, EDGE, 1 - EDGE)) @ root)
     return np.stack([d.quantiles(shares[:, j]) for j, d in enumerate(distributions)], axis=1)

@@ -1,6 +1,6 @@
-"""Setpoints from a file: a CSV whose headings are outputs with units, `x [um],phi [deg]`, each line held at rest; with `time [s]` a path.
+"""Setpoints from a file: a CSV whose headings are outputs with units, `x [um],phi [deg]`, each line held at equilibrium; with `time [s]` a path.
 
-A column of a parameter or input is set in its line. Lines that begin with `#` say nothing.
+A column of a parameter or input is a setting of its line. Lines that begin with `#` are ignored.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Asked of each line: the inputs that hold its outputs."""
+    """Request at each line: the inputs that hold its outputs."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -35,7 +35,7 @@ class Held:
     settings: tuple[tuple[str, str | float], ...]
 
     def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
-        """At one line. What goes wrong there is part of the answer."""
+        """Return the point of one line, or its exception."""
         wanted = {n: point[n] for n in self.outputs}
         given = {**dict(self.settings), **{n: v for n, v in point.items() if n not in wanted}}
         try:
@@ -48,7 +48,7 @@ def invert_file(
     model: Model, file: str | os.PathLike[str], inputs: Sequence[str], experiment: str | None, settings: Settings, along: Mapping[str, Any],
     sharing: Sharing | None = None,
 ) -> Outcome | FeedForward:  # fmt: skip
-    """A table of inputs by lines, or inputs over time. `along`: as `Model.invert` takes them for a path. Raises as that, and OSError."""
+    """Return a table of inputs by lines, or inputs over time. `along`: as for `Model.invert` along a path. Raises as that, and OSError."""
     name = os.fspath(file)
     compilation = model.compilation(model.scene(experiment, settings))
     graph = compilation.whole_graph
@@ -74,7 +74,7 @@ def invert_file(
 def _checked(
     file: str, columns: Mapping[str, Any], outputs: Mapping[str, str], units: Mapping[str, str], settings: Settings, inputs: Sequence[str],
 ) -> tuple[str, ...]:  # fmt: skip
-    """The outputs that are wanted. Raises `UsageError` for columns that are no setpoints."""
+    """Return the outputs of the setpoints. Raises `UsageError` for columns that are no setpoints."""
     sought = {n.strip() for pair in inputs for n in pair.split("/")}
     for name, values in columns.items():
         if name.startswith(SIGMA) or OF_MODES.fullmatch(name):

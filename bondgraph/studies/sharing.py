@@ -1,7 +1,7 @@
-"""Many points of one model, shared out among workers: those of this machine, of an executor, or of a Dask cluster.
+"""Distribution of many points of one model to workers: those of this machine, of an executor, or of a Dask cluster.
 
-A question is asked at every point by itself, so that answers do not depend on who found them, or with how many others. A task carries the
-text of the model; a worker compiles it once. Workers of our own have it already (`workers.py`).
+Each point is computed independently, so that results do not depend on the worker or on the number of points. A task contains the text of the
+model; a worker compiles it once. Our own workers have it already (`workers.py`).
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
     from ..model import Model
     from .journal import Journal
 
-MOST_AT_ONCE = 64  # points of one task
-AHEAD = 3  # tasks that are a worker's share of what is left
-MOST_KEPT = 8  # models that a worker keeps ready
+MOST_AT_ONCE = 64  # most points of one task
+AHEAD = 3  # number of tasks in a worker's share of the remaining points
+MOST_KEPT = 8  # most models that a worker keeps compiled
 
 Progress = Callable[[int, int], None]
 
-_MODELS: dict[str, Model] = {}  # ready in this process
-_OWNERS: dict[str, int] = {}  # how many share out points of them from here
+_MODELS: dict[str, Model] = {}  # models of this process
+_OWNERS: dict[str, int] = {}  # number of studies of each that run from here
 _FIRST, _OWNING = threading.Lock(), threading.Lock()
 
 
 class Question(Protocol):
-    """What is asked at each point; it goes to other processes. What goes wrong at a point is part of its answer."""
+    """Request at each point; it is sent to other processes. An error at a point is part of its result."""
 
     def answer(self, model: Model, point: Any) -> Any: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Some points: the first of them has the number `first`."""
+    """Some points; `first` is the index of the first one."""
 
     key: str
     source: Source
@@ -56,8 +56,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Sharing:
-    """Who makes the points. `workers`: how many of our own (None: as many as cores); `executor`: another's, of the interface of
-    `concurrent.futures`, or a Dask client; `progress` is told how many are done, and of how many; `journal` keeps what is done."""
+    """Workers of a study.
+
+    `workers`: number of our own (None: number of cores); `executor`: an external one, with the interface of `concurrent.futures`, or a Dask client;
+    `progress` is called with the number of finished points and of all; `journal` stores results.
+    """
 
     workers: int | None = None
     executor: Any = None
@@ -65,7 +68,7 @@ class Sharing:
     journal: Journal | None = field(default=None, compare=False)
 
     def checked(self) -> Sharing:
-        """With an executor of the standard interface. Raises `UsageError`."""
+        """Return the same with an executor of the standard interface. Raises `UsageError`."""
         workers = self.workers
         if workers is not None:
             try:
@@ -78,7 +81,7 @@ class Sharing:
 
 
 def standard(executor: Any) -> Executor | None:
-    """An executor as it is; of a client of Dask the executor that it makes of itself. Raises `UsageError`."""
+    """Return an executor unchanged; for a Dask client its executor. Raises `UsageError`."""
     if executor is None or isinstance(executor, Executor):
         return executor
     if hasattr(executor, "get_executor"):
@@ -90,7 +93,7 @@ def standard(executor: Any) -> Executor | None:
 
 
 def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sharing) -> list[Any]:
-    """The answer at each point, in order. Raises `UsageError` for what is wrong with the sharing, `RunFailed` where workers died."""
+    """Return the result at each point, in order. Raises `UsageError` for invalid workers, `RunFailed` if workers died."""
     sharing = sharing.checked()
     found: Answers = {} if sharing.journal is None else sharing.journal.begun(model, question, points)
     total = len(points)
@@ -104,7 +107,7 @@ def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sh
                     sharing.journal.add(some)
                 if sharing.progress is not None:
                     sharing.progress(len(found), total)
-    except KeyboardInterrupt:  # of one run, which is nobody's concern, or between them
+    except KeyboardInterrupt:  # within a run, whose partial result is not needed, or between runs
         raise KeyboardInterrupt(f"interrupted when {len(found)} of {total} were done") from None
     return [found[i] for i in range(total)]
 
@@ -112,7 +115,7 @@ def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sh
 def _reports(
     model: Model, question: Question, points: Sequence[Any], found: Answers, sharing: Sharing
 ) -> Generator[Answers]:
-    """Answers at the points that have none, as they are there."""
+    """Yield the missing results as soon as they are known."""
     missing = [i for i in range(len(points)) if i not in found]
     if not missing:
         return
@@ -126,11 +129,11 @@ def _reports(
 
 
 def work(task: Task) -> list[Any]:
-    """The answers of a task, one after the other."""
+    """Return the results of a task, one after the other."""
     model = _MODELS.get(task.key)
     found: list[Any] = []
     if model is None:
-        with _FIRST:  # of many threads one compiles, and the others wait
+        with _FIRST:  # one thread compiles, the others wait
             model = _MODELS.get(task.key)
             if model is None:
                 model, found = _begun(task)
@@ -138,7 +141,7 @@ def work(task: Task) -> list[Any]:
 
 
 def _begun(task: Task) -> tuple[Model, list[Any]]:
-    """A worker's own model, and the first answer, after which it is compiled."""
+    """Return a worker's own model, and the first result, after which it is compiled."""
     from ..model import Model
 
     model = Model(task.source, task.model)
@@ -152,7 +155,7 @@ def _begun(task: Task) -> tuple[Model, list[Any]]:
 
 
 def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
-    """First and last + 1 of each row of points that are still to be made."""
+    """Return first and last + 1 of each range of points that are still missing."""
     missing = [i for i in range(total) if i not in found]
     begins = [i for i in missing if i == 0 or i - 1 in found]
     ends = [i + 1 for i in missing if i + 1 == total or i + 1 in found]
@@ -161,7 +164,7 @@ def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
 
 @contextmanager
 def _ready(model: Model) -> Iterator[str]:
-    """The model under a key by which tasks find it in this process; as long as one of those who share out points of this text needs it."""
+    """Provide the model under a key by which tasks find it in this process, as long as a study of this text runs."""
     key = key_of(model)
     with _OWNING:
         _OWNERS[key] = _OWNERS.get(key, 0) + 1
@@ -177,19 +180,19 @@ def _ready(model: Model) -> Iterator[str]:
 
 
 def key_of(model: Model) -> str:
-    """What tells a model's text from all others."""
+    """Return a unique key of a model's text."""
     source = model.source
     text = f"{source.name}\0{source.path}\0{model.model}\0{source.text}"
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[int, int]]:
-    """Where tasks begin and end. Some of them are a worker's share of what is left, at most, so that nobody waits long for the last."""
+    """Return the ranges of tasks: each at most a fraction of a worker's share of the remaining points, so that the last task does not delay the end."""
     found = []
     for begin, end in gaps:
         while begin < end:
@@ -201,7 +204,7 @@ def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[in
 
 
 def _through(executor: Executor, whole: Task, pieces: list[tuple[int, int]]) -> Iterator[Answers]:
-    """The answers of each task, as they are done."""
+    """Yield the results of each task, as they are finished."""
     waiting: dict[Future[list[Any]], int] = {}
     try:
         for begin, end in pieces:

@@ -1,4 +1,4 @@
-"""The analyses that an experiment has as steps, made as a call of `Model` makes them."""
+"""Analysis steps of an experiment, executed as calls of `Model`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def made_of(
     model: Model, step: Analysis, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None
 ) -> Any:
-    """What a step finds; `linearize`, `continue`, `invert` and `fit`. Raises as the call does."""
+    """Return the result of a step: `linearize`, `continue`, `invert` or `fit`. Raises as the call."""
     match step:
         case Linearizing():
             return model.linearize(step.inputs or None, step.outputs or outputs, experiment, settings)
@@ -53,7 +53,7 @@ def differentiated(
     model: Model, step: Differentiating, of: Sequence[str], beside: Sequence[Analysis], experiment: str | None, settings: Settings,
     outputs: tuple[str, ...] | None, wanted: Wanted,
 ) -> list[tuple[str, Any]]:  # fmt: skip
-    """Derivatives of what the other steps find, each with its word: at rest, along the run, of linear models and responses."""
+    """Return derivatives of the results of the other steps, each with its word: at equilibrium, along the run, of linear models and responses."""
     by, given, word = step.by or None, (experiment, settings), step.role
     linear: list[tuple[str, Any]] = []
     for other in beside:
@@ -77,7 +77,7 @@ def varied(
     model: Model, step: Varying, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
     wanted: Wanted, sharing: Sharing,
 ) -> Any:  # fmt: skip
-    """What chance does to what the other steps find."""
+    """Return the Monte Carlo study of the results of the other steps."""
     from .montecarlo import Chance, montecarlo
 
     vary: Mapping[str, str | Distribution] = {d.name: _distribution(d) for d in step.vary}

@@ -23,7 +23,7 @@ def sweep(
     model: Model, values: Mapping[str, str | Sequence[str | float]], of: tuple[str, ...], together: bool, experiment: str | None,
     settings: Settings, options: Options, sharing: Sharing | None = None,
 ) -> Outcome:  # fmt: skip
-    """A grid of values, or (`together`) the first of each, the second of each and so on."""
+    """Compute a grid of values, or (`together`) the first of each name, the second of each and so on."""
     check_steps(of, "a sweep")
     compilation = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
     units, plan = units_of(model, tuple(values), experiment, settings), compilation.plan
@@ -46,23 +46,23 @@ def sweep(
 
 
 def check_steps(of: tuple[str, ...], what: str) -> None:
-    """Raises `UsageError` for what nothing can be made of."""
+    """Raise `UsageError` for steps that are not possible."""
     unknown = [step for step in of if step not in STEPS]
     if unknown or not of:
         raise UsageError(f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
 
 
 def units_of(model: Model, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
-    """SI units of what is set from outside. Raises `CompilationFailed` for what the model does not have."""
+    """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have."""
     quantities = model.compilation(model.scene(experiment, settings)).whole_graph.quantities
     for name in names:
-        if name not in quantities:  # the compiler says what there is instead
+        if name not in quantities:  # the compiler's message lists the existing names
             _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
     return {name: quantities[name].unit for name in names}
 
 
 def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple[float, ...]:
-    """In SI, of the unit's kind. Raises `UsageError`."""
+    """Return values in SI, of the unit's kind. Raises `UsageError`."""
     from ..quantities import quantities, quantity
 
     if isinstance(values, str):

@@ -1,4 +1,4 @@
-"""What a study with chance found: the sample, its statistics, Sobol indices, and how far each parameter swings a quantity."""
+"""Result of a Monte Carlo study: the sample, its statistics, Sobol indices, and the swing of each quantity by each parameter."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-montecarlo/1"
-ROUNDING = 4e-15  # of a quantity: a deviation below it is not determined
+ROUNDING = 4e-15  # relative to a quantity: a smaller deviation is not determined
 SHARES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
@@ -38,9 +38,9 @@ class Swing:
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
-    """`samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN where a point failed, of which `failures` says why.
+    """Sample `samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN for failed points, with reasons in `failures`.
 
-    `distributions` as texts with numbers in SI; `indices` None where there are none (`notes` say why). `found("frequency 1")` is a column.
+    `distributions` as texts with numbers in SI; `indices` is None if there are none (with the reason in `notes`). `found("frequency 1")` is a column.
     """
 
     model: str
@@ -58,18 +58,18 @@ class MonteCarlo:
     indices: Indices | None
     swing: Swing
     notes: tuple[str, ...]
-    shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in which a table shows it
+    shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in a table
 
     def __len__(self) -> int:
         return len(self.samples)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the columns: parameters, then quantities."""
+        """Names of the columns: parameters, then quantities."""
         return (*self.parameters, *self.quantities)
 
     def __call__(self, name: str) -> Array:
-        """A parameter or quantity at all points (n,). Raises `UsageError`."""
+        """Return a parameter or quantity at all points (n,). Raises `UsageError`."""
         if name not in self.names:
             raise UsageError(f"there is no `{name}` in this study; it has {', '.join(self.names)}")
         if name in self.quantities:
@@ -77,14 +77,14 @@ class MonteCarlo:
         return self.samples[:, self.parameters.index(name)]
 
     def statistics(self, name: str) -> dict[str, float]:
-        """`count` of the points that have it, `mean`, `standard deviation` (NaN: not determined), `minimum`, `maximum`, and quantiles by `2.5 %` and so on."""
+        """Return `count` of valid points, `mean`, `standard deviation` (NaN: not determined), `minimum`, `maximum`, and quantiles by `2.5 %` and so on."""
         column = self(name)
         column = column[np.isfinite(column)]
         if not len(column):
             return {"count": 0.0}
         spread = float(column.std(ddof=1)) if len(column) > 1 else math.nan
         if 0 < spread <= ROUNDING * float(np.abs(column).max()):
-            spread = math.nan  # rounding alone
+            spread = math.nan  # only rounding
         found = {"count": float(len(column)), "mean": float(column.mean()), "standard deviation": spread}
         found |= {"minimum": float(column.min()), "maximum": float(column.max())}
         return found | {f"{100 * s:g} %": float(q) for s, q in zip(SHARES, np.quantile(column, SHARES), strict=True)}
@@ -101,21 +101,24 @@ class MonteCarlo:
         return Arrays({}, columns, told | {f"distribution of {n}": d for n, d in self.distributions.items()})
 
     def to_xarray(self) -> xarray.Dataset:
-        """Parameters and quantities over `point`, in SI and Hz. Raises `MissingPackage`."""
+        """Return parameters and quantities over `point`, in SI and Hz. Raises `MissingPackage`."""
         from ..exports import dataset
 
         return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """The same into a .csv, .npz, .nc or .mat file; whole or not at all. Raises OSError, `UsageError`."""
+        """Write the same into a .csv, .npz, .nc or .mat file; completely or not at all. Raises OSError, `UsageError`."""
         from ..exports import write_arrays
 
         write_arrays(path, self._arrays())
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-montecarlo/1`: {schema, model, experiment, of, samples, seed, parameters: {name: {unit, distribution}},
-        correlations: [{between: [name, name], value}], quantities: {name: {unit, count, mean, …, swing: {parameter: [low, high]},
-        indices: {parameter: {first, first_interval, total, total_interval}}}}, failures: [{point, why}], notes}, in SI and Hz."""
+        """Return JSON values by the schema `bondgraph-montecarlo/1`, in SI and Hz.
+
+        {schema, model, experiment, of, samples, seed, parameters: {name: {unit, distribution}}, correlations: [{between: [name, name], value}], quantities:
+        {name: {unit, count, mean, …, swing: {parameter: [low, high]}, indices: {parameter: {first, first_interval, total, total_interval}}}}, failures:
+        [{point, why}], notes}.
+        """
         told: dict[str, Any] = {
             "schema": SCHEMA,
             "model": self.model,
@@ -147,19 +150,19 @@ class MonteCarlo:
         return told
 
     def summary(self) -> str:
-        """Tables for terminals: statistics, Sobol indices, swings."""
+        """Return tables for terminals: statistics, Sobol indices, swings."""
         from ..views.studies import montecarlo_text
 
         return montecarlo_text(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Histograms of the quantities. Raises as `Result.plot`."""
+        """Plot histograms of the quantities. Raises as `Result.plot`."""
         from ..views.study_plots import plot_histograms
 
         plot_histograms(self, path)
 
     def plot_tornado(self, path: str | os.PathLike[str]) -> None:
-        """For each quantity how far each parameter swings it, the strongest on top. Raises as `Result.plot`."""
+        """Plot the swing of each quantity by each parameter, the strongest on top. Raises as `Result.plot`."""
         from ..views.study_plots import plot_tornado
 
         plot_tornado(self, path)

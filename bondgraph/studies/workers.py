@@ -1,8 +1,8 @@
-"""Workers of our own. Whoever is free takes the next point: this process, which is one of them, and copies of it, or threads where it cannot be
-copied as it stands (another system than Linux, other threads in it).
+"""Our own workers. A free worker takes the next point: this process, which is one of them, and copies of it, or threads if it cannot be copied
+(another system than Linux, other threads in it).
 
-What copies share is a number, how many points are taken. So nobody waits while there are points, however long single ones take, and a point is
-given to nobody who may not come to it. Answers come in reports: of some points each, or of those of some time.
+Copies share one number, the count of points taken. So no worker waits while there are points, however long single ones take, and a point is never
+assigned to a worker that may not reach it. Results come in reports of several points each, or of those of some time.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ if TYPE_CHECKING:
     from ..model import Model
     from .sharing import Question
 
-MOST_TOLD = 64  # answers in one report
-OFTEN = 0.25  # s: nobody is longer without a report, but for a point that takes longer
-AHEAD = 3  # reports that each of the others is asked for: it need not wait for being asked again
-PATIENCE = 1.0  # s: whoever has not told by then which point it takes may be dead
+MOST_TOLD = 64  # most results in one report
+OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
+AHEAD = 3  # reports requested in advance from each worker, so that it does not wait
+PATIENCE = 1.0  # s: a worker that has not announced its point by then may be dead
 
-Answers = dict[int, Any]  # by the number of the point
+Answers = dict[int, Any]  # results by the index of the point
 
 
 class Points:
-    """Points of which everybody takes the next. `numbers`: those that are to be made; `copied`: by copies of this process as well."""
+    """Points from which every worker takes the next. `numbers`: indices of the missing points; `copied`: copies of this process take part."""
 
     def __init__(
         self, model: Model, question: Question, points: Sequence[Any], numbers: Sequence[int], copied: bool
     ) -> None:
         self.model, self.question, self.points, self.numbers = model, question, points, numbers
-        self._taken: Any = [0, 0]  # how many are, and whether all is over
+        self._taken: Any = [0, 0]  # number of points taken, and 1 when the study has ended
         self._lock: Any = threading.Lock()
         if copied:
             import multiprocessing
@@ -51,7 +51,7 @@ class Points:
             self._lock = multiprocessing.get_context("fork").Lock()
 
     def taken(self, leaves: Callable[[], bool] = lambda: False) -> int | None:
-        """The number of a point, which nobody else makes then; None if there is none, all is over, or nobody else lets go and `leaves`."""
+        """Take a point that no other worker computes; None if there is none, the study has ended, or the lock is not released and `leaves` is True."""
         while not self._lock.acquire(timeout=PATIENCE):
             if self._taken[1] or leaves():
                 return None
@@ -65,15 +65,15 @@ class Points:
         return self.numbers[count]
 
     def stop(self) -> None:
-        """Nobody takes another point."""
+        """Let no worker take another point."""
         self._taken[1] = 1
 
     def answer(self, number: int) -> Any:
-        """What is answered at a point."""
+        """Return the result at a point."""
         return self.question.answer(self.model, self.points[number])
 
     def report(self) -> Answers:
-        """The answers at some points; none if no point is left."""
+        """Return the results at some points; empty if no point is left."""
         found: Answers = {}
         until = perf_counter() + OFTEN
         while not found or (len(found) < MOST_TOLD and perf_counter() < until):
@@ -85,42 +85,42 @@ class Points:
 
 
 class _Others:
-    """Those beside this process, who report to it. Whoever has told something is asked for more, whatever this process is at."""
+    """Workers besides this process, with their reports. A worker that has reported gets a new request at once."""
 
     def __init__(self, executor: Executor, ask: Callable[[], Answers]) -> None:
         self.executor, self.ask = executor, ask
         self.reports: SimpleQueue[tuple[Future[Answers], bool]] = SimpleQueue()
-        self.asked = 0  # reports that are still to come
+        self.asked = 0  # number of outstanding reports
 
     def begin(self, count: int) -> None:
-        """Start `count` of them."""
+        """Start `count` workers."""
         with _undisturbed(), _all_or_none():
             for _ in range(AHEAD * count):
                 self.executor.submit(self.ask).add_done_callback(self._told)
         self.asked = AHEAD * count
 
     def _told(self, report: Future[Answers]) -> None:
-        """In a thread of the executor."""
+        """Store a report and request the next one; called in a thread of the executor."""
         more = not report.cancelled() and report.exception() is None and bool(report.result())
         if more:
             try:
                 self.executor.submit(self.ask).add_done_callback(self._told)
-            except RuntimeError:  # it is shut down, or one of them died
+            except RuntimeError:  # the executor is shut down, or a worker died
                 more = False
         self.reports.put((report, more))
 
     def told(self) -> bool:
-        """Whether there is a report."""
+        """Return True if there is a report."""
         return not self.reports.empty()
 
     def next(self) -> Answers:
-        """The next report; waits for it. Raises what was raised there, `BrokenExecutor` if one of them died."""
+        """Wait for the next report and return it. Raises the worker's exception, `BrokenExecutor` if a worker died."""
         report, more = self.reports.get()
         self.asked -= not more
         return report.result()
 
     def last(self) -> Iterator[Answers]:
-        """What they have done when they are told to stop: of each the point that it is at is the last."""
+        """Yield the last reports after the workers were told to stop: each finishes its current point."""
         self.executor.shutdown()
         while not self.reports.empty():
             report, _ = self.reports.get()
@@ -131,8 +131,11 @@ class _Others:
 def made(
     model: Model, question: Question, points: Sequence[Any], numbers: Sequence[int], count: int
 ) -> Iterator[Answers]:
-    """The answers at the points of these numbers, in reports, of `count` workers. The first is made here: then the program is there, and
-    others are copies of a process that has it. Raises `RunFailed` if one of them died."""
+    """Yield the results at the points with these indices, in reports, by `count` workers.
+
+    The first point is computed here: then the program exists, and the other workers are copies of a process that has it. Raises `RunFailed` if a worker
+    died.
+    """
     yield {numbers[0]: question.answer(model, points[numbers[0]])}
     numbers = numbers[1:]
     count = min(count, len(numbers))
@@ -152,14 +155,14 @@ def made(
             raise RunFailed(
                 f"a worker died ({broken}); with a journal, the same call goes on with what is missing"
             ) from broken
-        except KeyboardInterrupt:  # what is done is not thrown away
+        except KeyboardInterrupt:  # finished results are kept
             shared.stop()
             yield from others.last()
             raise
 
 
 def _reports(points: Points, others: _Others | None) -> Iterator[Answers]:
-    """All reports, those of this process among them. Between its points it looks for what others have told."""
+    """Yield all reports, including those of this process, which collects the others' between its points."""
     own: Answers = {}
     until = perf_counter() + OFTEN
     try:
@@ -184,7 +187,7 @@ def _reports(points: Points, others: _Others | None) -> Iterator[Answers]:
 
 
 def can_be_copied() -> bool:
-    """Whether copies of this process can work: of one with other threads locks might stay shut, and of some none are allowed."""
+    """Return True if copies of this process can work: with other threads locks might stay closed, and daemons may have no copies."""
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
     import multiprocessing
@@ -194,7 +197,7 @@ def can_be_copied() -> bool:
 
 @contextmanager
 def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
-    """Workers beside this process, which have ended when it is left."""
+    """Provide the other workers; they have ended when the context is left."""
     if not copied:
         executor: Executor = ThreadPoolExecutor(count)
     else:
@@ -210,11 +213,11 @@ def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
         executor.shutdown(cancel_futures=True)
 
 
-_COPY: list[Points] = []  # in a copy of a process: what it works at
+_COPY: list[Points] = []  # in a copy of a process: its points
 
 
 def _begun_as_copy(points: Points, parent: int) -> None:
-    """Ctrl-C is for the process that was copied; it ends the others. Where it is killed, they end with it."""
+    """Prepare a copy: it ignores Ctrl-C, which the original process handles, and ends if that is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(1, int(signal.SIGKILL))  # PR_SET_PDEATHSIG
@@ -229,14 +232,14 @@ def _report() -> Answers:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """While workers begin. Ctrl-C comes afterwards: of one that is half begun nobody would know that it is to be ended."""
+    """Delay Ctrl-C while workers start: a worker interrupted in its start could not be ended."""
     pressed: list[int] = []
     before = signal.getsignal(signal.SIGINT) if threading.current_thread() is threading.main_thread() else None
-    if before is not None:  # None: it does not come here, or is not ours to hold back
+    if before is not None:  # None: the signal does not arrive here, or must not be delayed
         signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
     try:
         with warnings.catch_warnings():
-            # a copy of a process whose only threads are those of its linear algebra, which expects it
+            # the only threads of the copied process are those of its linear algebra, which supports copying
             warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
             yield
     finally:
@@ -248,13 +251,13 @@ def _undisturbed() -> Iterator[None]:
 
 @contextmanager
 def _all_or_none() -> Iterator[None]:
-    """If not all processes can be made, those that are there are ended: an executor does not end what it has not begun as a whole."""
+    """End the processes already created if not all can be: an executor does not end processes of an incomplete start."""
     import multiprocessing
 
     before = set(multiprocessing.active_children())
     try:
         yield
-    except (OSError, RuntimeError):  # of processes, of threads
+    except (OSError, RuntimeError):  # from processes, from threads
         for process in set(multiprocessing.active_children()) - before:
             process.terminate()
             process.join()

@@ -1,4 +1,4 @@
-"""What goes wrong at one of many points is its answer, and ends no other."""
+"""Point failure: an error at one of many points is its result, and does not end the others."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from typing import Any
 from ..door import CompilationFailed
 from ..errors import PointBroken, RunBroken, RunFailed, UnknownOutput, UsageError
 
-OURS = (RunFailed, CompilationFailed, UsageError, UnknownOutput)  # told in the author's words already
-OF_ALL = (ImportError, OSError, UnicodeError)  # a package or a file that is missing is missing at all points
+OURS = (RunFailed, CompilationFailed, UsageError, UnknownOutput)  # errors with a message for the author
+OF_ALL = (ImportError, OSError, UnicodeError)  # a missing package or file is missing at all points
 
 
 def kept(problem: Exception) -> Exception:
-    """What went wrong at a point, as it is kept: a defect, or what was too much for the machine, as a `RunFailed` that says so. It lets go of what
-    was there when it was raised, all of the run. Raises what is wrong at all points."""
+    """Return the error at a point as it is stored: a defect, or a lack of resources, as a `RunFailed` that says so.
+
+    References to the run are removed from it. Raises errors that concern all points.
+    """
     if isinstance(problem, OF_ALL):
         raise problem
     if not isinstance(problem, OURS):
@@ -37,7 +39,7 @@ def _broken(problem: Exception) -> PointBroken:
 
 
 def check_some_stand(found: Sequence[Any]) -> None:
-    """A defect everywhere is one of what is asked of all. Raises `RunBroken`."""
+    """Raise `RunBroken` if all points failed by a defect, which then concerns the request."""
     if found and all(isinstance(x, PointBroken) for x in found):
         broken = RunBroken(str(found[0]), found[0].result)
         broken.__notes__ = list(getattr(found[0], "__notes__", ()))
