@@ -1,4 +1,4 @@
-"""Models by calls instead of text."""
+"""Builder: models by calls instead of text."""
 
 from .graph import Graph
 from .mechanism import Mechanism

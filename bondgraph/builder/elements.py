@@ -28,10 +28,11 @@ STORAGES = ("C", "I", "IC")
 
 
 class Given(TypedDict, total=False):
-    """What an element may say besides its law."""
+    """Further properties of an element besides its law."""
 
-    ports: Ports  # of a field: `ports=("x", "phi")`, or with domains `ports={"q": "electric", "x": "translation"}`
-    energy: str  # of a storage, instead of its law
+    # ports of a field: `ports=("x", "phi")`, or with domains `ports={"q": "electric", "x": "translation"}`
+    ports: Ports
+    energy: str  # energy of a storage, instead of its law
     start: Mapping[str, Value]  # `start={"x": "1 mm"}`
     nominal: Mapping[str, Value]
     prefer: str  # integral, derivative, effort or flow
@@ -40,7 +41,7 @@ class Given(TypedDict, total=False):
 
 
 class Elements:
-    """The letters. What becomes of a statement is the affair of the graph."""
+    """Calls for the element kinds; the graph stores their statements."""
 
     plain: bool
 
@@ -48,76 +49,76 @@ class Elements:
         raise NotImplementedError
 
     def zero(self, name: str, domain: str = "", *, active: Value = None, description: str = "") -> Part:
-        """A 0-junction: one effort for all bonds; none while the condition `active` fails."""
+        """Add a 0-junction: one effort for all bonds; zero effort while the condition `active` is false."""
         return self._junction("0", name, domain, active, description)
 
     def one(self, name: str, domain: str = "", *, active: Value = None, description: str = "") -> Part:
-        """A 1-junction: one flow for all bonds; none while the condition `active` fails: `active="not resting"`."""
+        """Add a 1-junction: one flow for all bonds; zero flow while the condition `active` is false: `active="not resting"`."""
         return self._junction("1", name, domain, active, description)
 
     def Se(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A source of effort: `Se("push", "F = 1 N")`."""
+        """Add a source of effort: `Se("push", "F = 1 N")`."""
         return self._element("Se", name, law, given)
 
     def Sf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A source of flow: `Sf("road", "v = 0.2 [m/s]")`."""
+        """Add a source of flow: `Sf("road", "v = 0.2 [m/s]")`."""
         return self._element("Sf", name, law, given)
 
     def MSe(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A source of effort that reads what changes elsewhere: `MSe("drive", "F = force")`."""
+        """Add a modulated source of effort, which reads other variables: `MSe("drive", "F = force")`."""
         return self._element("MSe", name, law, given)
 
     def MSf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A source of flow that reads what changes elsewhere."""
+        """Add a modulated source of flow, which reads other variables."""
         return self._element("MSf", name, law, given)
 
     def C(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
-        """A storage of displacement, by its law or its energy: `C("spring", "F = k*x", start={"x": "1 mm"})`."""
+        """Add a storage of displacement, by its law or its energy: `C("spring", "F = k*x", start={"x": "1 mm"})`."""
         return self._element("C", name, law, given)
 
     def I(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:  # noqa: E743
-        """A storage of momentum, by its law or its energy: `I("mass", "p = m*v")`."""
+        """Add a storage of momentum, by its law or its energy: `I("mass", "p = m*v")`."""
         return self._element("I", name, law, given)
 
     def IC(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
-        """A field whose ports store displacement (`a.q`) or momentum (`b.p`)."""
+        """Add a field whose ports store displacement (`a.q`) or momentum (`b.p`)."""
         return self._element("IC", name, law, given)
 
     def R(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """What dissipates: `R("damper", "F = r*v")`."""
+        """Add a resistor: `R("damper", "F = r*v")`."""
         return self._element("R", name, law, given)
 
     def MR(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """What dissipates, with a law that reads what changes elsewhere."""
+        """Add a modulated resistor, whose law reads other variables."""
         return self._element("MR", name, law, given)
 
     def RS(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """What turns power into heat; its last port gives what the others lose."""
+        """Add a resistor that turns power into heat; its last port delivers the loss of the others."""
         return self._element("RS", name, law, given)
 
     def TF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A transformer: `TF("gear", "omega1 = 20*omega2")`. The bond into it reaches side 1, the bond out of it leaves side 2."""
+        """Add a transformer: `TF("gear", "omega1 = 20*omega2")`. The bond into it reaches side 1, the bond out of it leaves side 2."""
         return self._element("TF", name, law, given)
 
     def MTF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A transformer whose ratio reads what changes elsewhere."""
+        """Add a modulated transformer, whose ratio reads other variables."""
         return self._element("MTF", name, law, given)
 
     def GY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A gyrator: `GY("motor", "u1 = K*omega2")`."""
+        """Add a gyrator: `GY("motor", "u1 = K*omega2")`."""
         return self._element("GY", name, law, given)
 
     def MGY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
-        """A gyrator whose ratio reads what changes elsewhere."""
+        """Add a modulated gyrator, whose ratio reads other variables."""
         return self._element("MGY", name, law, given)
 
     def splitter(self, name: str, ports: Ports) -> Part:
-        """A multibond on one side, its bonds one by one on the other: `hand`, `hand["x"]`."""
+        """Add a splitter: a multibond on one side, its bonds one by one on the other: `hand`, `hand["x"]`."""
         listed, names = ports_of(ports)
         return self._add(name, f"splitter {name_of(name)}{listed}", names)
 
     def port(self, name: str, domain: str, *, description: str = "") -> Part:
-        """A port of the model itself, so that it can stand in a larger one: `port("ends", "planar")`."""
+        """Add a port of the model itself, for use in a larger one: `port("ends", "planar")`."""
         text = f"port {name_of(name)}: {domain_of(domain, BUNDLES)}{literal_of(description)}"
         return self._add(name, text, tuple(BUNDLES.get(domain, ())))
 

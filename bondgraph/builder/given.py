@@ -1,7 +1,7 @@
-"""What is given to a call, checked where it is given: names, texts of the language, numbers, ports.
+"""Argument checks of the builder's calls: names, texts of the language, numbers, ports.
 
-Every function returns text for one place in a statement, and raises `UsageError` or `CompilationFailed` for what could be
-anything else there. Texts are parsed, never evaluated.
+Every function returns text for one place in a statement, and raises `UsageError` or `CompilationFailed` for text that could have another meaning
+there. Texts are parsed, never evaluated.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _NAME = re.compile(r"([A-Za-z_][A-Za-z_0-9]*)(?:\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)
 
 
 def name_of(name: Any) -> str:
-    """A name of the language, with an index if it has one."""
+    """Return a name of the language, with an index if it has one."""
     match = _NAME.fullmatch(name) if isinstance(name, str) else None
     if match is None:
         raise UsageError(
@@ -47,26 +47,26 @@ def name_of(name: Any) -> str:
 
 
 def model_name_of(name: Any) -> str:
-    """A name for a model."""
+    """Return a name for a model."""
     if name_of(name) in ELEMENT_KINDS or "[" in name:
         raise UsageError(f"`{name}` cannot be the name of a model")
     return str(name)
 
 
 def description_of(text: Any) -> str:
-    """A text that fits into one literal, which has no way to write a quotation mark or a line break."""
+    """Return a text that fits into one literal, which has no way to write a quotation mark or a line break."""
     if not isinstance(text, str) or '"' in text or not text.isprintable():
         raise UsageError(f"a description has no quotation marks, line breaks or control characters: {text!r}")
     return text
 
 
 def literal_of(description: Any) -> str:
-    """A description as it follows a declaration."""
+    """Return a description as it follows a declaration."""
     return f' "{description_of(description)}"' if description != "" else ""
 
 
 def domain_of(domain: Any, also: Iterable[str] = ()) -> str:
-    """A domain of the language."""
+    """Return a domain of the language."""
     known = [*DOMAINS, *also]
     if domain not in known:
         raise UsageError(f"there is no domain {domain!r}; domains are {', '.join(known)}")
@@ -74,7 +74,7 @@ def domain_of(domain: Any, also: Iterable[str] = ()) -> str:
 
 
 def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
-    """Ports in parentheses, and their names."""
+    """Return ports in parentheses, and their names."""
     if not isinstance(ports, Mapping | list | tuple):
         raise UsageError(f"ports are a list of names or a mapping from names to domains, not {ports!r}")
     given = dict(ports) if isinstance(ports, Mapping) else dict.fromkeys(ports, "")
@@ -85,7 +85,7 @@ def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
 
 
 def _one_line(text: Any, what: str) -> str:
-    """The text on one line, without what could hide in it."""
+    """Return the text on one line, without hidden characters."""
     if not isinstance(text, str):
         raise UsageError(f"{what} is a text of the language, not {text!r}")
     line = " ".join(text.split())
@@ -95,21 +95,21 @@ def _one_line(text: Any, what: str) -> str:
 
 
 def expression_of(text: Any, what: str) -> str:
-    """One expression of the language."""
+    """Return one expression of the language."""
     line = _one_line(text, what)
     parse_expression(Source(what, line))
     return line
 
 
 def law_of(text: Any, what: str) -> str:
-    """One law of the language."""
+    """Return one law of the language."""
     line = _one_line(text, what)
     parse_law(Source(what, line))
     return line
 
 
 def path_of(text: Any) -> str:
-    """A dotted name; handles have theirs."""
+    """Return a dotted name; handles have theirs."""
     line = _one_line(str(text) if isinstance(text, Part | Quantity) else text, "a path")
     found = parse_expression(Source("path", line))
     if not isinstance(found, Path):
@@ -118,24 +118,24 @@ def path_of(text: Any) -> str:
 
 
 def unit_of(unit: Any, what: str) -> str:
-    """One unit of the language."""
+    """Return one unit of the language."""
     line = _one_line(unit, what)
     read_unit(Source(what, line))
     return line
 
 
 def mapping_of(given: Any, what: str) -> Mapping[Any, Any]:
-    """A mapping, from names to what they get."""
+    """Return a mapping from names to values."""
     if not isinstance(given, Mapping):
         raise UsageError(f"{what} is a mapping, {{name: value}}, not {given!r}")
     return given
 
 
 def value_of(value: Value, what: str, unit: str = "", declared: bool = False) -> str:
-    """A value as an expression; numbers are in the unit, which stands before them if it is `declared`."""
+    """Return a value as an expression; numbers are in the unit, which precedes them if it is `declared`."""
     if isinstance(value, str | Quantity | Part):
         return expression_of(str(value), what)
-    if hasattr(value, "tolist"):  # numpy's numbers and arrays
+    if hasattr(value, "tolist"):  # numbers and arrays of numpy
         value = value.tolist()
     if is_number(value):
         return _number(value, what, unit, declared)
@@ -147,17 +147,17 @@ def value_of(value: Value, what: str, unit: str = "", declared: bool = False) ->
 
 
 def is_one_number(text: str) -> bool:
-    """Whether an expression is a number with its unit, and needs no brackets anywhere."""
+    """Return True if an expression is a number with its unit, which needs no brackets."""
     return isinstance(parse_expression(Source("value", text)), Literal)
 
 
 def is_number(value: Any) -> bool:
-    """Whether it is a real number, of Python or numpy."""
+    """Return True if the value is a real number, of Python or numpy."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _number(value: Any, what: str, unit: str, declared: bool) -> str:
-    """A number so that the same double is read again."""
+    """Return a number as text that reads back as the same double."""
     try:
         number = float(value)
     except OverflowError:
@@ -165,7 +165,7 @@ def _number(value: Any, what: str, unit: str, declared: bool) -> str:
     if not math.isfinite(number):
         raise UsageError(f"{what} is no finite number: {value!r:.40}")
     text = number_text(number)
-    lone = "^" not in text  # else the number is too large or small for a literal
+    lone = "^" not in text  # otherwise the number is too large or small for a literal
     if not unit or number == 0 or (lone and declared):
         return text
     after = unit if unit.isidentifier() else f"[{unit}]"

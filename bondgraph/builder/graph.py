@@ -42,9 +42,10 @@ from .parts import Part, Quantity
 
 
 class Graph(Elements):
-    """One model, statement by statement. `plain`: bare numbers without units. `folder`: where the files that it imports lie.
+    """One model under construction, statement by statement.
 
-    Raises `UsageError` or `CompilationFailed` where something is given that cannot stand in its place.
+    `plain`: bare numbers without units. `folder`: folder of imported files. Raises `UsageError` or `CompilationFailed` for arguments that are not valid
+    at their place.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Graph(Elements):
         self.description = description_of(description)
         self.plain = plain
         self.folder = None if folder is None else Path(folder)
-        self._names: dict[str, set[str]] = {}  # without index -> the indices that are taken
+        self._names: dict[str, set[str]] = {}  # name without index -> used indices
         self._quantities: list[str] = []
         self._outputs: list[str] = []
         self._parts: list[str] = []
@@ -62,40 +63,40 @@ class Graph(Elements):
         self._mechanisms: list[Mechanism] = []
         self._bonds: list[tuple[str, str, str]] = []
         self._experiments: dict[str, list[str]] = {}
-        self._imports: dict[tuple[str, str], None] = {}  # (model, place as the text says it)
+        self._imports: dict[tuple[str, str], None] = {}  # (model, path as in the text)
         self._files: list[Path] = []
-        self._inner: dict[str, Graph | Source] = {}  # models that stand in the text before this one, by name
+        self._inner: dict[str, Graph | Source] = {}  # models before this one in the text, by name
 
     def __repr__(self) -> str:
         return f"<bondgraph builder {self.name}: {len(self._parts) + len(self._mechanisms)} parts, {len(self._bonds)} bonds>"
 
     def _repr_html_(self) -> str:
-        """The model as it stands so far, for notebooks; or what is wrong with it."""
+        """Return the current model for notebooks, or its errors."""
         return self.model()._repr_html_()
 
     # ------------------------------------------------------------ quantities
     def parameter(self, name: str, value: Value = None, unit: str = "", description: str = "") -> Quantity:
-        """Known before a run and set from outside. A number is in `unit`, a text has its own: `parameter("k", "2 [kN/m]")`."""
+        """Add a parameter: fixed before a run and set from outside. A number is in `unit`, a text has its own: `parameter("k", "2 [kN/m]")`."""
         return self._quantity("parameter", name, value, unit, description)
 
     def constant(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
-        """As a parameter, but not to be set."""
+        """Add a constant: as a parameter, but not to be set."""
         return self._quantity("constant", name, value, unit, description)
 
     def input(self, name: str, value: Value = 0.0, unit: str = "", description: str = "") -> Quantity:
-        """A signal from outside; `value` is what holds without it."""
+        """Add an input: a signal from outside; `value` is its default."""
         return self._quantity("input", name, value, unit, description)
 
     def signal(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
-        """A name for an expression: `signal("force", "c*volt^2")`, `signal("h", "integral(ball.v, 1 m)")`."""
+        """Add a name for an expression: `signal("force", "c*volt^2")`, `signal("h", "integral(ball.v, 1 m)")`."""
         return self._quantity("signal", name, value, unit, description)
 
     def mode(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
-        """What only events change, a number or a truth; `value` is its start: `mode("resting", "false")`."""
+        """Add a discrete variable that only events change, a number or a truth value; `value` is its start: `mode("resting", "false")`."""
         return self._quantity("mode", name, value, unit, description)
 
     def output(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
-        """A signal that runs report: `output("position", "spring.x")`."""
+        """Add an output: a signal that runs report: `output("position", "spring.x")`."""
         return self._quantity("output", name, value, unit, description)
 
     def _quantity(self, role: str, name: str, value: Value, unit: str, description: str) -> Quantity:
@@ -119,18 +120,18 @@ class Graph(Elements):
         return part
 
     def multibody(self, name: str, *, spatial: bool = False, gravity: Sequence[Value] | None = None) -> Mechanism:
-        """A planar or spatial mechanism: `stage = g.multibody("stage")`, then `stage.body(…)`, `stage.slide(…)`."""
+        """Add a planar or spatial mechanism: `stage = g.multibody("stage")`, then `stage.body(…)`, `stage.slide(…)`."""
         lines = [] if gravity is None else [f"gravity = {value_of(gravity, 'gravity', 'm/s^2')}"]
         mechanism = Mechanism(self, self._enter(name), lines, spatial)
         self._mechanisms.append(mechanism)
         return mechanism
 
     def when(self, condition: Value, sets: Mapping[Any, Value]) -> None:
-        """What happens at the instant a condition becomes true: `when("height < 0 m", {"mass.v": "-0.8*mass.v"})`."""
+        """Add an event at the instant a condition becomes true: `when("height < 0 m", {"mass.v": "-0.8*mass.v"})`."""
         self._event(f"when {value_of(condition, 'a condition')}", sets)
 
     def every(self, period: Value, sets: Mapping[Any, Value]) -> None:
-        """What happens at each multiple of a time (a number is in s): `every("1 ms", {"command": "2*(1 - angle)"})`."""
+        """Add an event at each multiple of a time (a number is in s): `every("1 ms", {"command": "2*(1 - angle)"})`."""
         self._event(f"every {value_of(period, 'a period', '' if self.plain else 's')}", sets)
 
     def _event(self, told: str, sets: Mapping[Any, Value]) -> None:
@@ -140,10 +141,10 @@ class Graph(Elements):
 
     # ------------------------------------------------------------ models within models
     def instance(self, name: str, model: Model | Graph | Quantity | str, /, **values: Value) -> Part:
-        """An instance of another model, with its parameters and inputs; `instance["port"]` is one of its ports.
+        """Add an instance of another model, with its parameters and inputs; `instance["port"]` is one of its ports.
 
-        `model` is a `Graph`, a model from `bondgraph.load` (`load("mems.bg", "CombDrive")`; a file is imported, a text is
-        copied), a model of the shipped library by its path, "electric.Diode", or a slot of this graph.
+        `model` is a `Graph`, a model from `bondgraph.load` (`load("mems.bg", "CombDrive")`; a file is imported, a text is copied), a model of the shipped
+        library by its path, "electric.Diode", or a slot of this graph.
         """
         own = self._free(name)
         given = {
@@ -151,17 +152,18 @@ class Graph(Elements):
             for n, v in values.items()
         }
         kind = self._use(model)
-        inner = [f"{n} = {self._use(values[n]) if v is None else v}" for n, v in given.items()]  # models stand in slots
+        # slots are set to models
+        inner = [f"{n} = {self._use(values[n]) if v is None else v}" for n, v in given.items()]
         return self._add(own, f"{kind} {own}{braces(inner)}", None)
 
     def slot(self, name: str, default: Model | Graph | str) -> Quantity:
-        """A kind that an instance of this graph may replace by another model with the same ports."""
+        """Add a slot: an instance of this graph may replace it by another model with the same ports."""
         own = self._free(name)
         self._quantities.append(f"parameter {own}: model = {self._use(default)}")
         return Quantity(self, self._enter(own))
 
     def _use(self, model: Model | Graph | Quantity | str) -> str:
-        """The name of a model that this one uses; the text gets what it needs for it."""
+        """Return the name of a model that this one uses, and add the necessary text."""
         if isinstance(model, Quantity):
             return model.name
         if isinstance(model, str):
@@ -180,14 +182,14 @@ class Graph(Elements):
         return self._copy(kind, model.source) if model.source.path is None else self._import(kind, model.source.path)
 
     def _copy(self, kind: str, model: Graph | Source) -> str:
-        """A model that stands in the same text."""
+        """Add a model to the same text."""
         if kind == self.name or self._inner.get(kind, model) != model:
             raise UsageError(f"`{self.name}` already uses another model `{kind}`")
         self._inner[kind] = model
         return kind
 
     def _import(self, kind: str, file: Path) -> str:
-        """A model from a file, named as seen from the folder of this one."""
+        """Import a model from a file, with a path relative to the folder of this one."""
         path = file.resolve()
         self.folder = self.folder if self.folder is not None else path.parent
         place = Path(os.path.relpath(path, self.folder.resolve())).as_posix()
@@ -196,17 +198,17 @@ class Graph(Elements):
         return kind
 
     def _within(self) -> list[Graph]:
-        """The graphs inside this one, at any depth."""
+        """Return the graphs inside this one, at any depth."""
         direct = [g for g in self._inner.values() if isinstance(g, Graph)]
         return direct + [deeper for g in direct for deeper in g._within()]
 
     # ------------------------------------------------------------ bonds
     def bond(self, *places: Any) -> None:
-        """Half arrows from each place to the next; several places side by side stand in a sequence."""
+        """Add half arrows from each place to the next; several places in parallel are a sequence."""
         self._arrows("->", places)
 
     def multibond(self, *places: Any) -> None:
-        """The same with multibonds: all ports of a splitter, joint, body or port at once, by name."""
+        """Add the same with multibonds: all ports of a splitter, joint, body or port at once, by name."""
         self._arrows("=>", places)
 
     def _arrows(self, arrow: str, places: tuple[Any, ...]) -> None:
@@ -238,8 +240,10 @@ class Graph(Elements):
         report: Mapping[Any, str] | Sequence[Any] | Quantity = (), points: int | None = None, rtol: float | None = None,
         solver: str | None = None, bandwidth: Value | None = None,
     ) -> None:  # fmt: skip
-        """A run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` says what in which unit. `bandwidth` (a number is
-        in Hz): what is faster need not be followed."""
+        """Add a run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` names outputs and their units.
+
+        `bandwidth` (a number is in Hz): faster modes need not be followed.
+        """
         own = name_of(name)
         if own in self._experiments:
             raise UsageError(f"`{self.name}` already has an experiment `{own}`")
@@ -264,7 +268,7 @@ class Graph(Elements):
 
     # ------------------------------------------------------------ what comes of it
     def text(self) -> str:
-        """The model as .bg text, with what it contains."""
+        """Return the model as .bg text, with the models that it contains."""
         imports: dict[tuple[str, str], None] = {}
         models: dict[Graph | Source, str] = {}
         self._collect(imports, models)
@@ -272,7 +276,7 @@ class Graph(Elements):
         return "\n".join([head, *models.values()] if head else models.values())
 
     def _collect(self, imports: dict[tuple[str, str], None], models: dict[Graph | Source, str]) -> None:
-        """Gather the texts of this model and of those in it, inner ones first."""
+        """Collect the texts of this model and of those in it, inner ones first."""
         for inner in self._inner.values():
             if isinstance(inner, Graph):
                 inner._collect(imports, models)
@@ -301,21 +305,21 @@ class Graph(Elements):
         if not folders:
             return Source(name, self.text())
         path = folders.pop() / name
-        while any(path in g._files for g in graphs):  # a file of this name is imported: the text stands beside it
+        while any(path in g._files for g in graphs):  # a file of this name is imported: choose another name
             path = path.with_name(f"_{path.name}")
         return Source(name, self.text(), path)
 
     def model(self) -> Model:
-        """The model, as if it had been read from text. Mistakes of meaning are told when something is asked of it."""
+        """Return the model, as if it had been read from text. Semantic errors are raised at its first use."""
         return Model(self._source(), self.name)
 
     def check(self) -> tuple[Diagnostic, ...]:
-        """Everything that is wrong with it; empty if nothing is."""
+        """Return all errors of the model; empty if there are none."""
         return tuple(check_source(self._source(), self.name, LIBRARY))
 
     # ------------------------------------------------------------ names
     def _free(self, name: str) -> str:
-        """A name that nothing has yet."""
+        """Return an unused name."""
         full = name_of(name)
         word, _, index = full.partition("[")
         taken = self._names.get(word, set())
@@ -324,7 +328,7 @@ class Graph(Elements):
         return full
 
     def _enter(self, name: str) -> str:
-        """Take a name."""
+        """Reserve a name."""
         full = self._free(name)
         word, _, index = full.partition("[")
         self._names.setdefault(word, set()).add(index)
@@ -332,7 +336,7 @@ class Graph(Elements):
 
 
 def _model_of(model: Model) -> str:
-    """The name of a loaded model; a file of several must say which."""
+    """Return the name of a loaded model; a file with several models needs the choice of one."""
     names = list(model.compilation().tree.models)
     if model.model is not None and model.model not in names:
         raise UsageError(f"{model.source.name} defines no model `{model.model}`; it defines: {', '.join(names)}")

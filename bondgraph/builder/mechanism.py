@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from .graph import Graph
 
 GROUND = "ground"
-# Of the last letter of what starts, is limited, or rests.
+# Units by the last letter of a coordinate with start, limit or rest value.
 UNITS = {"x": "m", "y": "m", "z": "m", "d": "m", "v": "m/s", "omega": "rad/s"} | dict.fromkeys(
     ("phi", "phi1", "phi2", "rx", "ry", "rz"), "rad"
 )
 AXES = ("from", "to", "middle", "world")
 Given = Mapping[str, tuple[Value, str]]  # attribute -> value and the unit of numbers
-ByCoordinate = Mapping[str, Value] | Value  # a mapping, or of a joint with one freedom what it would map to
+ByCoordinate = Mapping[str, Value] | Value  # a mapping, or the value alone for a joint with one degree of freedom
 Starts = Mapping[str, Value] | None
 End = Part | str
 
 
 @dataclass(frozen=True, slots=True)
 class _Coordinates:
-    """What is said of the coordinates of a joint."""
+    """Properties of the coordinates of a joint."""
 
     start: Starts = None
     limits: ByCoordinate = None
@@ -40,9 +40,9 @@ class _Coordinates:
 class Mechanism:
     """A planar or spatial mechanism. Numbers are in SI, angles in rad; texts have their own units.
 
-    A place or direction has two components in the plane, three in space. All joints take `start={"phi": 0.1}`; those with freedoms
-    also `limits=(low, high)` (of several freedoms `limits={"x": (low, high)}`), `rest=0.1` (what a coordinate reads in the
-    drawing) and `locked=True`, or a condition of parameters as text.
+    A position or direction has two components in the plane, three in space. All joints accept `start={"phi": 0.1}`; those with degrees of freedom also
+    `limits=(low, high)` (for several coordinates `limits={"x": (low, high)}`), `rest=0.1` (the value of a coordinate in the drawing) and `locked=True`,
+    or a condition of parameters as text.
     """
 
     graph: Graph
@@ -62,7 +62,7 @@ class Mechanism:
         self, name: str, *, mass: Value = None, inertia: Value = None, at: Value = None, angle: Value = None,
         turn: Value = None, start: Starts = None,
     ) -> Part:  # fmt: skip
-        """A rigid body: kg, kg m^2 about its centre of mass, where that centre is (m), how it is turned.
+        """Add a rigid body: kg, kg m^2 about its centre of mass, position of that centre (m), rotation.
 
         In space `inertia` is (Ixx, Iyy, Izz), or six with Ixy, Ixz, Iyz, in the body's own axes, and `turn` a rotation vector.
         """
@@ -72,7 +72,7 @@ class Mechanism:
         return self._part("body", name, "", given, _Coordinates(start))
 
     def frame(self, name: str, body: End, *, at: Value, axes: str = "world", start: Starts = None) -> Part:
-        """A point that is fixed to a body or the ground; its force, torque and pose in axes of the `world` or the `body`."""
+        """Add a point fixed to a body or the ground; its force, torque and pose in axes of the `world` or the `body`."""
         more = _axes(axes, ("world", "body"))
         return self._part("frame", name, f" : {self._local(body)}", {"at": (at, "m")}, _Coordinates(start), more)
 
@@ -81,7 +81,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, along: Value, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """A joint that leaves `second` one translation against `first`; `"ground"` is the world."""
+        """Add a joint with one translation of `second` relative to `first`; `"ground"` is the world."""
         given = {"along": (along, ""), "at": (at, "m")}
         return self._joint("slide", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
@@ -89,7 +89,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, about: Value = None, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """A joint that leaves a rotation, in space `about` an axis."""
+        """Add a joint with one rotation, in space `about` an axis."""
         given = {"about": (about, ""), "at": (at, "m")}
         return self._joint("hinge", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
@@ -97,7 +97,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, turn: Value = None, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """In space: two translations and a rotation in the plane x y, turned by a rotation vector."""
+        """Add a joint in space with two translations and a rotation in the plane x y, rotated by a rotation vector."""
         given = {"turn": (turn, ""), "at": (at, "m")}
         return self._joint("planar", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
@@ -105,7 +105,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, along: Value, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """In space: a translation along an axis and a rotation about it."""
+        """Add a joint in space with a translation along an axis and a rotation about it."""
         given = {"along": (along, ""), "at": (at, "m")}
         return self._joint("cylinder", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
@@ -113,7 +113,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, along: Value, lead: Value, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """In space: a rotation about an axis that moves along it, by the lead (m) in each turn."""
+        """Add a joint in space with a rotation about an axis and a translation along it, by the lead (m) per turn."""
         given = {"along": (along, ""), "lead": (lead, "m"), "at": (at, "m")}
         return self._joint("screw", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
@@ -121,7 +121,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, about: Value, then: Value, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """In space: a rotation about an axis of `first`, then about one of `second`."""
+        """Add a joint in space with a rotation about an axis of `first`, then about one of `second`."""
         given = {"about": (about, ""), "then": (then, ""), "at": (at, "m")}
         return self._joint("universal", name, first, second, given, _Coordinates(start, limits, rest, locked))
 
@@ -129,7 +129,7 @@ class Mechanism:
         self, name: str, first: End, second: End, *, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """In space: all rotations, measured by a rotation vector."""
+        """Add a joint in space with all rotations, measured by a rotation vector."""
         return self._joint("ball", name, first, second, {"at": (at, "m")}, _Coordinates(start, limits, None, locked))
 
     def free(
@@ -137,31 +137,31 @@ class Mechanism:
         axes: str = "from", start: Starts = None, limits: ByCoordinate = None, rest: ByCoordinate = None,
         locked: str | bool = False,
     ) -> Part:  # fmt: skip
-        """A joint that leaves everything, measured in the axes of a body (`from`, `to`), between them (`middle`), or of the `world`."""
+        """Add a joint with all motions, measured in the axes of a body (`from`, `to`), between them (`middle`), or of the `world`."""
         given = {"at": (at, "m"), "angle": (angle, ""), "turn": (turn, "")}
         told = _Coordinates(start, limits, rest, locked)
         return self._joint("free", name, first, second, given, told, _axes(axes, AXES))
 
     def weld(self, name: str, first: End, second: End, *, at: Value = None) -> Part:
-        """A joint that leaves nothing."""
+        """Add a joint without motion."""
         return self._joint("weld", name, first, second, {"at": (at, "m")}, _Coordinates())
 
     def distance(
         self, name: str, first: End, second: End, *, start: Starts = None, limits: ByCoordinate = None
     ) -> Part:  # fmt: skip
-        """What lies between two points of bodies, measured: it holds nothing, springs hang on it."""
+        """Add a measured distance between two points of bodies: it is no constraint, springs can be attached to it."""
         return self._joint("distance", name, first, second, {}, _Coordinates(start, limits))
 
     def rod(self, name: str, first: End, second: End) -> Part:
-        """A rod without mass between two points: their distance stays as it is drawn."""
+        """Add a rod without mass between two points: their distance stays as drawn."""
         return self._joint("rod", name, first, second, {}, _Coordinates())
 
     def gear(self, name: str, first: End, second: End, *, ratio: Value) -> Part:
-        """Ties two hinges: the second turns by `ratio` times the first."""
+        """Couple two hinges: the second rotates by `ratio` times the first."""
         return self._joint("gear", name, first, second, {"ratio": (ratio, "")}, _Coordinates())
 
     def rack(self, name: str, first: End, second: End, *, radius: Value) -> Part:
-        """Ties a hinge and a slide, which moves by `radius` (m) for each radian."""
+        """Couple a hinge and a slide, which moves by `radius` (m) per radian."""
         return self._joint("rack", name, first, second, {"radius": (radius, "m")}, _Coordinates())
 
     # ------------------------------------------------------------ writing
@@ -189,7 +189,7 @@ class Mechanism:
         return Part(self.graph, f"{self.path}.{own}", ports)
 
     def _local(self, body: End) -> str:
-        """The name of a body, frame or joint inside the mechanism."""
+        """Return the name of a body, frame or joint inside the mechanism."""
         if isinstance(body, str) and body == GROUND:
             return GROUND
         name = str(body).removeprefix(f"{self.path}.")
@@ -198,7 +198,7 @@ class Mechanism:
         return name
 
     def text(self) -> list[str]:
-        """The lines of its block."""
+        """Return the lines of its block."""
         space = "spatial" if self.spatial else "planar"
         return [f"multibody {self.path} : {space} {{", *(f"  {line}" for line in self.lines), "}"]
 
@@ -210,7 +210,7 @@ def _axes(axes: str, allowed: tuple[str, ...]) -> list[str]:
 
 
 def _coordinates(owner: str, ports: tuple[str, ...], told: _Coordinates) -> Iterator[str]:
-    """The attributes of a joint's coordinates."""
+    """Yield the attributes of a joint's coordinates."""
     for word, given in (("limits", told.limits), ("rest", told.rest)):
         if given is not None:
             by_name = given if isinstance(given, Mapping) else dict.fromkeys(ports[:1], given)

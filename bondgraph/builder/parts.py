@@ -1,4 +1,4 @@
-"""Handles: what the calls of a graph give back, to be bonded, read and put into texts."""
+"""Handles: results of the calls of a graph, to be bonded, read and put into texts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Quantity:
         return self.name
 
     def __getitem__(self, item: int) -> Quantity:
-        """An item of a list, from 1."""
+        """Return an item of a list, from 1."""
         if not isinstance(item, int) or item < 1:
             raise UsageError(f"the items of `{self.name}` are counted from 1")
         return Quantity(self.graph, f"{self.name}[{item}]")
@@ -33,10 +33,10 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """What bonds reach: an element, a junction, a port, an instance; `part["x"]` is one of its ports.
+    """A part with bonds: an element, a junction, a port, an instance; `part["x"]` is one of its ports.
 
-    `a >> b` is the half arrow from a to b, `a >> (b, c)` are two; the right side comes back, so that chains can be written. In an
-    f-string a part is its path: `f"{spring}.x"`.
+    `a >> b` is the half arrow from a to b, `a >> (b, c)` are two; the expression returns its right side, so that chains can be written. In an f-string a
+    part is its path: `f"{spring}.x"`.
     """
 
     graph: Graph
